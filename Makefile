@@ -76,6 +76,10 @@ backends: $(tools) ## run the conformance checks and the tests of CANopen, Ether
 	.venv/bin/python -m pytest tests/{conformance,canopen,independent,ethercat} $(ARGS)
 	$(MAKE) --no-print-directory -C plugins/wmx test
 
+conform: $(tools) ## run the conformance checks of BACKEND on ROBOT, on from where a run was stopped
+	@exec .venv/bin/robotd conform --robot $(ROBOT) --backend $(BACKEND) \
+	  --resume build/conform/$(BACKEND)-$(notdir $(basename $(ROBOT))).jsonl $(ARGS)
+
 lint: $(tools) ## check style, format, layers and types
 	@$(say) 'ruff check'
 	.venv/bin/ruff check
@@ -183,4 +187,4 @@ $(stamps)/docs: $(tools)
 	$(install) --editable '.[docs]'
 	touch $@
 
-.PHONY: help run test coverage backends lint docs page bench soak kill venv clean
+.PHONY: help run test coverage backends conform lint docs page bench soak kill venv clean

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import robotd_conformance.checks as package
+from robotd_conformance.checks.inconclusive import is_undecided
 
 CHECKS = Path(package.__file__).parent
 
@@ -17,18 +18,22 @@ class Outcome:
     """Names of checks (``test_units.py::test_…``) by how they went, and what failures said.
 
     Attributes:
+        inconclusive: checks that no attempt could judge, and what was seen.
         ended_early: the run has ended before its last check.
     """
 
     passed: set[str] = field(default_factory=set)
     skipped: set[str] = field(default_factory=set)
     failed: dict[str, str] = field(default_factory=dict)
+    inconclusive: dict[str, str] = field(default_factory=dict)
     ended_early: bool = False
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         name = report.nodeid.rpartition("/")[2]
         if report.failed:
             self.failed[name] = str(report.longrepr)
+        elif is_undecided(report):
+            self.inconclusive[name] = str(report.longrepr)
         elif report.skipped:
             self.skipped.add(name)
         elif report.when == "call":

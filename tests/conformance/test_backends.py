@@ -63,4 +63,4 @@ def test_a_whole_arm_that_hides_what_it_is_fails(
 
 def test_every_theme_is_there() -> None:
     themes = {path.stem for path in CHECKS.glob("test_*.py")}
-    assert len(themes) == 24
+    assert len(themes) == 32

@@ -19,7 +19,8 @@ def test_a_mutant_fails_the_check_that_names_its_fault(
     mutant: type[Mutant], install_mutant: InstallMutant
 ) -> None:
     checks = (mutant.found_by,) if isinstance(mutant.found_by, str) else mutant.found_by
-    failed = run_kit(install_mutant(mutant), *checks, robot=mutant.robot).failed
+    outcome = run_kit(install_mutant(mutant), *checks, robot=mutant.robot)
+    failed = outcome.failed | outcome.inconclusive  # on a busy computer no attempt has passed
     assert {name.partition("[")[0] for name in failed} == set(checks)
     assert all(re.search(mutant.says, failure) for failure in failed.values())
 

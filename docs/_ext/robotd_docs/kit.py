@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from docutils import nodes
 from sphinx.util.docutils import SphinxDirective
 
 import robotd_conformance.checks
+from robotd_conformance.checks.clauses import Clause, load
 from robotd_docs.markdown import table
 
 JOINTS = "joints"  # the fixture of checks that need joints
@@ -34,39 +36,85 @@ class ChecksDirective(SphinxDirective):
         return self.parse_text_to_nodes(text, allow_section_headings=True)
 
 
-class MutantsDirective(SphinxDirective):
-    """Render the mutants of the kit by theme, each with the checks that find it."""
+class ClausesDirective(SphinxDirective):
+    """Render the matrix: each clause of the driver contract, its faults, and what finds them."""
 
     def run(self) -> list[nodes.Node]:
-        """Return headings and tables."""
-        modules = sorted(MUTANTS.glob("*_mutants.py"))
-        if not modules:
+        """Return a sentence, then headings and tables by member of the contract."""
+        clauses, _, _ = load()
+        mutants = [each for path in sorted(MUTANTS.glob("*_mutants.py")) for each in _mutants(path)]
+        if not mutants:
             raise self.error(f"no mutants in {MUTANTS}")
-        text = "\n\n".join(_mutants(path) for path in modules)
-        return self.parse_text_to_nodes(text, allow_section_headings=True)
+        cells = [(clause.id, fault) for clause in clauses.values() for fault in clause.faults]
+        filled = {(clause, fault) for clause, fault, _, found_by in mutants if found_by}
+        bearing = _bearing()
+        summary = (
+            f"{len(clauses)} clauses have {len(cells)} cells, a clause and a fault that makes sense"
+            f" for it. {len(filled & set(cells))} have a mutant that a check finds; {len(mutants)}"
+            " mutants in all."
+        )
+        parts = [summary]
+        for member in dict.fromkeys(clause.member for clause in clauses.values()):
+            rows = [
+                row
+                for clause in clauses.values()
+                if clause.member == member
+                for row in _clause_rows(clause, mutants, bearing)
+            ]
+            header = ("clause", "fault", "mutants", "found by")
+            parts.append(f"### {member}\n\n{table(header, rows)}")
+        return self.parse_text_to_nodes("\n\n".join(parts), allow_section_headings=True)
 
 
-def _mutants(path: Path) -> str:
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    rows = [
-        (re.sub(r"(?<=[a-z])(?=[A-Z])", " ", node.name).lower(), _found_by(node))
-        for node in tree.body
-        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
-    ]
-    return f"### {ast.get_docstring(tree)}\n\n{table(('mutant', 'found by'), rows)}"
+NAMES = ("breaks", "found_by")
+Cell = tuple[str, str, str, tuple[str, ...]]
 
 
-def _found_by(mutant: ast.ClassDef) -> str:
-    """Return the checks that a mutant names, without the names of their modules."""
-    values = [
-        ast.literal_eval(node.value)
-        for node in mutant.body
-        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "found_by"
-    ]
-    names = [values[0]] if isinstance(values[0], str) else values[0]
-    return (
-        ", ".join(f"`{name.partition('::test_')[2]}`" for name in names if name) or "no check yet"
-    )
+def _clause_rows(
+    clause: Clause, mutants: list[Cell], bearing: dict[str, list[str]]
+) -> Iterator[tuple[str, ...]]:
+    """Yield the text of a clause with its checks, then a row for each fault."""
+    checks = ", ".join(f"`{name}`" for name in bearing.get(clause.id, ()))
+    yield f"`{clause.id.partition('/')[2]}`", f"*{clause.says}*", "", checks or "no check"
+    for fault in clause.faults:
+        own = [each for each in mutants if each[:2] == (clause.id, fault)]
+        names = ", ".join(_words(name) for _, _, name, _ in own)
+        found = dict.fromkeys(check for *_, checks in own for check in checks)
+        yield "", fault, names or "—", ", ".join(f"`{name}`" for name in found) or "—"
+
+
+def _mutants(path: Path) -> Iterator[Cell]:
+    """Yield clause, fault, name and finding checks of each mutant of a module."""
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if not isinstance(node, ast.ClassDef) or node.name.startswith("_"):
+            continue
+        values = {
+            ast.unparse(each.targets[0]): ast.literal_eval(each.value)
+            for each in node.body
+            if isinstance(each, ast.Assign)
+            and ast.unparse(each.targets[0]) in ("breaks", "found_by")
+        }
+        checks = values.get("found_by", "")
+        names = [checks] if isinstance(checks, str) else checks
+        found_by = tuple(name.partition("::test_")[2] for name in names if name)
+        yield *values["breaks"], node.name, found_by
+
+
+def _bearing() -> dict[str, list[str]]:
+    """Return the checks that bear each clause, by the marker ``clause``."""
+    found: dict[str, list[str]] = {}
+    for path in sorted(FOLDER.glob("test_*.py")):
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if not isinstance(node, ast.FunctionDef):
+                continue
+            marks = [each for each in node.decorator_list if "mark.clause" in ast.unparse(each)]
+            for name in (ast.literal_eval(arg) for mark in marks for arg in mark.args):  # type: ignore[attr-defined]
+                found.setdefault(name, []).append(node.name.removeprefix("test_"))
+    return found
+
+
+def _words(name: str) -> str:
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower()
 
 
 def _theme(path: Path) -> str:
@@ -101,4 +149,4 @@ def _is_mark(node: ast.stmt) -> bool:
 def setup(app: Any) -> None:
     """Register the directive."""
     app.add_directive("conformance-checks", ChecksDirective)
-    app.add_directive("conformance-mutants", MutantsDirective)
+    app.add_directive("conformance-clauses", ClausesDirective)

@@ -17,7 +17,7 @@ STALL_S = 0.03  # a thread that wakes up so late, and others with it
 CALM_S = 1.0  # without a stall, before a further attempt
 PATIENCE_S = 60.0  # for the computer to be calm
 PERIOD_S = 0.005
-UNDECIDED = "the computer was too busy to judge: values were late"
+UNDECIDED = "inconclusive: the computer was too busy to judge"
 """A test that skips itself with this reason is repeated at once."""
 
 

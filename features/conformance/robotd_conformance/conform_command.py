@@ -44,6 +44,20 @@ GRACE_S = 30.0  # for axes to come to rest and the device to be closed, after Ct
     type=click.FloatRange(min=0.3, min_open=True),
     help="End a run on hardware when an axis is so far from its start pose; by default 0.45 rad.",
 )
+@click.option(
+    "--range",
+    "ranges",
+    metavar="NAME=LOWER:UPPER",
+    multiple=True,
+    help="Positions that floor, table or cables leave an axis, rad or m. May be repeated.",
+)
+@click.option("--thorough", is_flag=True, help="Also what only time reveals; minutes longer.")
+@click.option(
+    "--resume",
+    metavar="FILE",
+    type=FILE,
+    help="Note the results in FILE; a run that was stopped goes on from there.",
+)
 @click.option("-k", "expression", metavar="EXPR", help="Only checks whose names match.")
 @click.argument("pytest_arguments", metavar="[-- ARG...]", nargs=-1, type=click.UNPROCESSED)
 @log_options
@@ -54,6 +68,9 @@ def conform(
     expression: str | None,
     overrides: Sequence[str],
     max_excursion: float | None,
+    ranges: Sequence[str],
+    thorough: bool,
+    resume: Path | None,
     pytest_arguments: Sequence[str],
 ) -> ExitCode:
     """Run the conformance checks on a backend. Axes move.
@@ -74,6 +91,10 @@ def conform(
         *([f"--robotd-robot={robot}"] if robot else []),
         *(f"--robotd-set={override}" for override in overrides),
         *([] if max_excursion is None else [f"--robotd-max-excursion={max_excursion}"]),
+        *(f"--robotd-range={each}" for each in ranges),
+        *(["--robotd-thorough"] if thorough else []),
+        *([f"--robotd-resume={resume.absolute()}"] if resume else []),
+        "--robotd-progress",
         *([f"--junitxml={junit}"] if junit else []),
         *(["-k", expression] if expression else []),
         *pytest_arguments,

@@ -30,8 +30,29 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         default=[],
         help="replace a value of the robot's file",
     )
+    group.addoption(
+        "--robotd-range",
+        metavar="NAME=LOWER:UPPER",
+        action="append",
+        default=[],
+        help="positions that its surroundings leave an axis, rad or m",
+    )
+    group.addoption(
+        "--robotd-resume",
+        metavar="FILE",
+        help="note results there, and leave out the checks that have passed in it",
+    )
+    group.addoption("--robotd-progress", action="store_true", help="print a line for each check")
+    group.addoption(
+        "--robotd-thorough",
+        action="store_true",
+        help="the long form of the checks whose faults only time reveals",
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
     """Register the marker of the conformance checks."""
     config.addinivalue_line("markers", "needs(capability): a check of that capability of a backend")
+    config.addinivalue_line(
+        "markers", "clause(id, ...): clauses of the driver contract, by their ids"
+    )

@@ -15,6 +15,7 @@ from robotd_sim import SimAxes, SimDevice, SimFaultInjector
 
 
 class SwallowedFault(Mutant):
+    breaks = ("AxisDriver.read/alarms", "ignored")
     found_by = "test_faults.py::test_an_alarm_is_shown_with_its_code"
     says = "the alarm is shown"
 
@@ -26,6 +27,7 @@ class SwallowedFault(Mutant):
 
 
 class HealsItself(Mutant):
+    breaks = ("AxisDriver.read/alarms", "side effect")
     found_by = "test_faults.py::test_an_alarm_stays_until_it_is_cleared_and_then_nothing_moves"
     says = "went away by itself"
 
@@ -38,6 +40,7 @@ class HealsItself(Mutant):
 
 
 class ReasonThatStays(Mutant):
+    breaks = ("AxisDriver.read/alarms", "stale")
     found_by = "test_faults.py::test_the_reason_of_an_alarm_comes_and_goes_with_it"
     says = "goes with the alarm"
 
@@ -50,6 +53,7 @@ class ReasonThatStays(Mutant):
 
 
 class FaultThatBlocks(Mutant):
+    breaks = ("DeviceDriver.fault/blocks", "blocks")
     found_by = "test_ageing.py::test_the_device_says_at_once_why_it_is_silent"
     says = "blocks"
 
@@ -60,6 +64,7 @@ class FaultThatBlocks(Mutant):
 
 
 class ClearingEnables(Mutant):
+    breaks = ("AxisDriver.clear_alarm/clears", "side effect")
     found_by = "test_faults.py::test_an_alarm_stays_until_it_is_cleared_and_then_nothing_moves"
     says = "enabled the servo"
 
@@ -70,6 +75,7 @@ class ClearingEnables(Mutant):
 
 
 class AlarmEndsAfterAWhile(Mutant):
+    breaks = ("AxisDriver.read/alarms", "side effect")
     found_by = "test_feedback.py::test_an_alarm_stays_however_long_it_takes"
 
     class Axes(SimAxes):
@@ -85,6 +91,7 @@ class AlarmEndsAfterAWhile(Mutant):
 
 
 class ClearsAllAlarms(Mutant):
+    breaks = ("AxisDriver.clear_alarm/clears", "wrong axis")
     found_by = "test_neighbours.py::test_the_alarm_of_one_axis_is_cleared_alone"
 
     class Axes(SimAxes):
@@ -94,6 +101,7 @@ class ClearsAllAlarms(Mutant):
 
 
 class ShortCodes(Mutant):
+    breaks = ("AxisDriver.read/alarms", "wrong value")
     found_by = "test_feedback.py::test_a_code_is_shown_in_full_with_a_reason"
 
     class Axes(SimAxes):
@@ -103,6 +111,7 @@ class ShortCodes(Mutant):
 
 
 class SignedCodes(Mutant):
+    breaks = ("AxisDriver.read/alarms", "wrong value")
     found_by = "test_feedback.py::test_a_code_is_shown_in_full_with_a_reason"
 
     class Axes(SimAxes):
@@ -112,6 +121,7 @@ class SignedCodes(Mutant):
 
 
 class EmptyReason(Mutant):
+    breaks = ("AxisDriver.read/alarms", "wrong value")
     found_by = "test_feedback.py::test_a_code_is_shown_in_full_with_a_reason"
 
     class Axes(SimAxes):
@@ -121,6 +131,7 @@ class EmptyReason(Mutant):
 
 
 class ServoOnClearsAlarms(Mutant):
+    breaks = ("AxisDriver.servo/switches", "side effect")
     found_by = "test_feedback.py::test_switching_on_clears_no_alarm"
 
     class Axes(SimAxes):
@@ -131,6 +142,7 @@ class ServoOnClearsAlarms(Mutant):
 
 
 class AlarmEndsAfterALongWhile(Mutant):
+    breaks = ("AxisDriver.read/alarms", "side effect")
     found_by = "test_feedback.py::test_an_alarm_stays_however_long_it_takes"
 
     class Axes(AlarmEndsAfterAWhile.Axes):
@@ -138,6 +150,7 @@ class AlarmEndsAfterALongWhile(Mutant):
 
 
 class ClearsTheNextAlarmToo(Mutant):
+    breaks = ("AxisDriver.clear_alarm/clears", "wrong axis")
     found_by = "test_neighbours.py::test_the_alarm_of_one_axis_is_cleared_alone"
 
     class Axes(SimAxes):
@@ -147,6 +160,7 @@ class ClearsTheNextAlarmToo(Mutant):
 
 
 class CodesOfFourDigits(Mutant):
+    breaks = ("AxisDriver.read/alarms", "wrong value")
     found_by = "test_feedback.py::test_a_code_is_shown_in_full_with_a_reason"
 
     class Axes(ReadAnew):
@@ -156,6 +170,7 @@ class CodesOfFourDigits(Mutant):
 
 
 class FirstCodeOnly(Mutant):
+    breaks = ("AxisDriver.read/alarms", "stale")
     found_by = "test_feedback.py::test_the_code_is_that_of_the_present_alarm"
 
     class Axes(ReadAnew):
@@ -167,6 +182,7 @@ class FirstCodeOnly(Mutant):
 
 
 class ReasonIsTheCode(Mutant):
+    breaks = ("AxisDriver.read/alarms", "wrong value")
     found_by = "test_feedback.py::test_a_code_is_shown_in_full_with_a_reason"
 
     class Axes(ReadAnew):
@@ -176,6 +192,7 @@ class ReasonIsTheCode(Mutant):
 
 
 class ReasonOnEveryAxis(Mutant):
+    breaks = ("AxisDriver.read/alarms", "wrong axis")
     found_by = "test_faults.py::test_the_reason_of_an_alarm_comes_and_goes_with_it"
 
     class Axes(ReadAnew):
@@ -185,6 +202,7 @@ class ReasonOnEveryAxis(Mutant):
 
 
 class AlarmWithoutStop(Mutant):
+    breaks = ("AxisDriver.read/alarms", "ignored")
     found_by = "test_faults.py::test_an_alarm_ends_the_motion_of_its_axis_alone"
 
     class Injector(SimFaultInjector):
@@ -196,6 +214,7 @@ class AlarmWithoutStop(Mutant):
 
 
 class AlarmShownLate(Mutant):
+    breaks = ("AxisDriver.read/alarms", "stale")
     found_by = "test_faults.py::test_an_alarm_is_shown_with_its_code"
 
     class Axes(ReadAnew):

@@ -24,6 +24,7 @@ from robotd_wmx_parameters import read_wmx_parameters
 
 
 class StartsLater(Mutant):
+    breaks = ("DeviceDriver.stop_communication/undoes", "late")
     found_by = "test_connection.py::test_a_start_that_times_out_is_undone"
     says = "after a start that failed"
 
@@ -44,6 +45,7 @@ class StartsLater(Mutant):
 
 
 class RescalesLiveAxes(Mutant):
+    breaks = ("DeviceDriver.load_parameters/live", "ignored")
     found_by = "test_connection.py::test_a_load_changes_no_scale_of_a_live_axis"
     says = "DID NOT RAISE"
 
@@ -56,6 +58,7 @@ class RescalesLiveAxes(Mutant):
 
 
 class DefaultsForAbsentAxes(Mutant):
+    breaks = ("DeviceDriver.load_parameters/wrong-file", "ignored")
     found_by = "test_connection.py::test_a_parameter_file_without_axes_of_the_robot_is_rejected"
     says = "DID NOT RAISE"
 
@@ -68,6 +71,7 @@ class DefaultsForAbsentAxes(Mutant):
 
 
 class StateThatLies(Mutant):
+    breaks = ("DeviceDriver.state/now", "wrong value")
     found_by = "test_connection.py::test_the_states_follow_the_calls"
     says = "RUNNING"
 
@@ -78,6 +82,7 @@ class StateThatLies(Mutant):
 
 
 class ParametersIgnored(Mutant):
+    breaks = ("DeviceDriver.load_parameters/applies", "ignored")
     found_by = "test_connection.py::test_a_good_parameter_file_is_in_force_axis_by_axis"
 
     class Device(SimDevice):
@@ -87,6 +92,7 @@ class ParametersIgnored(Mutant):
 
 
 class DumpOfAxisZero(Mutant):
+    breaks = ("DeviceDriver.dump_parameters/text", "wrong axis")
     found_by = "test_connection.py::test_a_good_parameter_file_is_in_force_axis_by_axis"
 
     class Device(SimDevice):
@@ -95,6 +101,7 @@ class DumpOfAxisZero(Mutant):
 
 
 class ParametersOfTheFirstAxisOnly(Mutant):
+    breaks = ("DeviceDriver.load_parameters/applies", "last axis")
     found_by = "test_connection.py::test_a_good_parameter_file_is_in_force_axis_by_axis"
 
     class Device(SimDevice):
@@ -110,7 +117,8 @@ class ParametersOfTheFirstAxisOnly(Mutant):
 
 
 class ParametersShownButNotInForce(Mutant):
-    found_by = ""
+    breaks = ("DeviceDriver.load_parameters/applies", "wrong value")
+    found_by = "test_connection.py::test_loaded_parameters_are_in_force"
 
     class Device(SimDevice):
         def load_parameters(self, path: Path) -> str:
@@ -123,6 +131,7 @@ class ParametersShownButNotInForce(Mutant):
 
 
 class DeclaresTorqueMode(Mutant):
+    breaks = ("AxisDriver.stream_torque/torque", "ignored")
     found_by = "test_torque.py::test_a_torque_moves_a_joint_until_its_source_is_lost"
 
     class Axes(SimAxes):
@@ -136,6 +145,7 @@ class DeclaresTorqueMode(Mutant):
 
 
 class VelocityModeIgnored(Mutant):
+    breaks = ("AxisDriver.set_command_mode/changes", "ignored")
     found_by = "test_neighbours.py::test_the_mode_of_one_axis"
 
     class Axes(SimAxes):
@@ -144,6 +154,7 @@ class VelocityModeIgnored(Mutant):
 
 
 class HomingDoesNothing(Mutant):
+    breaks = ("AxisDriver.home/zero", "ignored")
     found_by = "test_units.py::test_homing_makes_the_position_zero_and_moves_nothing"
 
     class Axes(SimAxes):
@@ -154,6 +165,7 @@ class HomingDoesNothing(Mutant):
 class StopsCommunicatingOnly(Mutant):
     """Servos stay on without communication."""
 
+    breaks = ("DeviceDriver.stop_communication/axes-stop", "after re-open")
     found_by = "test_connection.py::test_servos_are_off_after_communication_stopped"
 
     class Device(SimDevice):
@@ -192,6 +204,7 @@ class _LateFirstPosition(SimAxes):
 class ReadyBeforeItsFirstPosition(Mutant):
     """Positions are 0 until the device has sent them."""
 
+    breaks = ("AxisDriver.read/measured", "wrong value")
     found_by = "test_connection.py::test_the_first_position_of_a_connection_is_measured"
     robot = "cr3a"  # whose encoders are absolute
 
@@ -200,6 +213,7 @@ class ReadyBeforeItsFirstPosition(Mutant):
 
 
 class PositionsOfTheConnectionBefore(Mutant):
+    breaks = ("AxisDriver.read/measured", "stale")
     found_by = "test_connection.py::test_the_first_position_of_a_connection_is_measured"
 
     class Axes(_LateFirstPosition):
@@ -208,6 +222,7 @@ class PositionsOfTheConnectionBefore(Mutant):
 
 
 class CannotBeOpenedTwice(Mutant):
+    breaks = ("DeviceDriver.open/connects", "after re-open")
     found_by = "test_connection.py::test_it_works_again_after_it_was_closed"
 
     class Device(SimDevice):

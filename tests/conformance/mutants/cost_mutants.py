@@ -20,6 +20,7 @@ _STATE_LOCK = threading.Lock()
 
 
 class BlockingRead(Mutant):
+    breaks = ("drivers/loop", "blocks")
     found_by = "test_cost.py::test_read_does_not_block"
     says = "read takes"
 
@@ -30,6 +31,7 @@ class BlockingRead(Mutant):
 
 
 class NowAndThenBlockingRead(Mutant):
+    breaks = ("drivers/loop", "blocks")
     found_by = "test_cost.py::test_read_does_not_block"
     says = "99 of 100"
 
@@ -42,6 +44,7 @@ class NowAndThenBlockingRead(Mutant):
 
 
 class NewArrays(Mutant):
+    breaks = ("AxisDriver.read/fills", "wrong value")
     found_by = "test_cost.py::test_read_fills_the_arrays_that_it_is_given"
     says = "arrays"
 
@@ -52,6 +55,7 @@ class NewArrays(Mutant):
 
 
 class OneCallerAtATime(Mutant):
+    breaks = ("drivers/threads", "blocks")
     found_by = "test_threads.py::test_switching_servos_does_not_disturb_the_cycle"
     says = "called by two threads"
 
@@ -65,6 +69,7 @@ class OneCallerAtATime(Mutant):
 
 
 class LocksTheCycleOut(Mutant):
+    breaks = ("drivers/timeouts", "blocks")
     found_by = "test_threads.py::test_switching_servos_does_not_disturb_the_cycle"
     says = "held up the cycle|not ready"
 
@@ -76,6 +81,7 @@ class LocksTheCycleOut(Mutant):
 
 
 class ReadsLeaveMemory(Mutant):
+    breaks = ("drivers/loop", "leaks")
     found_by = "test_process.py::test_reading_needs_no_memory"
 
     class Axes(SimAxes):
@@ -85,6 +91,7 @@ class ReadsLeaveMemory(Mutant):
 
 
 class SeldomSlowReads(Mutant):
+    breaks = ("drivers/loop", "blocks")
     found_by = "test_cost.py::test_no_read_of_many_is_slow_or_fails"
 
     class Axes(SimAxes):
@@ -96,6 +103,7 @@ class SeldomSlowReads(Mutant):
 
 
 class SeldomFailingReads(Mutant):
+    breaks = ("drivers/loop", "raises")
     found_by = "test_cost.py::test_no_read_of_many_is_slow_or_fails"
 
     class Axes(SimAxes):
@@ -107,6 +115,7 @@ class SeldomFailingReads(Mutant):
 
 
 class StateWaitsForServos(Mutant):
+    breaks = ("DeviceDriver.state/blocks", "blocks")
     found_by = "test_cost.py::test_state_answers_while_something_slow_runs"
 
     class Device(SimDevice):
@@ -122,6 +131,7 @@ class StateWaitsForServos(Mutant):
 
 
 class SlowClose(Mutant):
+    breaks = ("DeviceDriver.close/disconnects", "blocks")
     found_by = "test_process.py::test_closing_takes_no_time"
 
     class Device(SimDevice):
@@ -132,6 +142,7 @@ class SlowClose(Mutant):
 
 
 class ReadsLeaveALittleMemory(Mutant):
+    breaks = ("drivers/loop", "leaks")
     found_by = "test_process.py::test_reading_needs_no_memory"
 
     class Axes(SimAxes):
@@ -141,6 +152,7 @@ class ReadsLeaveALittleMemory(Mutant):
 
 
 class SlowStreams(Mutant):
+    breaks = ("AxisDriver.stream/setpoint", "blocks")
     found_by = "test_cost.py::test_stream_does_not_block"
 
     class Axes(SimAxes):
@@ -150,6 +162,7 @@ class SlowStreams(Mutant):
 
 
 class VerySeldomFailingReads(Mutant):
+    breaks = ("drivers/loop", "raises")
     found_by = "test_cost.py::test_no_read_of_many_is_slow_or_fails"
 
     class Axes(SimAxes):
@@ -161,6 +174,7 @@ class VerySeldomFailingReads(Mutant):
 
 
 class SlowState(Mutant):
+    breaks = ("DeviceDriver.state/blocks", "blocks")
     found_by = "test_cost.py::test_state_does_not_block"
 
     class Device(SimDevice):
@@ -170,6 +184,7 @@ class SlowState(Mutant):
 
 
 class ReadsSlowWhileMoving(Mutant):
+    breaks = ("drivers/loop", "blocks")
     found_by = "test_cost.py::test_read_does_not_block_while_axes_move"
 
     class Axes(SimAxes):
@@ -180,6 +195,7 @@ class ReadsSlowWhileMoving(Mutant):
 
 
 class ReadWaitsForServos(Mutant):
+    breaks = ("drivers/timeouts", "blocks")
     found_by = "test_threads.py::test_switching_servos_does_not_disturb_the_cycle"
 
     class Axes(SimAxes):

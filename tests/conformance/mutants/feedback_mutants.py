@@ -18,6 +18,7 @@ from robotd_sim import SimAxes, SimDevice, SimFaultInjector
 class StaleValues(Mutant):
     """New positions come three times a second."""
 
+    breaks = ("AxisDriver.read/measured", "stale")
     found_by = "test_ageing.py::test_values_follow_the_motion"
     says = "stale_s"
 
@@ -32,6 +33,7 @@ class StaleValues(Mutant):
 
 
 class AlwaysFresh(Mutant):
+    breaks = ("AxisDriver.read/fresh", "wrong value")
     found_by = "test_ageing.py::test_a_dead_bus_does_not_look_alive"
     says = "not ready"
 
@@ -42,6 +44,7 @@ class AlwaysFresh(Mutant):
 
 
 class AnotherClock(Mutant):
+    breaks = ("AxisDriver.read/fresh", "wrong value")
     found_by = "test_ageing.py::test_values_are_fresh"
     says = "another clock|ready|stale"
 
@@ -52,6 +55,7 @@ class AnotherClock(Mutant):
 
 
 class StampsGoBack(Mutant):
+    breaks = ("AxisDriver.read/fresh", "wrong value")
     found_by = "test_feedback.py::test_time_stamps_never_go_back"
 
     class Axes(SimAxes):
@@ -63,6 +67,7 @@ class StampsGoBack(Mutant):
 
 
 class MeasuresItsCommand(Mutant):
+    breaks = ("AxisDriver.read/measured", "wrong value")
     found_by = "test_feedback.py::test_a_blocked_axis_is_measured_where_it_is"
 
     class Axes(SimAxes):
@@ -72,6 +77,7 @@ class MeasuresItsCommand(Mutant):
 
 
 class MeasuresItsCommandedVelocity(Mutant):
+    breaks = ("AxisDriver.read/measured", "wrong value")
     found_by = "test_feedback.py::test_a_blocked_axis_is_measured_where_it_is"
 
     class Axes(SimAxes):
@@ -81,6 +87,7 @@ class MeasuresItsCommandedVelocity(Mutant):
 
 
 class CommandsItsMeasurement(Mutant):
+    breaks = ("AxisDriver.read/commands", "wrong value")
     found_by = "test_feedback.py::test_a_blocked_axis_is_measured_where_it_is"
 
     class Axes(SimAxes):
@@ -90,6 +97,7 @@ class CommandsItsMeasurement(Mutant):
 
 
 class TorqueBackwards(Mutant):
+    breaks = ("AxisDriver.read/torque", "wrong value")
     found_by = "test_feedback.py::test_torque_pushes_the_way_the_axis_accelerates_or_is_not_known"
 
     class Axes(ReadAnew):
@@ -99,6 +107,7 @@ class TorqueBackwards(Mutant):
 
 
 class TorqueZero(Mutant):
+    breaks = ("AxisDriver.read/nan", "wrong value")
     found_by = "test_feedback.py::test_torque_pushes_the_way_the_axis_accelerates_or_is_not_known"
 
     class Axes(SimAxes):
@@ -108,6 +117,7 @@ class TorqueZero(Mutant):
 
 
 class InjectorEchoes(Mutant):
+    breaks = ("backend/injector", "wrong value")
     found_by = "test_feedback.py::test_a_blocked_axis_is_measured_where_it_is"
 
     class Injector(SimFaultInjector):
@@ -116,6 +126,7 @@ class InjectorEchoes(Mutant):
 
 
 class StampsInTheFuture(Mutant):
+    breaks = ("AxisDriver.read/fresh", "wrong value")
     found_by = "test_ageing.py::test_values_are_fresh"
 
     class Axes(SimAxes):
@@ -125,6 +136,7 @@ class StampsInTheFuture(Mutant):
 
 
 class CoarseStamps(Mutant):
+    breaks = ("AxisDriver.read/fresh", "stale")
     found_by = "test_ageing.py::test_values_are_fresh"
 
     class Axes(ReadAnew):
@@ -134,6 +146,7 @@ class CoarseStamps(Mutant):
 
 
 class LimitsSwapped(Mutant):
+    breaks = ("AxisDriver.read/switches", "wrong value")
     found_by = "test_switches.py::test_a_closed_switch_is_shown_alone_until_it_is_released"
 
     class Axes(ReadAnew):
@@ -144,6 +157,7 @@ class LimitsSwapped(Mutant):
 
 
 class LimitsLatched(Mutant):
+    breaks = ("AxisDriver.read/switches", "stale")
     found_by = "test_switches.py::test_a_closed_switch_is_shown_alone_until_it_is_released"
 
     class Axes(ReadAnew):
@@ -155,6 +169,7 @@ class LimitsLatched(Mutant):
 
 
 class LimitsOfAll(Mutant):
+    breaks = ("AxisDriver.read/switches", "wrong axis")
     found_by = "test_switches.py::test_a_closed_switch_is_shown_alone_until_it_is_released"
 
     class Axes(ReadAnew):
@@ -164,6 +179,7 @@ class LimitsOfAll(Mutant):
 
 
 class HomeSwitchNeverShown(Mutant):
+    breaks = ("AxisDriver.read/switches", "ignored")
     found_by = "test_switches.py::test_a_closed_switch_is_shown_alone_until_it_is_released"
 
     class Axes(ReadAnew):
@@ -173,6 +189,7 @@ class HomeSwitchNeverShown(Mutant):
 
 
 class HomeSwitchIsHomeDone(Mutant):
+    breaks = ("AxisDriver.read/states", "wrong value")
     found_by = "test_switches.py::test_a_switch_moves_no_axis_and_defines_no_home"
 
     class Axes(ReadAnew):
@@ -182,6 +199,7 @@ class HomeSwitchIsHomeDone(Mutant):
 
 
 class SwitchesInverted(Mutant):
+    breaks = ("AxisDriver.read/switches", "wrong value")
     found_by = "test_switches.py::test_a_closed_switch_is_shown_alone_until_it_is_released"
 
     class Axes(ReadAnew):
@@ -193,6 +211,7 @@ class SwitchesInverted(Mutant):
 class SwitchesByEdge(Mutant):
     """A switch that is closed when communication starts is not seen."""
 
+    breaks = ("AxisDriver.read/switches", "ignored")
     found_by = "test_switches.py::test_a_switch_that_is_closed_at_the_start_is_shown"
 
     class Axes(ReadAnew):
@@ -208,6 +227,7 @@ class SwitchesByEdge(Mutant):
 
 
 class TorqueInPercent(Mutant):
+    breaks = ("AxisDriver.read/torque", "wrong value")
     found_by = "test_feedback.py::test_torque_is_in_newton_metres"
 
     class Axes(ReadAnew):
@@ -217,6 +237,7 @@ class TorqueInPercent(Mutant):
 
 
 class TorqueInKilopondMetres(Mutant):
+    breaks = ("AxisDriver.read/torque", "wrong value")
     found_by = "test_feedback.py::test_torque_is_in_newton_metres"
 
     class Axes(ReadAnew):
@@ -226,6 +247,7 @@ class TorqueInKilopondMetres(Mutant):
 
 
 class TorqueInfinite(Mutant):
+    breaks = ("AxisDriver.read/torque", "wrong value")
     found_by = "test_units.py::test_torque_is_finite_or_not_known"
 
     class Axes(ReadAnew):
@@ -235,6 +257,7 @@ class TorqueInfinite(Mutant):
 
 
 class CommandIsTheTarget(Mutant):
+    breaks = ("AxisDriver.read/commands", "wrong value")
     found_by = "test_units.py::test_the_commands_in_the_image_are_those_that_were_given"
 
     class Axes(ReadAnew):
@@ -250,6 +273,7 @@ class CommandIsTheTarget(Mutant):
 
 
 class CommandedVelocityMissing(Mutant):
+    breaks = ("AxisDriver.read/commands", "ignored")
     found_by = "test_ageing.py::test_values_follow_the_motion"
 
     class Axes(ReadAnew):
@@ -259,6 +283,7 @@ class CommandedVelocityMissing(Mutant):
 
 
 class AlwaysComplete(Mutant):
+    breaks = ("AxisDriver.read/states", "wrong value")
     found_by = "test_profiles.py::test_a_move_shows_what_it_does"
 
     class Axes(ReadAnew):
@@ -268,6 +293,7 @@ class AlwaysComplete(Mutant):
 
 
 class NeverComplete(Mutant):
+    breaks = ("AxisDriver.read/states", "wrong value")
     found_by = "test_profiles.py::test_a_move_shows_what_it_does"
 
     class Axes(ReadAnew):
@@ -277,6 +303,7 @@ class NeverComplete(Mutant):
 
 
 class VelocityLags(Mutant):
+    breaks = ("AxisDriver.read/measured", "stale")
     found_by = "test_units.py::test_the_velocity_is_the_slope_of_the_position"
 
     class Axes(ReadAnew):
@@ -288,6 +315,7 @@ class VelocityLags(Mutant):
 
 
 class InjectorBlocksNothing(Mutant):
+    breaks = ("backend/injector", "wrong value")
     found_by = "test_feedback.py::test_a_blocked_axis_is_measured_where_it_is"
 
     class Injector(SimFaultInjector):

@@ -19,6 +19,7 @@ from robotd_sim import SimFaultInjector, SimFieldbus, SimIo
 
 
 class NeighboursClobbered(Mutant):
+    breaks = ("IoDriver.write_output_bit/bit", "side effect")
     found_by = "test_io.py::test_a_bit_leaves_its_neighbours_alone"
     says = "outputs"
 
@@ -30,6 +31,7 @@ class NeighboursClobbered(Mutant):
 class BitsGetLost(Mutant):
     """Read, change, write, without a lock."""
 
+    breaks = ("IoDriver.write_output_bit/bit", "side effect")
     found_by = "test_io.py::test_bits_written_by_several_threads_are_all_there"
     says = "outputs from byte"
 
@@ -43,6 +45,7 @@ class BitsGetLost(Mutant):
 class Boaster(Mutant):
     """Declares registers and cannot read them."""
 
+    breaks = ("backend/declares", "ignored")
     found_by = "test_rejections.py::test_what_is_declared_is_there"
     says = "register_read"
 
@@ -52,6 +55,7 @@ class Boaster(Mutant):
 
 
 class OutputsInMemoryOnly(Mutant):
+    breaks = ("IoDriver.write_outputs/bytes", "ignored")
     found_by = "test_io.py::test_outputs_are_at_the_terminals"
 
     class Io(SimIo):
@@ -70,6 +74,7 @@ class OutputsInMemoryOnly(Mutant):
 
 
 class OutputsAreInputs(Mutant):
+    breaks = ("IoDriver.read_inputs/bytes", "wrong value")
     found_by = "test_io.py::test_outputs_are_no_inputs"
 
     class Io(SimIo):
@@ -78,6 +83,7 @@ class OutputsAreInputs(Mutant):
 
 
 class WritesWhileClosed(Mutant):
+    breaks = ("drivers/rejects", "ignored")
     found_by = "test_io.py::test_nothing_is_written_while_no_device_is_open"
 
     class Io(SimIo):
@@ -86,6 +92,7 @@ class WritesWhileClosed(Mutant):
 
 
 class CountersAlwaysZero(Mutant):
+    breaks = ("FieldbusDriver.status/status", "wrong value")
     found_by = "test_fieldbus.py::test_lost_frames_are_counted_until_a_reset"
 
     class Fieldbus(SimFieldbus):
@@ -96,6 +103,7 @@ class CountersAlwaysZero(Mutant):
 
 
 class CountersNeverReset(Mutant):
+    breaks = ("FieldbusDriver.reset_statistics/zero", "ignored")
     found_by = "test_fieldbus.py::test_lost_frames_are_counted_until_a_reset"
 
     class Fieldbus(SimFieldbus):
@@ -104,6 +112,7 @@ class CountersNeverReset(Mutant):
 
 
 class AxesMiscounted(Mutant):
+    breaks = ("FieldbusDriver.status/status", "wrong value")
     found_by = "test_fieldbus.py::test_the_nodes_have_as_many_axes_as_the_bus"
 
     class Fieldbus(SimFieldbus):
@@ -114,6 +123,7 @@ class AxesMiscounted(Mutant):
 
 
 class AlwaysOperational(Mutant):
+    breaks = ("FieldbusDriver.status/states", "stale")
     found_by = "test_fieldbus.py::test_a_bus_that_exchanges_nothing_is_not_operational"
 
     class Fieldbus(SimFieldbus):
@@ -124,6 +134,7 @@ class AlwaysOperational(Mutant):
 
 
 class WrongNodeIsLost(Mutant):
+    breaks = ("FieldbusDriver.status/status", "wrong axis")
     found_by = "test_fieldbus.py::test_the_lost_node_is_the_one_that_was_lost"
 
     class Fieldbus(SimFieldbus):
@@ -136,6 +147,7 @@ class WrongNodeIsLost(Mutant):
 
 
 class RegistersConstant(Mutant):
+    breaks = ("FieldbusDriver.read_register/memory", "wrong value")
     found_by = "test_fieldbus.py::test_registers_differ_from_each_other_and_between_nodes"
 
     class Fieldbus(SimFieldbus):
@@ -144,6 +156,7 @@ class RegistersConstant(Mutant):
 
 
 class RegistersOfNodeZero(Mutant):
+    breaks = ("FieldbusDriver.read_register/memory", "wrong axis")
     found_by = "test_fieldbus.py::test_registers_differ_from_each_other_and_between_nodes"
 
     class Fieldbus(SimFieldbus):
@@ -152,6 +165,7 @@ class RegistersOfNodeZero(Mutant):
 
 
 class OutputsInverted(Mutant):
+    breaks = ("IoDriver.write_outputs/bytes", "wrong value")
     found_by = "test_io.py::test_outputs_are_at_the_terminals"
 
     class Io(SimIo):
@@ -166,6 +180,7 @@ class OutputsInverted(Mutant):
 
 
 class OutputBitsReversed(Mutant):
+    breaks = ("IoDriver.write_outputs/bytes", "wrong value")
     found_by = "test_io.py::test_outputs_are_at_the_terminals"
 
     class Injector(SimFaultInjector):
@@ -174,6 +189,7 @@ class OutputBitsReversed(Mutant):
 
 
 class InputBitsReversed(Mutant):
+    breaks = ("IoDriver.read_inputs/bytes", "wrong value")
     found_by = "test_io.py::test_an_input_shows_its_sensor"
 
     class Io(SimIo):
@@ -183,6 +199,7 @@ class InputBitsReversed(Mutant):
 
 
 class InputsLatched(Mutant):
+    breaks = ("IoDriver.read_inputs/bytes", "stale")
     found_by = "test_io.py::test_an_input_shows_its_sensor"
 
     class Io(SimIo):
@@ -194,6 +211,7 @@ class InputsLatched(Mutant):
 
 
 class FirstOutputClearedByAnyWrite(Mutant):
+    breaks = ("IoDriver.write_outputs/bytes", "side effect")
     found_by = "test_io.py::test_the_other_outputs_stay_as_they_are"
 
     class Io(SimIo):
@@ -204,6 +222,7 @@ class FirstOutputClearedByAnyWrite(Mutant):
 
 
 class CountersResetByReading(Mutant):
+    breaks = ("FieldbusDriver.status/status", "side effect")
     found_by = "test_fieldbus.py::test_lost_frames_are_counted_until_a_reset"
 
     class Fieldbus(SimFieldbus):
@@ -214,6 +233,7 @@ class CountersResetByReading(Mutant):
 
 
 class NodesTwice(Mutant):
+    breaks = ("FieldbusDriver.status/status", "wrong value")
     found_by = "test_fieldbus.py::test_the_slaves_are_told_apart"
 
     class Fieldbus(SimFieldbus):
@@ -223,6 +243,7 @@ class NodesTwice(Mutant):
 
 
 class NodeIdsByPosition(Mutant):
+    breaks = ("FieldbusDriver.node_ids/ids", "wrong value")
     found_by = "test_fieldbus.py::test_the_slaves_are_told_apart"
 
     class Fieldbus(SimFieldbus):
@@ -231,6 +252,7 @@ class NodeIdsByPosition(Mutant):
 
 
 class AxesOnOneNode(Mutant):
+    breaks = ("FieldbusDriver.status/status", "wrong value")
     found_by = "test_fieldbus.py::test_the_nodes_have_as_many_axes_as_the_bus"
 
     class Fieldbus(SimFieldbus):
@@ -241,6 +263,7 @@ class AxesOnOneNode(Mutant):
 
 
 class LostNodeNotShown(Mutant):
+    breaks = ("FieldbusDriver.status/status", "stale")
     found_by = "test_fieldbus.py::test_a_lost_slave_is_shown"
 
     class Fieldbus(SimFieldbus):
@@ -253,6 +276,7 @@ class LostNodeNotShown(Mutant):
 
 
 class RegistersFromZero(Mutant):
+    breaks = ("FieldbusDriver.read_register/memory", "wrong value")
     found_by = "test_fieldbus.py::test_registers_have_the_length_that_was_asked_for"
 
     class Fieldbus(SimFieldbus):
@@ -261,6 +285,7 @@ class RegistersFromZero(Mutant):
 
 
 class HotConnectEnables(Mutant):
+    breaks = ("FieldbusDriver.start_hot_connect/joins", "side effect")
     found_by = "test_faults.py::test_a_drive_that_is_back_stays_off"
 
     class Fieldbus(SimFieldbus):
@@ -273,6 +298,7 @@ class HotConnectEnables(Mutant):
 
 
 class HotConnectDoesNothing(Mutant):
+    breaks = ("FieldbusDriver.start_hot_connect/joins", "ignored")
     found_by = "test_faults.py::test_a_drive_that_is_back_stays_off"
 
     class Fieldbus(SimFieldbus):

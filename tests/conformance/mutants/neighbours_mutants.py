@@ -13,6 +13,7 @@ from robotd_sim import SimAxes
 
 
 class ModeOfAll(Mutant):
+    breaks = ("AxisDriver.set_command_mode/changes", "wrong axis")
     found_by = "test_neighbours.py::test_the_mode_of_one_axis"
 
     class Axes(SimAxes):
@@ -22,6 +23,7 @@ class ModeOfAll(Mutant):
 
 
 class PolarityOfAll(Mutant):
+    breaks = ("AxisDriver.set_polarity/sets", "wrong axis")
     found_by = "test_neighbours.py::test_the_polarity_of_one_axis"
 
     class Axes(SimAxes):
@@ -31,6 +33,7 @@ class PolarityOfAll(Mutant):
 
 
 class GearOfAll(Mutant):
+    breaks = ("AxisDriver.set_gear_ratio/counts", "wrong axis")
     found_by = "test_neighbours.py::test_the_gear_ratio_of_one_axis"
 
     class Axes(SimAxes):
@@ -40,6 +43,7 @@ class GearOfAll(Mutant):
 
 
 class HomeOfAll(Mutant):
+    breaks = ("AxisDriver.home/zero", "wrong axis")
     found_by = "test_neighbours.py::test_the_home_position_of_one_axis"
 
     class Axes(SimAxes):
@@ -49,6 +53,7 @@ class HomeOfAll(Mutant):
 
 
 class HomeDoneFromTheStart(Mutant):
+    breaks = ("AxisDriver.read/states", "wrong value")
     found_by = "test_neighbours.py::test_the_home_position_of_one_axis"
 
     class Axes(SimAxes):
@@ -58,6 +63,7 @@ class HomeDoneFromTheStart(Mutant):
 
 
 class PolarityOfTheNext(Mutant):
+    breaks = ("AxisDriver.set_polarity/sets", "wrong axis")
     found_by = "test_neighbours.py::test_the_polarity_of_one_axis"
 
     class Axes(SimAxes):
@@ -67,6 +73,7 @@ class PolarityOfTheNext(Mutant):
 
 
 class GearResetsTheNext(Mutant):
+    breaks = ("AxisDriver.set_gear_ratio/counts", "wrong axis")
     found_by = "test_neighbours.py::test_the_gear_ratio_of_one_axis"
 
     class Axes(SimAxes):
@@ -77,6 +84,7 @@ class GearResetsTheNext(Mutant):
 
 
 class ModeOfTheNext(Mutant):
+    breaks = ("AxisDriver.set_command_mode/changes", "wrong axis")
     found_by = "test_neighbours.py::test_the_mode_of_one_axis"
 
     class Axes(SimAxes):
@@ -86,6 +94,7 @@ class ModeOfTheNext(Mutant):
 
 
 class HomingForgetsOthers(Mutant):
+    breaks = ("AxisDriver.home/zero", "wrong axis")
     found_by = "test_neighbours.py::test_the_home_position_of_one_axis"
 
     class Axes(SimAxes):
@@ -95,6 +104,7 @@ class HomingForgetsOthers(Mutant):
 
 
 class ClearingSwitchesOthersOff(Mutant):
+    breaks = ("AxisDriver.clear_alarm/idle", "side effect")
     found_by = "test_faults.py::test_clearing_without_an_alarm_has_no_effect"
 
     class Axes(SimAxes):

@@ -28,12 +28,14 @@ class Mutant:
     """The simulation as a plugin whose drivers can be exchanged.
 
     Attributes:
+        breaks: clause of the driver contract (``clauses.yaml``), and kind of fault.
         found_by: check, or checks, that must fail on it; "": no check finds it yet.
         says: regular expression that the failure matches.
         robot: on which it is found; None: that of the kit.
     """
 
-    found_by: ClassVar[str | tuple[str, ...]]
+    breaks: ClassVar[tuple[str, str]]
+    found_by: ClassVar[str | tuple[str, ...]] = ""
     says: ClassVar[str] = ""
     robot: ClassVar[str | None] = None
     Device: ClassVar[type[SimDevice]] = SimDevice

@@ -21,6 +21,7 @@ from robotd_sim import SimAxes, SimDevice, Simulation
 
 
 class LeakedThread(Mutant):
+    breaks = ("DeviceDriver.open/connects", "leaks")
     found_by = "test_leaks.py::test_no_thread_is_left"
     says = "forgotten"
 
@@ -32,6 +33,7 @@ class LeakedThread(Mutant):
 
 
 class LeakedHandle(Mutant):
+    breaks = ("DeviceDriver.open/connects", "leaks")
     found_by = "test_leaks.py::test_no_handle_is_left"
     says = "/dev/null"
 
@@ -42,6 +44,7 @@ class LeakedHandle(Mutant):
 
 
 class TakesSignals(Mutant):
+    breaks = ("backend/process", "side effect")
     found_by = "test_process.py::test_it_is_left_as_it_is"
 
     class Device(SimDevice):
@@ -57,6 +60,7 @@ class TakesSignals(Mutant):
 
 
 class ChangesTheFolder(Mutant):
+    breaks = ("backend/process", "side effect")
     found_by = "test_process.py::test_it_is_left_as_it_is"
 
     class Device(SimDevice):
@@ -66,6 +70,7 @@ class ChangesTheFolder(Mutant):
 
 
 class ChangesTheLocale(Mutant):
+    breaks = ("backend/process", "side effect")
     found_by = "test_process.py::test_it_is_left_as_it_is"
 
     class Device(SimDevice):
@@ -76,6 +81,7 @@ class ChangesTheLocale(Mutant):
 
 
 class Prints(Mutant):
+    breaks = ("backend/process", "side effect")
     found_by = "test_process.py::test_it_is_left_as_it_is"
 
     class Device(SimDevice):
@@ -85,6 +91,7 @@ class Prints(Mutant):
 
 
 class ChangesTheEnvironment(Mutant):
+    breaks = ("backend/process", "side effect")
     found_by = "test_process.py::test_it_is_left_as_it_is"
 
     class Device(SimDevice):
@@ -94,6 +101,7 @@ class ChangesTheEnvironment(Mutant):
 
 
 class ProcessLeft(Mutant):
+    breaks = ("DeviceDriver.close/disconnects", "leaks")
     found_by = "test_leaks.py::test_no_process_is_left"
 
     class Device(SimDevice):
@@ -103,6 +111,7 @@ class ProcessLeft(Mutant):
 
 
 class ForkEndsTheCommunication(Mutant):
+    breaks = ("backend/fork", "side effect")
     found_by = "test_process.py::test_a_forked_process_does_not_disturb_the_device"
 
     class Device(SimDevice):
@@ -118,6 +127,7 @@ class ForkEndsTheCommunication(Mutant):
 class ThreadFromTheStart(Mutant):
     """The thread that opens the device is started when the device is made."""
 
+    breaks = ("backend/fork", "side effect")
     found_by = "test_process.py::test_a_device_can_be_opened_after_a_fork"
 
     class Device(SimDevice):
@@ -138,6 +148,7 @@ class ThreadFromTheStart(Mutant):
 
 
 class HandlesForPrograms(Mutant):
+    breaks = ("backend/process", "leaks")
     found_by = "test_process.py::test_programs_inherit_no_handle"
 
     class Device(SimDevice):
@@ -153,6 +164,7 @@ class HandlesForPrograms(Mutant):
 
 
 class SwitchesThreadsSeldom(Mutant):
+    breaks = ("backend/process", "side effect")
     found_by = "test_process.py::test_it_is_left_as_it_is"
 
     class Device(SimDevice):
@@ -162,6 +174,7 @@ class SwitchesThreadsSeldom(Mutant):
 
 
 class StopsTheGarbageCollector(Mutant):
+    breaks = ("backend/process", "side effect")
     found_by = "test_process.py::test_it_is_left_as_it_is"
 
     class Device(SimDevice):
@@ -171,6 +184,7 @@ class StopsTheGarbageCollector(Mutant):
 
 
 class RaisesOnNan(Mutant):
+    breaks = ("backend/process", "side effect")
     found_by = ""  # NumPy keeps these settings for each thread: a guard thread changes its own
 
     class Device(SimDevice):
@@ -180,6 +194,7 @@ class RaisesOnNan(Mutant):
 
 
 class ConfiguresTheLog(Mutant):
+    breaks = ("backend/process", "side effect")
     found_by = "test_process.py::test_it_is_left_as_it_is"
 
     class Device(SimDevice):
@@ -189,6 +204,7 @@ class ConfiguresTheLog(Mutant):
 
 
 class TakesTheExceptionHook(Mutant):
+    breaks = ("backend/process", "side effect")
     found_by = "test_process.py::test_it_is_left_as_it_is"
 
     class Device(SimDevice):

@@ -14,6 +14,7 @@ from robotd_sim import SimAxes
 
 
 class TooFast(Mutant):
+    breaks = ("AxisDriver.move/profile", "wrong value")
     found_by = (
         "test_profiles.py::test_a_move_keeps_to_its_velocity",
         "test_profiles.py::test_a_second_is_a_second",
@@ -26,6 +27,7 @@ class TooFast(Mutant):
 
 
 class TooSteep(Mutant):
+    breaks = ("AxisDriver.move/profile", "wrong value")
     found_by = "test_profiles.py::test_a_move_keeps_to_its_ramps"
     says = "acceleration"
 
@@ -36,6 +38,7 @@ class TooSteep(Mutant):
 
 
 class JumpsToNewTargets(Mutant):
+    breaks = ("AxisDriver.move/overrides", "wrong value")
     found_by = "test_profiles.py::test_a_new_target_is_taken_without_a_jump"
     says = "acceleration"
 
@@ -49,6 +52,7 @@ class JumpsToNewTargets(Mutant):
 
 
 class SwappedRamps(Mutant):
+    breaks = ("AxisDriver.move/profile", "wrong value")
     found_by = "test_ramps.py::test_a_move_has_the_ramps_of_its_profile"
 
     class Axes(SimAxes):
@@ -58,6 +62,7 @@ class SwappedRamps(Mutant):
 
 
 class SwappedRampsOfJog(Mutant):
+    breaks = ("AxisDriver.jog/profile", "wrong value")
     found_by = "test_ramps.py::test_a_velocity_command_has_the_ramps_of_its_profile"
 
     class Axes(SimAxes):
@@ -67,6 +72,7 @@ class SwappedRampsOfJog(Mutant):
 
 
 class FixedAcceleration(Mutant):
+    breaks = ("AxisDriver.move/profile", "clipped")
     found_by = "test_ramps.py::test_a_move_has_the_ramps_of_its_profile"
 
     class Axes(SimAxes):
@@ -75,6 +81,7 @@ class FixedAcceleration(Mutant):
 
 
 class FixedDeceleration(Mutant):
+    breaks = ("AxisDriver.move/profile", "clipped")
     found_by = "test_ramps.py::test_a_move_has_the_ramps_of_its_profile"
 
     class Axes(SimAxes):
@@ -83,6 +90,7 @@ class FixedDeceleration(Mutant):
 
 
 class FixedVelocity(Mutant):
+    breaks = ("AxisDriver.move/profile", "clipped")
     found_by = "test_profiles.py::test_a_move_keeps_to_its_velocity"
 
     class Axes(SimAxes):
@@ -91,6 +99,7 @@ class FixedVelocity(Mutant):
 
 
 class GentleRamps(Mutant):
+    breaks = ("AxisDriver.move/profile", "clipped")
     found_by = "test_ramps.py::test_a_move_has_the_ramps_of_its_profile"
 
     class Axes(SimAxes):
@@ -100,6 +109,7 @@ class GentleRamps(Mutant):
 
 
 class Overshoots(Mutant):
+    breaks = ("AxisDriver.move/target", "wrong value")
     found_by = "test_profiles.py::test_a_move_ends_at_its_target_without_overshoot"
 
     class Axes(SimAxes):
@@ -111,6 +121,7 @@ class Overshoots(Mutant):
 
 
 class GentleRampsOfJog(Mutant):
+    breaks = ("AxisDriver.jog/profile", "clipped")
     found_by = "test_ramps.py::test_a_velocity_command_has_the_ramps_of_its_profile"
 
     class Axes(SimAxes):
@@ -120,6 +131,7 @@ class GentleRampsOfJog(Mutant):
 
 
 class JogsFaster(Mutant):
+    breaks = ("AxisDriver.jog/starts", "wrong value")
     found_by = "test_units.py::test_a_positive_velocity_raises_the_position"
 
     class Axes(SimAxes):
@@ -129,6 +141,7 @@ class JogsFaster(Mutant):
 
 
 class StopsShortOfItsTarget(Mutant):
+    breaks = ("AxisDriver.move/target", "clipped")
     found_by = "test_ramps.py::test_a_radian_is_a_radian_far_from_zero_and_beyond_a_turn"
 
     class Axes(SimAxes):
@@ -140,6 +153,7 @@ class StopsShortOfItsTarget(Mutant):
 class KeepsTheFirstTarget(Mutant):
     """A move is not overridden by the next."""
 
+    breaks = ("AxisDriver.move/overrides", "ignored")
     found_by = "test_profiles.py::test_a_new_target_is_taken_without_a_jump"
 
     class Axes(SimAxes):
@@ -149,6 +163,7 @@ class KeepsTheFirstTarget(Mutant):
 
 
 class RelativeTargets(Mutant):
+    breaks = ("AxisDriver.move/target", "wrong value")
     found_by = "test_units.py::test_a_commanded_radian_is_a_measured_radian"
 
     class Axes(SimAxes):

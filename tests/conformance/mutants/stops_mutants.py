@@ -17,6 +17,7 @@ from robotd_sim import SimAxes
 
 
 class StopThatDoesNotStop(Mutant):
+    breaks = ("AxisDriver.stop/starts", "ignored")
     found_by = "test_stopping.py::test_a_stop_takes_the_time_and_way_of_its_ramp"
     says = "ramp_s"
 
@@ -26,6 +27,7 @@ class StopThatDoesNotStop(Mutant):
 
 
 class QuickStopThatCoasts(Mutant):
+    breaks = ("AxisDriver.quick_stop/starts", "wrong value")
     found_by = "test_stopping.py::test_a_quick_stop_is_no_slower_than_a_stop"
     says = "quick"
 
@@ -38,6 +40,7 @@ class QuickStopThatCoasts(Mutant):
 
 
 class StopsEverything(Mutant):
+    breaks = ("AxisDriver.stop/all-axes", "wrong axis")
     found_by = "test_stopping.py::test_a_stop_leaves_other_axes_alone"
     says = "targets"
 
@@ -47,6 +50,7 @@ class StopsEverything(Mutant):
 
 
 class StopIgnoredInStreams(Mutant):
+    breaks = ("AxisDriver.stop/stream", "ignored")
     found_by = "test_ramps.py::test_a_stop_ends_a_trajectory"
 
     class Axes(SimAxes):
@@ -55,6 +59,7 @@ class StopIgnoredInStreams(Mutant):
 
 
 class QuickStopIgnoredInStreams(Mutant):
+    breaks = ("AxisDriver.quick_stop/starts", "ignored")
     found_by = "test_ramps.py::test_a_stop_ends_a_trajectory"
 
     class Axes(SimAxes):
@@ -63,6 +68,7 @@ class QuickStopIgnoredInStreams(Mutant):
 
 
 class KeepsPushing(Mutant):
+    breaks = ("AxisDriver.stream/setpoint", "ignored")
     found_by = "test_faults.py::test_a_joint_that_was_blocked_does_not_leap_when_it_is_freed"
 
     class Axes(SimAxes):
@@ -74,6 +80,7 @@ class KeepsPushing(Mutant):
 
 
 class StopWaits(Mutant):
+    breaks = ("AxisDriver.stop/returns", "blocks")
     found_by = "test_ramps.py::test_a_stop_returns_at_once"
 
     class Axes(SimAxes):
@@ -83,6 +90,7 @@ class StopWaits(Mutant):
 
 
 class QuickStopWaits(Mutant):
+    breaks = ("AxisDriver.quick_stop/returns", "blocks")
     found_by = "test_ramps.py::test_a_stop_returns_at_once"
 
     class Axes(SimAxes):
@@ -93,6 +101,7 @@ class QuickStopWaits(Mutant):
 
 
 class StopByAcceleration(Mutant):
+    breaks = ("AxisDriver.stop/ramp", "wrong value")
     found_by = "test_ramps.py::test_a_stop_has_the_ramp_of_the_move"
 
     class Axes(SimAxes):
@@ -102,6 +111,7 @@ class StopByAcceleration(Mutant):
 
 
 class StopByFixedRamp(Mutant):
+    breaks = ("AxisDriver.stop/ramp", "wrong value")
     found_by = "test_ramps.py::test_a_stop_has_the_ramp_of_the_move"
 
     class Axes(SimAxes):
@@ -111,6 +121,7 @@ class StopByFixedRamp(Mutant):
 
 
 class StopByFixedRampOfJog(Mutant):
+    breaks = ("AxisDriver.stop/ramp", "wrong value")
     found_by = "test_ramps.py::test_a_velocity_command_has_the_ramps_of_its_profile"
 
     class Axes(SimAxes):
@@ -120,6 +131,7 @@ class StopByFixedRampOfJog(Mutant):
 
 
 class StopTooHard(Mutant):
+    breaks = ("AxisDriver.stop/ramp", "wrong value")
     found_by = "test_ramps.py::test_a_stop_has_the_ramp_of_the_move"
 
     class Axes(SimAxes):
@@ -128,6 +140,7 @@ class StopTooHard(Mutant):
 
 
 class StopOnlyTheFirst(Mutant):
+    breaks = ("AxisDriver.stop/all-axes", "last axis")
     found_by = "test_stopping.py::test_a_stopped_move_is_not_complete"
 
     class Axes(SimAxes):
@@ -136,6 +149,7 @@ class StopOnlyTheFirst(Mutant):
 
 
 class StopAndReturn(Mutant):
+    breaks = ("AxisDriver.stop/rests", "side effect")
     found_by = "test_ramps.py::test_an_axis_that_is_stopped_neither_returns_nor_goes_on"
 
     class Axes(SimAxes):
@@ -150,6 +164,7 @@ class StopAndReturn(Mutant):
 
 
 class StopAndGoOn(Mutant):
+    breaks = ("AxisDriver.stop/rests", "side effect")
     found_by = "test_ramps.py::test_an_axis_that_is_stopped_neither_returns_nor_goes_on"
 
     class Axes(SimAxes):
@@ -162,6 +177,7 @@ class StopAndGoOn(Mutant):
 
 
 class StopIgnoredBackwards(Mutant):
+    breaks = ("AxisDriver.stop/starts", "one direction")
     found_by = "test_stopping.py::test_a_stopped_move_is_not_complete"
 
     class Axes(SimAxes):
@@ -171,6 +187,7 @@ class StopIgnoredBackwards(Mutant):
 
 
 class QuickStopIgnoredInMoves(Mutant):
+    breaks = ("AxisDriver.quick_stop/starts", "ignored")
     found_by = "test_stopping.py::test_a_quick_stop_is_no_slower_than_a_stop"
 
     class Axes(SimAxes):
@@ -180,6 +197,7 @@ class QuickStopIgnoredInMoves(Mutant):
 
 
 class StopIgnoredInJogs(Mutant):
+    breaks = ("AxisDriver.stop/starts", "ignored")
     found_by = "test_ramps.py::test_a_velocity_command_has_the_ramps_of_its_profile"
 
     class Axes(SimAxes):
@@ -189,6 +207,7 @@ class StopIgnoredInJogs(Mutant):
 
 
 class StopByRampOfTheMoveBefore(Mutant):
+    breaks = ("AxisDriver.stop/ramp", "second call")
     found_by = "test_ramps.py::test_a_stop_has_the_ramp_of_the_move"
 
     class Axes(SimAxes):
@@ -200,6 +219,7 @@ class StopByRampOfTheMoveBefore(Mutant):
 
 
 class QuickStopThatCutsThePower(Mutant):
+    breaks = ("AxisDriver.quick_stop/idle", "side effect")
     found_by = "test_stopping.py::test_a_stop_of_a_standing_axis_has_no_effect"
 
     class Axes(SimAxes):
@@ -211,6 +231,7 @@ class QuickStopThatCutsThePower(Mutant):
 
 
 class StopOfAFastAxisOnly(Mutant):
+    breaks = ("AxisDriver.stop/starts", "small")
     found_by = "test_ramps.py::test_a_stop_ends_a_trajectory"
 
     class Axes(SimAxes):
@@ -222,6 +243,7 @@ class StopOfAFastAxisOnly(Mutant):
 class StopRebounds(Mutant):
     """5 mrad back, a tenth of a second after the stop."""
 
+    breaks = ("AxisDriver.stop/rests", "side effect")
     found_by = "test_ramps.py::test_an_axis_that_is_stopped_neither_returns_nor_goes_on"
 
     class Axes(SimAxes):
@@ -237,6 +259,7 @@ class StopRebounds(Mutant):
 
 
 class StopsLate(Mutant):
+    breaks = ("AxisDriver.stop/starts", "late")
     found_by = "test_stopping.py::test_a_stop_takes_the_time_and_way_of_its_ramp"
 
     class Axes(SimAxes):
@@ -250,6 +273,7 @@ class StopsLate(Mutant):
 class EnablingStops(Mutant):
     """Servo-on of an axis that is on begins anew, and forgets the motion."""
 
+    breaks = ("AxisDriver.servo/enabled", "side effect")
     found_by = "test_enable.py::test_enabling_an_axis_in_motion_changes_nothing"
     says = "targets"
 
@@ -263,6 +287,7 @@ class EnablingStops(Mutant):
 class QuickStopKeepsThePower(Mutant):
     """Servo-off has no effect in the state that a quick stop leads to."""
 
+    breaks = ("AxisDriver.servo/disables", "ignored")
     found_by = "test_stopping.py::test_a_servo_goes_off_and_on_after_a_quick_stop"
 
     class Axes(SimAxes):

@@ -17,6 +17,7 @@ from robotd_sim import SimAxes, SimDevice
 
 
 class SaysItStands(Mutant):
+    breaks = ("AxisDriver.underrun/underrun", "wrong value")
     found_by = (
         "test_trajectories.py::test_no_joint_leaps_after_the_cycle_has_stood",
         "test_underrun.py::test_an_axis_without_setpoints_does_what_underrun_says",
@@ -31,6 +32,7 @@ class SaysItStands(Mutant):
 class JumpAtEnable(Mutant):
     """The position command of before the servo went off is in force again."""
 
+    breaks = ("AxisDriver.servo/no-jump", "ignored")
     found_by = "test_enable.py::test_enabling_after_a_move_by_hand_does_not_jump"
     says = "start"
 
@@ -46,6 +48,7 @@ class JumpAtEnable(Mutant):
 
 
 class ServoThatLies(Mutant):
+    breaks = ("AxisDriver.servo/waits", "late")
     found_by = "test_enable.py::test_servo_returns_when_the_drive_says_so"
     says = "servo_on"
 
@@ -59,6 +62,7 @@ class ServoThatLies(Mutant):
 
 
 class EnablesByItself(Mutant):
+    breaks = ("DeviceDriver.start_communication/nothing-moves", "side effect")
     found_by = "test_connection.py::test_starting_enables_and_moves_nothing"
     says = "servo"
 
@@ -73,6 +77,7 @@ class EnablesByItself(Mutant):
 class SpringsBack(Mutant):
     """After a stream an axis goes back to where the stream began."""
 
+    breaks = ("AxisDriver.end_stream/holds", "side effect")
     found_by = "test_trajectories.py::test_a_trajectory_arrives"
     says = "position"
 
@@ -88,6 +93,7 @@ class SpringsBack(Mutant):
 
 
 class NoWatchdog(Mutant):
+    breaks = ("backend/watchdog", "ignored")
     found_by = "test_watchdog.py::test_an_axis_stops_when_setpoints_stay_away"
 
     class Axes(SimAxes):
@@ -97,6 +103,7 @@ class NoWatchdog(Mutant):
 
 
 class ServoOffIgnored(Mutant):
+    breaks = ("AxisDriver.servo/switches", "ignored")
     found_by = "test_enable.py::test_enabling_after_a_move_by_hand_does_not_jump"
 
     class Axes(SimAxes):
@@ -106,6 +113,7 @@ class ServoOffIgnored(Mutant):
 
 
 class ServoOffSwitchesTheNext(Mutant):
+    breaks = ("AxisDriver.servo/switches", "wrong axis")
     found_by = "test_enable.py::test_only_the_named_servo_is_switched"
 
     class Axes(SimAxes):
@@ -118,6 +126,7 @@ class ServoOffSwitchesTheNext(Mutant):
 class StreamOfAllAxes(Mutant):
     """Setpoints reach axes that do not stream."""
 
+    breaks = ("AxisDriver.stream/others", "wrong axis")
     found_by = "test_units.py::test_a_stream_moves_its_own_axes_alone"
 
     class Axes(SimAxes):
@@ -126,6 +135,7 @@ class StreamOfAllAxes(Mutant):
 
 
 class StreamEndsByItself(Mutant):
+    breaks = ("AxisDriver.begin_stream/operation", "wrong value")
     found_by = "test_trajectories.py::test_a_trajectory_arrives"
 
     class Axes(SimAxes):
@@ -136,7 +146,8 @@ class StreamEndsByItself(Mutant):
 
 
 class StreamOnePeriodLate(Mutant):
-    found_by = ""
+    breaks = ("AxisDriver.stream/setpoint", "late")
+    found_by = "test_streams.py::test_a_setpoint_is_reached_when_it_is_due"
 
     class Axes(SimAxes):
         def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:

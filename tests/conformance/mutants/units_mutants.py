@@ -18,6 +18,7 @@ DEGREES = 180.0 / np.pi
 
 
 class SignFlipped(Mutant):
+    breaks = ("drivers/units", "wrong value")
     found_by = "test_units.py::test_a_commanded_radian_is_a_measured_radian"
     says = "position"
 
@@ -29,6 +30,7 @@ class SignFlipped(Mutant):
 class MirroredThroughout(Mutant):
     """Commands and measured values agree, but the shaft turns the other way."""
 
+    breaks = ("AxisDriver.read/measured", "one direction")
     found_by = "test_units.py::test_the_measured_position_is_that_of_the_shaft"
     says = "approx"
 
@@ -48,6 +50,7 @@ class MirroredThroughout(Mutant):
 
 
 class Degrees(Mutant):
+    breaks = ("AxisDriver.move/target", "wrong value")
     found_by = "test_units.py::test_a_commanded_radian_is_a_measured_radian"
     says = "position|at rest"
 
@@ -57,6 +60,7 @@ class Degrees(Mutant):
 
 
 class StreamedDegrees(Mutant):
+    breaks = ("AxisDriver.stream/position", "wrong value")
     found_by = "test_units.py::test_a_streamed_radian_is_a_measured_radian"
     says = "position"
 
@@ -66,6 +70,7 @@ class StreamedDegrees(Mutant):
 
 
 class TurnsPerMinute(Mutant):
+    breaks = ("AxisDriver.read/measured", "wrong value")
     found_by = "test_units.py::test_the_velocity_is_the_slope_of_the_position"
     says = "measured"
 
@@ -76,6 +81,7 @@ class TurnsPerMinute(Mutant):
 
 
 class AxesSwapped(Mutant):
+    breaks = ("AxisDriver.move/starts", "wrong axis")
     found_by = "test_units.py::test_each_axis_moves_alone"
     says = "position"
 
@@ -85,6 +91,7 @@ class AxesSwapped(Mutant):
 
 
 class JogsBackwards(Mutant):
+    breaks = ("AxisDriver.jog/starts", "one direction")
     found_by = "test_units.py::test_a_positive_velocity_raises_the_position"
     says = "velocity"
 
@@ -95,6 +102,7 @@ class JogsBackwards(Mutant):
 
 
 class ShortMovesIgnored(Mutant):
+    breaks = ("AxisDriver.move/starts", "small")
     found_by = "test_ramps.py::test_a_short_move_is_made"
 
     class Axes(SimAxes):
@@ -104,6 +112,7 @@ class ShortMovesIgnored(Mutant):
 
 
 class WrapsTargets(Mutant):
+    breaks = ("AxisDriver.move/target", "wrong value")
     found_by = "test_ramps.py::test_a_radian_is_a_radian_far_from_zero_and_beyond_a_turn"
 
     class Axes(SimAxes):
@@ -112,6 +121,7 @@ class WrapsTargets(Mutant):
 
 
 class WrapsPositions(Mutant):
+    breaks = ("AxisDriver.read/measured", "wrong value")
     found_by = "test_ramps.py::test_a_radian_is_a_radian_far_from_zero_and_beyond_a_turn"
 
     class Axes(SimAxes):
@@ -121,6 +131,7 @@ class WrapsPositions(Mutant):
 
 
 class SmallGain(Mutant):
+    breaks = ("AxisDriver.move/target", "wrong value")
     found_by = "test_ramps.py::test_a_radian_is_a_radian_far_from_zero_and_beyond_a_turn"
 
     class Axes(SimAxes):
@@ -134,6 +145,7 @@ class SmallGain(Mutant):
 class Drifts(Mutant):
     """1 mrad/s while an axis stands with its servo on."""
 
+    breaks = ("AxisDriver.stop/rests", "side effect")
     found_by = "test_ramps.py::test_a_standing_axis_does_not_drift"
 
     class Axes(SimAxes):
@@ -152,6 +164,7 @@ class Drifts(Mutant):
 
 
 class ClampsAtHalfATurn(Mutant):
+    breaks = ("AxisDriver.move/target", "clipped")
     found_by = "test_ramps.py::test_a_radian_is_a_radian_far_from_zero_and_beyond_a_turn"
 
     class Axes(SimAxes):
@@ -160,6 +173,7 @@ class ClampsAtHalfATurn(Mutant):
 
 
 class GainFarFromZero(Mutant):
+    breaks = ("AxisDriver.move/target", "wrong value")
     found_by = "test_ramps.py::test_a_radian_is_a_radian_far_from_zero_and_beyond_a_turn"
 
     class Axes(ReadAnew):
@@ -170,6 +184,7 @@ class GainFarFromZero(Mutant):
 
 
 class SmallOffset(Mutant):
+    breaks = ("AxisDriver.move/target", "wrong value")
     found_by = "test_ramps.py::test_a_short_move_is_made"
 
     class Axes(ReadAnew):
@@ -181,6 +196,7 @@ class SmallOffset(Mutant):
 class DriftsSlowly(Mutant):
     """0.3 mrad/s while an axis stands with its servo on."""
 
+    breaks = ("AxisDriver.stop/rests", "side effect")
     found_by = "test_ramps.py::test_a_standing_axis_does_not_drift"
 
     class Axes(Drifts.Axes):
@@ -190,6 +206,7 @@ class DriftsSlowly(Mutant):
 class SagsAfterAMove(Mutant):
     """4 mrad down within a second after each move."""
 
+    breaks = ("AxisDriver.move/target", "wrong value")
     found_by = "test_ramps.py::test_a_standing_axis_does_not_drift"
 
     class Axes(SimAxes):
@@ -205,6 +222,7 @@ class SagsAfterAMove(Mutant):
 
 
 class VelocityHalved(Mutant):
+    breaks = ("AxisDriver.stream/velocity", "clipped")
     found_by = "test_units.py::test_a_streamed_radian_is_a_measured_radian"
 
     class Axes(SimAxes):

@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 import pytest
 
+from robotd_conformance.busy_computer import UNDECIDED
 from robotd_conformance.checks.kit_report import Report
 from robotd_conformance.checks.kit_target import KitTarget
 
@@ -13,11 +14,11 @@ Phase = Literal["setup", "call", "teardown"]
 Outcome = Literal["passed", "failed", "skipped"]
 
 
-def told(name: str, when: Phase, outcome: Outcome) -> Any:
+def told(name: str, when: Phase, outcome: Outcome, why: str = "no bench") -> Any:
     nodeid, place = f"some/where/test_units.py::{name}", ("file", 1, name)
-    reason = ("file", 1, "Skipped: no bench") if outcome == "skipped" else None
+    reason = ("file", 1, f"Skipped: {why}") if outcome == "skipped" else None
     report = pytest.TestReport(nodeid, place, {}, outcome, reason, when)
-    report.user_properties = [("capability", "axes")]
+    report.user_properties = [("capability", "axes"), ("clauses", "AxisDriver.read/fills")]
     return report
 
 
@@ -34,19 +35,25 @@ def test_a_check_counts_once_and_failures_are_named() -> None:
         told("test_a", "call", "passed"),
         told("test_b", "call", "failed"),
         told("test_c", "setup", "skipped"),
+        told("test_d", "call", "skipped", f"{UNDECIDED}; seen: 3 rad"),
     )
-    assert found[1].split() == ["axes", "1", "1", "1"]
+    assert found[1].split() == ["axes", "1", "1", "1", "1"]
     assert found[3:] == [
-        "tested on 67% of the checks: 2 of 3",
+        "tested on 50% of the checks: 2 of 4",
+        "duration: 0 s",
         "  1 skipped: no bench",
-        "FAILED test_units.py::test_b",
+        f"INCONCLUSIVE test_units.py::test_d: {UNDECIDED}; seen: 3 rad",
+        "FAILED test_units.py::test_b  AxisDriver.read/fills",
         "verdict: FAILED, 1 of 2",
     ]
 
 
 def test_a_failure_while_cleaning_up_is_a_failure() -> None:
     found = lines(told("test_a", "call", "passed"), told("test_a", "teardown", "failed"))
-    assert found[-2:] == ["FAILED test_units.py::test_a", "verdict: FAILED, 1 of 1"]
+    assert found[-2:] == [
+        "FAILED test_units.py::test_a  AxisDriver.read/fills",
+        "verdict: FAILED, 1 of 1",
+    ]
 
 
 @pytest.mark.parametrize(

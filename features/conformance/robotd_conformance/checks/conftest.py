@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,12 +12,13 @@ from robotd.device.capabilities import Capability
 from robotd.device.fault_injector import FaultInjector
 from robotd.errors import RobotdError
 from robotd.plugin.foreign_process import note_step
-from robotd_conformance.busy_computer import BusyComputer
 from robotd_conformance.checks.harness import Harness, MakeHarness
+from robotd_conformance.checks.inconclusive import Repeats
 from robotd_conformance.checks.interruption import INTERRUPTION
 from robotd_conformance.checks.kit_report import Report
 from robotd_conformance.checks.kit_target import KitTarget
-from robotd_conformance.checks.start_pose import StartPose
+from robotd_conformance.checks.results import Results
+from robotd_conformance.checks.start_pose import StartPose, parse_range
 from robotd_conformance.checks.surroundings import surroundings
 from robotd_conformance.checks.time_limits import TimeLimits
 
@@ -31,28 +33,52 @@ def pytest_configure(config: pytest.Config) -> None:
     try:
         note_step(f"loading the backend {name}")
         robot, overrides = config.getoption("--robotd-robot"), config.getoption("--robotd-set")
-        pose = StartPose(config.getoption("--robotd-max-excursion"))
+        ranges = dict(map(parse_range, config.getoption("--robotd-range")))
+        pose = StartPose(config.getoption("--robotd-max-excursion"), ranges)
         target = KitTarget(name, robot, overrides, pose)
     except RobotdError as error:
         raise pytest.UsageError(str(error)) from error
     config.stash[TARGET] = target
-    config.pluginmanager.register(Report(target), "robotd-conformance-report")
-    config.pluginmanager.register(BusyComputer(target), "robotd-conformance-busy-computer")
+    path = config.getoption("--robotd-resume")
+    results = Results(Path(path), target.arguments) if path else None
+    config.stash[RESULTS] = results
+    progress = bool(config.getoption("--robotd-progress"))
+    report = Report(target, results, progress=progress)
+    config.pluginmanager.register(report, "robotd-conformance-report")
+    config.pluginmanager.register(Repeats(target), "robotd-conformance-repeats")
     config.pluginmanager.register(TimeLimits(), "robotd-conformance-time-limits")
 
 
+# First what moves nothing, then stops, then ever longer and faster motion; endurance at the end.
+SAFE_ORDER = (
+    "rejections", "fieldbus", "io", "switches", "enable", "connection", "ageing", "stopping",
+    "stops_of_some_axes", "ramps", "faults", "watchdog", "units", "neighbours", "small_and_large",
+    "profiles", "questions", "feedback", "last_axis", "velocity_commands", "streams", "underrun",
+    "dry_buffers", "trajectories", "limits", "torque", "scaling", "reopening", "cost", "process",
+    "leaks", "threads",
+)  # fmt: skip
 # Checks that change what a position means, or that use the whole way of a simulated axis.
 UNCOUNTED = (Capability.HOMING, Capability.SCALING, Capability.SIMULATED)
 TARGET = pytest.StashKey[KitTarget]()
+RESULTS = pytest.StashKey["Results | None"]()
 AT_START = pytest.StashKey[dict[str, object]]()
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Note what each check is about, for the report and for JUnit."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Put the checks in a safe order; note capability and clauses of each."""
+    ranks = {theme: rank for rank, theme in enumerate(SAFE_ORDER)}
+    items.sort(key=lambda item: ranks.get(item.path.stem.removeprefix("test_"), len(ranks)))
     for item in items:
         mark = item.get_closest_marker("needs")
         capability = mark.args[0] if mark else Capability.AXES
         item.user_properties.append(("capability", str(capability)))
+        clauses = [name for mark in item.iter_markers("clause") for name in mark.args]
+        item.user_properties.append(("clauses", " ".join(dict.fromkeys(clauses))))
+    results: Results | None = config.stash[RESULTS]
+    if results is not None:
+        left, passed = results.split(items)
+        config.hook.pytest_deselected(items=passed)
+        items[:] = left
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
@@ -104,6 +130,12 @@ def target(pytestconfig: pytest.Config) -> Iterator[KitTarget]:
     target = pytestconfig.stash[TARGET]
     yield target
     target.clear()
+
+
+@pytest.fixture(scope="session")
+def thorough(pytestconfig: pytest.Config) -> bool:
+    """The long form of checks whose faults only time reveals."""
+    return bool(pytestconfig.getoption("--robotd-thorough"))
 
 
 @pytest.fixture

@@ -202,6 +202,11 @@ class Harness:
         if self._faults is not None:
             self._faults.undo()
 
+    def set_input_bit(self, byte: int, bit: int, value: bool) -> None:
+        """Let a sensor change one input. Raises Unsupported where no module has it."""
+        if self.fault_injector is not None:
+            self.fault_injector.set_input_bit(byte, bit, value)
+
     def trip(self, code: int) -> None:
         """Trip the drive of axis 0 with alarm ``code``; wait until it is shown."""
         self.injector.trip(0, code)

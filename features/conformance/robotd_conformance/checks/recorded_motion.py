@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from robotd.arrays import FloatArray
@@ -24,7 +25,7 @@ def judge(harness: Harness, recording: Recording, problems: list[str]) -> None:
     fault of the backend.
     """
     if problems and recording.was_late(harness.feedback_s):
-        pytest.skip(UNDECIDED)
+        pytest.skip(f"{UNDECIDED}; seen: {problems[0]}")
     assert not problems, "; ".join(problems)
 
 
@@ -34,6 +35,19 @@ def record_move(harness: Harness, share: float = 1.0) -> Recording:
         harness.move_all(speed=share)
         harness.rest()
     return recording
+
+
+def mean_velocity(harness: Harness, seconds: float = 0.1) -> FloatArray:
+    """(n_axes,) velocity over ``seconds`` from now, by measured positions and their times."""
+    first = harness.image.copy()
+    harness.pass_time(seconds)
+    last = harness.image.copy()
+    return np.asarray((last.position - first.position) / ((last.fresh_ns - first.fresh_ns) * 1e-9))
+
+
+def sample_span_s(harness: Harness) -> float:
+    """Return over how long speeds are measured; in real time, values arrive with a jitter."""
+    return 2.0 * harness.period_s if harness.stepped else 3.0 * harness.feedback_s
 
 
 def jog(harness: Harness, speeds: FloatArray, profiles: Sequence[Profile] | None = None) -> None:

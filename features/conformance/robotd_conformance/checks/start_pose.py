@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -22,8 +25,9 @@ class StartPose:
 
     Args:
         max_excursion: rad or m from the start pose, at which a run on hardware ends; None: 0.45.
+        ranges: names of axes, and the positions that the surroundings (floor, table) leave them.
 
-    Raises InvalidArgument: it is not more than the way of one check.
+    Raises InvalidArgument: the excursion is not more than the way of one check.
 
     Attributes:
         max_excursion: as above.
@@ -34,13 +38,18 @@ class StartPose:
         counts: distances count; not in a check that changes what a position means.
     """
 
-    def __init__(self, max_excursion: float | None = None) -> None:
+    def __init__(
+        self,
+        max_excursion: float | None = None,
+        ranges: Mapping[str, tuple[float, float]] = MappingProxyType({}),
+    ) -> None:
         self.max_excursion = MAX_EXCURSION_RAD if max_excursion is None else max_excursion
         if not self.max_excursion > TRAVEL_RAD:
             raise InvalidArgument(
                 f"--max-excursion is {max_excursion}, must be more than {TRAVEL_RAD:g} rad, the way"
                 " of one check"
             )
+        self._ranges = dict(ranges)
         self.position: FloatArray | None = None
         self.left: FloatArray | None = None
         self.farthest: FloatArray = np.zeros(0)
@@ -51,9 +60,15 @@ class StartPose:
     def begin(
         self, position: FloatArray, limits: Sequence[AxisLimits], names: Sequence[str]
     ) -> None:
-        """Take ``position`` as the start pose; later calls have no effect."""
+        """Take ``position`` as the start pose; later calls have no effect.
+
+        Raises InvalidArgument for a range of an axis that does not exist, or without the start.
+        """
         if self.position is None:
             self._names, self._units = names, [limit.unit for limit in limits]
+            limits = self._narrowed(limits)
+            self._check_ranges(position, limits)
+            self._room = np.array([(each.lower, each.upper) for each in limits]).T
             self.farthest = np.zeros(len(position))
             self._travel = np.array(
                 [
@@ -83,12 +98,41 @@ class StartPose:
         away = np.abs(image.position - self.position)
         np.fmax(self.farthest, away, out=self.farthest)
         axis = int(np.nan_to_num(away).argmax())
+        lower, upper = self._room
+        outside = (image.position < lower - START_RAD) | (image.position > upper + START_RAD)
+        if self._ranges and outside.any() and not self.exceeded:
+            axis = int(outside.argmax())
+            self.exceeded = (
+                f"{self._names[axis]} is at {image.position[axis]:.3f} {self._units[axis]}; its"
+                f" --range is {lower[axis]:g} to {upper[axis]:g} {self._units[axis]}"
+            )
         if away[axis] > self.max_excursion and not self.exceeded:
             unit = self._units[axis]
             self.exceeded = (
                 f"{self._names[axis]} is {away[axis]:.3f} {unit} from its start pose;"
                 f" --max-excursion is {self.max_excursion:g} {unit}"
             )
+
+    def _narrowed(self, limits: Sequence[AxisLimits]) -> list[AxisLimits]:
+        narrow = []
+        for name, limit in zip(self._names, limits, strict=True):
+            lower, upper = self._ranges.get(name, (-math.inf, math.inf))
+            narrow.append(
+                replace(limit, lower=max(lower, limit.lower), upper=min(upper, limit.upper))
+            )
+        return narrow
+
+    def _check_ranges(self, position: FloatArray, limits: Sequence[AxisLimits]) -> None:
+        if unknown := set(self._ranges) - set(self._names):
+            raise InvalidArgument(
+                f"--range names {', '.join(sorted(unknown))}; the axes are {', '.join(self._names)}"
+            )
+        for axis, (name, limit) in enumerate(zip(self._names, limits, strict=True)):
+            if name in self._ranges and not limit.lower <= position[axis] <= limit.upper:
+                raise InvalidArgument(
+                    f"{name} is at {position[axis]:.3f} {limit.unit}, outside of its --range"
+                    f" {limit.lower:g} to {limit.upper:g} {limit.unit}: move it there first"
+                )
 
     def summary(self) -> str:
         """Return which axis went farthest; "" while no start pose is known."""
@@ -99,6 +143,19 @@ class StartPose:
             f"farthest from the start pose: {self._names[axis]}, {self.farthest[axis]:.3f}"
             f" {self._units[axis]} (--max-excursion {self.max_excursion:g})"
         )
+
+
+def parse_range(text: str) -> tuple[str, tuple[float, float]]:
+    """Read ``NAME=LOWER:UPPER``. Raises InvalidArgument."""
+    name, equals, both = text.partition("=")
+    lower, colon, upper = both.partition(":")
+    try:
+        bounds = float(lower), float(upper)
+    except ValueError:
+        bounds = math.nan, math.nan
+    if not (name and equals and colon and bounds[0] < bounds[1]):
+        raise InvalidArgument(f"--range {text!r} is not NAME=LOWER:UPPER, such as joint2=-0.2:0.6")
+    return name, bounds
 
 
 def _way(axis: int, start: float, limits: AxisLimits, count: int) -> float:

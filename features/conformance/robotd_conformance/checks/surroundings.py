@@ -6,12 +6,16 @@ import gc
 import locale
 import logging
 import os
+import resource
 import signal
+import socket
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
 
+LIMITS = (resource.RLIMIT_NOFILE, resource.RLIMIT_CORE, resource.RLIMIT_STACK, resource.RLIMIT_AS)
 DEFAULT_SWITCH_INTERVAL_S = 0.005  # the control loop sets a shorter one
 SIGNALS = (
     signal.SIGINT,
@@ -42,5 +46,11 @@ def surroundings() -> dict[str, object]:
         "garbage collector": gc.isenabled(),
         "floating-point errors": np.geterr(),
         "log level": logging.getLogger().level,
+        "log threshold": logging.root.manager.disable,
+        "recursion limit": sys.getrecursionlimit(),
+        "module path": list(sys.path),
+        "default socket time-out": socket.getdefaulttimeout(),
+        "stack size of threads": threading.stack_size(),
+        "resource limits": [resource.getrlimit(kind) for kind in LIMITS],
         "priority": os.getpriority(os.PRIO_PROCESS, 0),
     }

@@ -6,6 +6,7 @@ import time
 from contextlib import suppress
 
 import numpy as np
+import pytest
 
 from robotd.control.trajectory_execution import Outcome
 from robotd.device.drivers import DeviceDriver
@@ -13,12 +14,14 @@ from robotd.device.fault_injector import FaultInjector
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import ConnectionState
 from robotd.errors import Unsupported
-from robotd_conformance.checks.harness import Harness
-from robotd_conformance.checks.recorded_motion import record_move
+from robotd_conformance.checks.harness import SETTLED_RAD, Harness
+from robotd_conformance.checks.recorded_motion import judge, record_move
 
 CALLS = 20
+SAMPLES = 60
 
 
+@pytest.mark.clause("AxisDriver.read/fresh")
 def test_values_are_fresh(harness: Harness) -> None:
     ages_s = []
 
@@ -31,12 +34,51 @@ def test_values_are_fresh(harness: Harness) -> None:
     assert min(ages_s) >= -harness.period_s, "values from the future: another clock was used"
 
 
+@pytest.mark.clause("AxisDriver.read/fresh", "AxisDriver.feedback_period_s/held")
+def test_a_time_stamp_is_that_of_the_arrival(harness: Harness) -> None:
+    """Of all values of a feedback period, the newest have just arrived."""
+    ages_s = []
+
+    def watch(image: ProcessImage) -> None:
+        ages_s.append((harness.clock.now_ns() - image.fresh_ns) * 1e-9)
+
+    with harness.each_period(watch):
+        harness.periods(SAMPLES)
+    assert min(ages_s) <= harness.feedback_s + 1.5 * harness.period_s, (
+        f"values are stamped at least {1e3 * min(ages_s):.1f} ms before they are shown"
+    )
+
+
+@pytest.mark.clause("AxisDriver.read/fresh", "AxisDriver.read/measured")
+def test_values_are_as_old_as_their_time_stamp(harness: Harness, injector: FaultInjector) -> None:
+    injector.position(0)
+    targets = harness.image.position_command + harness.travel()
+    times_s, shaft, stamps_s, shown = list[float](), list[float](), list[float](), list[float]()
+
+    def watch(image: ProcessImage) -> None:
+        times_s.append(harness.clock.now_ns() * 1e-9)
+        shaft.append(injector.position(0))
+        stamps_s.append(image.fresh_ns * 1e-9)
+        shown.append(float(image.position[0]))
+
+    with harness.recording() as recording, harness.each_period(watch):
+        harness.move(harness.all, targets)
+        harness.rest()
+    truly = np.interp(stamps_s, times_s, shaft)
+    error = np.abs(np.array(shown) - truly)[5:].max()
+    allowed = 2.0 * harness.feedback_s * harness.profile(0).velocity + SETTLED_RAD
+    problems = [f"{error:.4f} rad from the shaft, allowed {allowed:.4f}"] if error > allowed else []
+    judge(harness, recording, problems)
+
+
+@pytest.mark.clause("AxisDriver.read/fresh")
 def test_their_time_goes_on(harness: Harness) -> None:
     first = harness.image.fresh_ns
     harness.pass_time(0.2)
     assert abs((harness.image.fresh_ns - first) * 1e-9 - 0.2) <= 0.1
 
 
+@pytest.mark.clause("AxisDriver.read/measured", "AxisDriver.read/commands")
 def test_values_follow_the_motion(harness: Harness) -> None:
     stale_s = harness.robot.connection.settings.stale_after_s
     recording = record_move(harness)
@@ -49,6 +91,7 @@ def test_values_follow_the_motion(harness: Harness) -> None:
         assert len(changed) > 3, "the position stands still while the axis moves"
 
 
+@pytest.mark.clause("AxisDriver.read/fresh")
 def test_a_dead_bus_does_not_look_alive(fresh: Harness) -> None:
     injector, connection = fresh.injector, fresh.robot.connection
     injector.freeze(True)
@@ -60,6 +103,8 @@ def test_a_dead_bus_does_not_look_alive(fresh: Harness) -> None:
         fresh.until(lambda: connection.ready, "the engine is ready again when values arrive")
 
 
+@pytest.mark.clause("DeviceDriver.fault/reason")
+@pytest.mark.clause("DeviceDriver.fault/blocks")
 def test_the_device_says_at_once_why_it_is_silent(unopened: Harness) -> None:
     device: DeviceDriver = vars(unopened.drivers.device)["wrapped"]
 
@@ -79,10 +124,14 @@ def test_the_device_says_at_once_why_it_is_silent(unopened: Harness) -> None:
             unopened.until(lambda: not unopened.robot.connection.ready, "the engine is not ready")
             said()
             unopened.fault_injector.freeze(False)
+            if unopened.drivers.device.state() is ConnectionState.COMMUNICATING:
+                unopened.until(lambda: unopened.robot.connection.ready, "values arrive again")
+                assert said() == "", "a fault of the past is still reported"
     unopened.robot.connection.close()
     said()
 
 
+@pytest.mark.clause("AxisDriver.read/fresh")
 def test_a_dead_bus_ends_a_trajectory(
     harness: Harness, joints: list[int], injector: FaultInjector
 ) -> None:
@@ -97,6 +146,7 @@ def test_a_dead_bus_ends_a_trajectory(
     harness.rest()
 
 
+@pytest.mark.clause("AxisDriver.read/fresh", "DeviceDriver.stop_communication/ends")
 def test_nothing_is_fresh_after_communication_stopped(fresh: Harness) -> None:
     fresh.robot.connection.stop_communication()
     fresh.pass_time(0.05)

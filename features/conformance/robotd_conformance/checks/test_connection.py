@@ -24,10 +24,15 @@ from robotd_wmx_parameters import (
 SETTLED_PERIODS = 50  # after which positions are measured, whatever was shown first
 
 
+@pytest.mark.clause("DeviceDriver.state/now")
 def test_a_device_that_is_made_is_idle(unopened: Harness) -> None:
     assert unopened.drivers.device.state() is ConnectionState.IDLE
 
 
+@pytest.mark.clause(
+    "DeviceDriver.start_communication/starts", "DeviceDriver.stop_communication/ends"
+)
+@pytest.mark.clause("DeviceDriver.state/now")
 def test_the_states_follow_the_calls(unopened: Harness) -> None:
     device = unopened.drivers.device
     unopened.begin()
@@ -45,6 +50,7 @@ def test_the_states_follow_the_calls(unopened: Harness) -> None:
     assert seen == ["RUNNING", "COMMUNICATING", "RUNNING", "COMMUNICATING", "IDLE"]
 
 
+@pytest.mark.clause("DeviceDriver.open/again")
 def test_every_call_may_come_twice(unopened: Harness) -> None:
     connection = unopened.robot.connection
     for call, state in (
@@ -59,6 +65,7 @@ def test_every_call_may_come_twice(unopened: Harness) -> None:
         assert connection.state is state
 
 
+@pytest.mark.clause("DeviceDriver.close/twice")
 def test_closing_a_device_twice_or_unopened_is_no_error(unopened: Harness) -> None:
     device = unopened.drivers.device
     device.close()
@@ -68,6 +75,7 @@ def test_closing_a_device_twice_or_unopened_is_no_error(unopened: Harness) -> No
     assert device.state() is ConnectionState.IDLE
 
 
+@pytest.mark.clause("DeviceDriver.start_communication/starts")
 def test_calls_out_of_order_are_rejected_or_have_no_effect(unopened: Harness) -> None:
     connection = unopened.robot.connection
     with pytest.raises(NotReady):
@@ -79,6 +87,7 @@ def test_calls_out_of_order_are_rejected_or_have_no_effect(unopened: Harness) ->
     assert connection.state is ConnectionState.IDLE
 
 
+@pytest.mark.clause("DeviceDriver.start_communication/starts", "drivers/rejects")
 def test_communication_without_an_open_device_is_rejected(unopened: Harness) -> None:
     device = unopened.drivers.device
     with pytest.raises(RobotdError):
@@ -86,6 +95,7 @@ def test_communication_without_an_open_device_is_rejected(unopened: Harness) -> 
     assert device.state() is ConnectionState.IDLE
 
 
+@pytest.mark.clause("DeviceDriver.open/connects")
 def test_it_works_again_after_it_was_closed(unopened: Harness) -> None:
     for _ in range(2):
         unopened.start()
@@ -98,6 +108,7 @@ def test_it_works_again_after_it_was_closed(unopened: Harness) -> None:
         )
 
 
+@pytest.mark.clause("DeviceDriver.start_communication/nothing-moves")
 def test_starting_enables_and_moves_nothing(disabled: Harness) -> None:
     start = disabled.image.position.copy()
     disabled.pass_time(0.3)
@@ -105,6 +116,7 @@ def test_starting_enables_and_moves_nothing(disabled: Harness) -> None:
     assert np.abs(disabled.image.position - start).max() <= SETTLED_RAD
 
 
+@pytest.mark.clause("DeviceDriver.stop_communication/undoes")
 def test_a_start_that_times_out_is_undone(unopened: Harness) -> None:
     unopened.begin()
     connection = unopened.robot.connection
@@ -122,6 +134,7 @@ def test_a_start_that_times_out_is_undone(unopened: Harness) -> None:
     unopened.until(lambda: connection.ready, "the engine is ready")
 
 
+@pytest.mark.clause("DeviceDriver.stop_communication/axes-stop")
 def test_servos_are_off_after_communication_stopped(fresh: Harness) -> None:
     fresh.drivers.device.stop_communication(10.0)
     fresh.periods(3)
@@ -131,6 +144,8 @@ def test_servos_are_off_after_communication_stopped(fresh: Harness) -> None:
     assert not fresh.image.servo_on.any(), "nothing may enable a servo by itself"
 
 
+@pytest.mark.clause("DeviceDriver.start_communication/starts")
+@pytest.mark.clause("AxisDriver.read/measured")
 def test_the_first_position_of_a_connection_is_measured(fresh: Harness) -> None:
     """The position that an axis shows first becomes the command of its servo."""
     fresh.move_all(0.5)
@@ -156,6 +171,7 @@ def test_the_first_position_of_a_connection_is_measured(fresh: Harness) -> None:
     assert first == pytest.approx(fresh.image.position, abs=SETTLED_RAD)
 
 
+@pytest.mark.clause("DeviceDriver.close/disconnects")
 def test_closing_while_axes_move_is_orderly(fresh: Harness) -> None:
     fresh.move_all()
     fresh.pass_time(0.15)
@@ -164,18 +180,21 @@ def test_closing_while_axes_move_is_orderly(fresh: Harness) -> None:
     assert fresh.drivers.device.state() is ConnectionState.IDLE
 
 
+@pytest.mark.clause("DeviceDriver.scan_network/summary")
 def test_a_scan_is_one_line_for_people(harness: Harness) -> None:
     line = harness.robot.connection.scan_network()
     assert line.strip()
     assert "\n" not in line
 
 
+@pytest.mark.clause("DeviceDriver.dump_parameters/text")
 @pytest.mark.needs(Capability.PARAMETERS_FILE)
 def test_parameters_can_be_shown_for_every_axis(harness: Harness) -> None:
     for axis in harness.all:
         assert harness.robot.connection.dump_parameters(axis).strip()
 
 
+@pytest.mark.clause("DeviceDriver.load_parameters/wrong-file")
 @pytest.mark.needs(Capability.PARAMETERS_FILE)
 def test_a_bad_parameter_file_changes_nothing(harness: Harness, tmp_path: Path) -> None:
     bad = tmp_path / "parameters.xml"
@@ -186,6 +205,7 @@ def test_a_bad_parameter_file_changes_nothing(harness: Harness, tmp_path: Path) 
     assert [harness.robot.connection.dump_parameters(axis) for axis in harness.all] == before
 
 
+@pytest.mark.clause("DeviceDriver.load_parameters/live")
 @pytest.mark.needs(Capability.PARAMETERS_FILE)
 def test_a_load_changes_no_scale_of_a_live_axis(harness: Harness, tmp_path: Path) -> None:
     parameters = _parameters(harness)
@@ -203,6 +223,7 @@ def test_a_load_changes_no_scale_of_a_live_axis(harness: Harness, tmp_path: Path
     assert harness.image.servo_on.all()
 
 
+@pytest.mark.clause("DeviceDriver.load_parameters/wrong-file")
 @pytest.mark.needs(Capability.PARAMETERS_FILE)
 def test_a_parameter_file_without_axes_of_the_robot_is_rejected(
     disabled: Harness, tmp_path: Path
@@ -224,6 +245,7 @@ def _parameters(harness: Harness) -> WmxParameters:
     return default_wmx_parameters() if path is None else read_wmx_parameters(path)
 
 
+@pytest.mark.clause("DeviceDriver.load_parameters/applies", "DeviceDriver.dump_parameters/text")
 @pytest.mark.needs(Capability.PARAMETERS_FILE)
 def test_a_good_parameter_file_is_in_force_axis_by_axis(disabled: Harness, tmp_path: Path) -> None:
     disabled.require_rescaling()
@@ -238,3 +260,28 @@ def test_a_good_parameter_file_is_in_force_axis_by_axis(disabled: Harness, tmp_p
     after = [disabled.robot.connection.dump_parameters(axis) for axis in disabled.all]
     assert all(one != other for one, other in zip(before, after, strict=True)), "nothing changed"
     assert after[0] != after[1], "two axes with different parameters have the same dump"
+
+
+@pytest.mark.needs(Capability.SCALING)
+@pytest.mark.clause("DeviceDriver.load_parameters/applies", "DeviceDriver.dump_parameters/text")
+def test_loaded_parameters_are_in_force(rescalable: Harness, tmp_path: Path) -> None:
+    """The polarity of one axis after the other turns the position of that axis."""
+    if not rescalable.can(Capability.PARAMETERS_FILE):
+        pytest.skip("the device takes no parameter file")
+    plain = _parameters(rescalable).with_values({"AxisPolarity": dict.fromkeys(rescalable.all, 1)})
+    path, device = tmp_path / "parameters.xml", rescalable.robot.connection
+    write_wmx_parameters(plain, path)
+    device.load_parameters(path)
+    rescalable.periods(5)
+    before = rescalable.image.position.copy()
+    texts = [device.dump_parameters(axis) for axis in rescalable.all]
+    for turned in (0, rescalable.count - 1):
+        write_wmx_parameters(plain.with_values({"AxisPolarity": {turned: -1}}), path)
+        device.load_parameters(path)
+        rescalable.periods(5)
+        expected = before.copy()
+        expected[turned] *= -1.0
+        assert rescalable.image.position == pytest.approx(expected, abs=SETTLED_RAD)
+        for axis in rescalable.all:
+            same = device.dump_parameters(axis) == texts[axis]
+            assert same == (axis != turned), f"the dump of axis {axis}"

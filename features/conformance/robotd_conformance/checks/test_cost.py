@@ -7,9 +7,10 @@ import time
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 
 from robotd.device.process_image import ProcessImage
-from robotd_conformance.checks.harness import Harness, MakeHarness
+from robotd_conformance.checks.harness import SETTLED_RAD, Harness, MakeHarness
 from robotd_conformance.checks.stopwatch import timed
 
 CALLS = 400
@@ -17,6 +18,8 @@ TYPICAL_SHARE = 0.25  # of a period: the median
 WORST_SHARE = 1.0  # of a period: 99 of 100
 MANY, MANY_SLOW = 2000, 4  # reads, and how many of them may be slow
 SLOW_STATE_S = 0.02
+LONG_S, THOROUGH_S = 12.0, 120.0  # of stepped time, or of real time with --thorough
+BLOCKED_S, BLOCKED_READS = 0.012, 1  # a read that waits so long was blocked, and how many may be
 ATTEMPTS = 3  # a busy computer makes calls slower, never faster: the best attempt counts
 
 
@@ -56,10 +59,12 @@ def reads(harness: Harness, count: int = CALLS) -> list[float]:
     return durations
 
 
+@pytest.mark.clause("drivers/loop")
 def test_read_does_not_block(harness: Harness) -> None:
     check(harness, "read", lambda: reads(harness))
 
 
+@pytest.mark.clause("drivers/loop")
 def test_read_does_not_block_while_axes_move(harness: Harness) -> None:
     def measure() -> list[float]:
         harness.rest()
@@ -70,6 +75,7 @@ def test_read_does_not_block_while_axes_move(harness: Harness) -> None:
     harness.rest()
 
 
+@pytest.mark.clause("AxisDriver.stream/setpoint")
 def test_stream_does_not_block(harness: Harness) -> None:
     position, velocity = harness.image.position_command.copy(), np.zeros(harness.count)
 
@@ -89,18 +95,21 @@ def test_stream_does_not_block(harness: Harness) -> None:
     harness.rest()
 
 
+@pytest.mark.clause("DeviceDriver.state/blocks")
 def test_state_does_not_block(harness: Harness) -> None:
     def measure() -> list[float]:
         durations = list[float]()
-        for _ in range(CALLS):
+        for period in range(CALLS // 2):
             harness.periods(1)
-            with timed(durations):
-                harness.drivers.device.state()
+            for _ in range(1 + period % 4):  # the core asks, too: a rare call that blocks is met
+                with timed(durations):
+                    harness.drivers.device.state()
         return durations
 
     check(harness, "state", measure)
 
 
+@pytest.mark.clause("AxisDriver.read/fills")
 def test_read_fills_the_arrays_that_it_is_given(harness: Harness) -> None:
     image = harness.image
     arrays = {name: value for name, value in vars(image).items() if isinstance(value, np.ndarray)}
@@ -121,6 +130,30 @@ def test_read_fills_the_arrays_that_it_is_given(harness: Harness) -> None:
     assert not image.offline.any()
 
 
+@pytest.mark.clause("AxisDriver.read/fills")
+def test_a_second_image_is_filled_as_the_first(harness: Harness) -> None:
+    """A driver keeps no image: each is filled whole."""
+    axes, copies = harness.drivers.axes, list[ProcessImage]()
+    harness.move_all(0.3)
+    harness.rest()
+
+    def read_twice(image: ProcessImage) -> None:
+        if len(copies) < 2:
+            second = ProcessImage(harness.count)
+            second.stamp_ns = image.stamp_ns
+            axes.read(second)
+            copies.append(second)
+
+    with harness.each_period(read_twice):
+        harness.periods(3)
+    for copy in copies:
+        assert copy.position == pytest.approx(harness.image.position, abs=SETTLED_RAD)
+        assert copy.position_command == pytest.approx(harness.image.position_command, abs=1e-3)
+        assert copy.servo_on.all()
+        assert not copy.offline.any()
+
+
+@pytest.mark.clause("drivers/loop")
 def test_no_read_of_many_is_slow_or_fails(harness: Harness) -> None:
     slow = 0
     for _ in range(ATTEMPTS):
@@ -130,6 +163,41 @@ def test_no_read_of_many_is_slow_or_fails(harness: Harness) -> None:
     assert slow <= MANY_SLOW, f"{slow} of {MANY} reads took longer than a period"
 
 
+@pytest.mark.clause("drivers/loop")
+def test_no_read_blocks_now_and_then(
+    harness: Harness, make_harness: MakeHarness, thorough: bool
+) -> None:
+    """Rare and long: work that a driver does every few seconds, such as reconnecting.
+
+    Of a device in real time only with ``--thorough``.
+    """
+    seconds = THOROUGH_S if thorough else LONG_S
+    if thorough:
+        harness = make_harness(real_time=True)
+        harness.start()
+    elif not harness.stepped:
+        pytest.skip("only time reveals it: --thorough")
+    axes, durations_s = harness.drivers.axes, list[float]()
+    read = axes.read
+
+    def timed_read(image: ProcessImage) -> None:
+        with timed(durations_s):
+            read(image)
+
+    limit_s = max(BLOCKED_S, 1.5 * harness.period_s)
+    axes.read = timed_read  # type: ignore[method-assign]
+    try:
+        for _ in range(round(seconds)):
+            harness.pass_time(1.0)
+    finally:
+        axes.read = read  # type: ignore[method-assign]
+    blocked = [each for each in durations_s if each > limit_s]
+    assert len(blocked) <= BLOCKED_READS, (
+        f"{len(blocked)} reads blocked in {seconds:g} s, for up to {1e3 * max(blocked):.0f} ms"
+    )
+
+
+@pytest.mark.clause("DeviceDriver.state/blocks")
 def test_state_answers_while_something_slow_runs(make_harness: MakeHarness) -> None:
     harness = make_harness(real_time=True)
     harness.start()

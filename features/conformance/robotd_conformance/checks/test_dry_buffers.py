@@ -164,14 +164,17 @@ def judge_reports(harness: Harness, *, moving: bool, stalls: bool) -> None:
     judge(harness, recording, problems)
 
 
+@pytest.mark.clause("AxisDriver.stream_ran_dry/dry")
 def test_a_stream_in_time_is_not_reported_dry(streamed: Harness) -> None:
     judge_reports(streamed, moving=True, stalls=False)
 
 
+@pytest.mark.clause("AxisDriver.stream_ran_dry/dry")
 def test_a_stream_at_rest_is_not_reported_dry(streamed: Harness) -> None:
     judge_reports(streamed, moving=False, stalls=streamed.drivers.axes.stream_buffer_s > 0.0)
 
 
+@pytest.mark.clause("AxisDriver.stream_ran_dry/dry", "AxisDriver.stream/underrun")
 def test_buffers_that_ran_dry_in_motion_are_reported(streamed: Harness) -> None:
     if streamed.drivers.axes.stream_buffer_s == 0.0:
         pytest.skip("the device holds no setpoints ahead (stream_buffer_s is 0)")

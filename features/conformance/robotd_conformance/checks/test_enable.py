@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from robotd.device.fault_injector import FaultInjector
+from robotd.device.process_image import ProcessImage
 from robotd.errors import NotReady, OperationError
 from robotd.motion.profile import Profile
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
@@ -13,6 +14,7 @@ from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 MORE = 1.3
 
 
+@pytest.mark.clause("AxisDriver.servo/no-jump")
 def test_enabling_does_not_move_the_axis(harness: Harness) -> None:
     harness.disable()
     harness.rest()
@@ -23,6 +25,7 @@ def test_enabling_does_not_move_the_axis(harness: Harness) -> None:
     assert np.abs(recording.position - start).max() <= SETTLED_RAD
 
 
+@pytest.mark.clause("AxisDriver.servo/no-jump", "AxisDriver.servo/switches")
 def test_enabling_after_a_move_by_hand_does_not_jump(
     harness: Harness, injector: FaultInjector
 ) -> None:
@@ -41,6 +44,7 @@ def test_enabling_after_a_move_by_hand_does_not_jump(
     assert jump.max() <= SETTLED_RAD, "the command was not set to the measured position"
 
 
+@pytest.mark.clause("AxisDriver.read/measured")
 def test_a_move_by_hand_is_seen(harness: Harness, injector: FaultInjector) -> None:
     harness.disable()
     harness.rest()
@@ -51,6 +55,8 @@ def test_a_move_by_hand_is_seen(harness: Harness, injector: FaultInjector) -> No
     assert harness.image.position == pytest.approx(start + delta, abs=SETTLED_RAD)
 
 
+@pytest.mark.clause("AxisDriver.read/states")
+@pytest.mark.clause("AxisDriver.servo/waits")
 def test_servo_returns_when_the_drive_says_so(harness: Harness) -> None:
     driver = harness.drivers.axes
     for on in (False, True, True, False, False, True):
@@ -60,6 +66,7 @@ def test_servo_returns_when_the_drive_says_so(harness: Harness) -> None:
         assert (harness.image.servo_on == on).all()
 
 
+@pytest.mark.clause("AxisDriver.servo/switches")
 def test_only_the_named_servo_is_switched(harness: Harness) -> None:
     for axis in harness.all:
         harness.robot.axes.servo(axis, False)
@@ -70,6 +77,7 @@ def test_only_the_named_servo_is_switched(harness: Harness) -> None:
         harness.robot.axes.servo(axis, True)
 
 
+@pytest.mark.clause("AxisDriver.servo/enabled")
 def test_enabling_an_axis_in_motion_changes_nothing(harness: Harness) -> None:
     targets = harness.image.position_command + harness.travel()
     with harness.recording() as recording:
@@ -83,6 +91,7 @@ def test_enabling_an_axis_in_motion_changes_nothing(harness: Harness) -> None:
     assert (np.abs(recording.velocity).max(0) <= MORE * fastest).all(), "an axis has jumped"
 
 
+@pytest.mark.clause("drivers/rejects")
 def test_a_disabled_axis_refuses_to_move(harness: Harness) -> None:
     harness.disable()
     harness.rest()
@@ -95,8 +104,36 @@ def test_a_disabled_axis_refuses_to_move(harness: Harness) -> None:
     assert np.abs(harness.image.position - start).max() <= SETTLED_RAD
 
 
+@pytest.mark.clause("AxisDriver.servo/no-jump", "AxisDriver.read/states")
 def test_an_enabled_axis_holds_its_position(harness: Harness) -> None:
-    start = harness.image.position.copy()
-    with harness.recording() as recording:
-        harness.pass_time(0.5)
+    """In each period, and no state flickers."""
+    start, states = harness.image.position.copy(), set[bytes]()
+
+    def note(image: ProcessImage) -> None:
+        states.add(image.flags.tobytes() + image.numbers.tobytes())
+
+    harness.periods(3)
+    with harness.recording() as recording, harness.each_period(note):
+        harness.pass_time(1.0)
     assert np.abs(recording.position - start).max() <= SETTLED_RAD
+    assert len(states) == 1, "a state of an axis at rest has changed"
+    assert harness.image.servo_on.all()
+
+
+@pytest.mark.clause("AxisDriver.servo/switches")
+def test_switching_a_servo_leaves_moving_axes_alone(harness: Harness) -> None:
+    group = harness.servo_group(harness.count - 1)
+    others = [axis for axis in harness.all if axis not in group]
+    if not others:
+        pytest.skip("all axes share one servo switch")
+    targets = harness.image.position_command + harness.travel()
+    with harness.recording() as recording:
+        harness.move(others, targets)
+        harness.pass_time(0.1)
+        for on in (False, True):
+            harness.drivers.axes.servo(group[0], on, 5.0)
+        harness.rest(others)
+    assert harness.image.position[others] == pytest.approx(targets[others], abs=SETTLED_RAD)
+    assert harness.image.motion_complete[others].all()
+    fastest = np.array([harness.profile(axis).velocity for axis in others])
+    assert (np.abs(recording.velocity).max(0)[others] <= MORE * fastest).all(), "an axis has jumped"

@@ -21,6 +21,7 @@ STUCK_RAD = 0.05  # path tolerance of a blocked joint
 FREED_RAD = 0.01  # that a joint may move when it is freed
 
 
+@pytest.mark.clause("AxisDriver.read/alarms")
 def test_an_alarm_is_shown_with_its_code(harness: Harness) -> None:
     harness.trip(ALARM)
     group = harness.alarm_group(0)
@@ -29,6 +30,7 @@ def test_an_alarm_is_shown_with_its_code(harness: Harness) -> None:
     assert not np.delete(harness.image.alarm_code, group).any()
 
 
+@pytest.mark.clause("AxisDriver.read/alarms")
 def test_the_reason_of_an_alarm_comes_and_goes_with_it(harness: Harness) -> None:
     assert not any(harness.image.reason), "a reason without an alarm"
     harness.trip(ALARM)
@@ -39,6 +41,7 @@ def test_the_reason_of_an_alarm_comes_and_goes_with_it(harness: Harness) -> None
     harness.until(lambda: not harness.image.reason[0], "the reason goes with the alarm", 1.0)
 
 
+@pytest.mark.clause("AxisDriver.read/alarms")
 @pytest.mark.needs(Capability.CONTROLLER_ALARM)
 def test_an_alarm_of_the_controller_is_one_alarm(harness: Harness, injector: FaultInjector) -> None:
     image = harness.image
@@ -59,6 +62,8 @@ def test_an_alarm_of_the_controller_is_one_alarm(harness: Harness, injector: Fau
     assert not image.amp_alarm.any()
 
 
+@pytest.mark.clause("AxisDriver.read/states")
+@pytest.mark.clause("AxisDriver.read/alarms")
 def test_an_alarm_ends_the_motion_of_its_axis_alone(
     harness: Harness, injector: FaultInjector
 ) -> None:
@@ -73,6 +78,7 @@ def test_an_alarm_ends_the_motion_of_its_axis_alone(
     assert others.max(initial=0.0) <= SETTLED_RAD
 
 
+@pytest.mark.clause("drivers/rejects")
 def test_an_axis_in_alarm_refuses_to_move(harness: Harness) -> None:
     harness.trip(ALARM)
     start = harness.image.position.copy()
@@ -82,6 +88,7 @@ def test_an_axis_in_alarm_refuses_to_move(harness: Harness) -> None:
     assert abs(harness.image.position[0] - start[0]) <= SETTLED_RAD
 
 
+@pytest.mark.clause("AxisDriver.read/alarms")
 def test_an_alarm_ends_a_trajectory_with_its_reason(
     harness: Harness, joints: list[int], injector: FaultInjector
 ) -> None:
@@ -96,6 +103,7 @@ def test_an_alarm_ends_a_trajectory_with_its_reason(
         assert harness.robot.joint_names[0] in execution.message
 
 
+@pytest.mark.clause("AxisDriver.read/alarms", "AxisDriver.clear_alarm/clears")
 def test_an_alarm_stays_until_it_is_cleared_and_then_nothing_moves(
     harness: Harness, injector: FaultInjector
 ) -> None:
@@ -115,6 +123,7 @@ def test_an_alarm_stays_until_it_is_cleared_and_then_nothing_moves(
     assert abs(harness.image.position[0] - start) <= SETTLED_RAD
 
 
+@pytest.mark.clause("AxisDriver.stream/setpoint")
 def test_a_joint_that_was_blocked_does_not_leap_when_it_is_freed(
     harness: Harness, joints: list[int], injector: FaultInjector
 ) -> None:
@@ -133,6 +142,7 @@ def test_a_joint_that_was_blocked_does_not_leap_when_it_is_freed(
     assert np.ptp(recording.position[:, axis]) <= FREED_RAD
 
 
+@pytest.mark.clause("AxisDriver.clear_alarm/clears")
 def test_it_works_again_after_an_alarm(harness: Harness, injector: FaultInjector) -> None:
     injector.trip(0, ALARM)
     harness.rest()
@@ -142,6 +152,7 @@ def test_it_works_again_after_an_alarm(harness: Harness, injector: FaultInjector
     assert harness.image.position == pytest.approx(targets, abs=SETTLED_RAD)
 
 
+@pytest.mark.clause("AxisDriver.clear_alarm/idle")
 def test_clearing_without_an_alarm_has_no_effect(harness: Harness) -> None:
     start = harness.image.position.copy()
     for axis in harness.all:
@@ -151,6 +162,7 @@ def test_clearing_without_an_alarm_has_no_effect(harness: Harness) -> None:
     assert np.abs(harness.image.position - start).max() <= SETTLED_RAD
 
 
+@pytest.mark.clause("AxisDriver.read/states")
 def test_a_drive_that_is_lost_is_offline(fresh: Harness) -> None:
     fresh.injector.disconnect(0)
     fresh.until(lambda: bool(fresh.image.offline[0]), "the lost drive is offline", 2.0)
@@ -160,14 +172,16 @@ def test_a_drive_that_is_lost_is_offline(fresh: Harness) -> None:
         fresh.move([0], fresh.image.position_command + fresh.travel())
 
 
+@pytest.mark.clause("FieldbusDriver.start_hot_connect/joins")
 @pytest.mark.needs(Capability.HOT_CONNECT)
-def test_a_drive_that_is_back_stays_off(fresh: Harness) -> None:
-    injector = fresh.injector
-    injector.disconnect(0)
-    fresh.until(lambda: bool(fresh.image.offline[0]), "the lost drive is offline", 2.0)
-    injector.reconnect(0)
+@pytest.mark.parametrize("axis", [0, -1], ids=["first", "last"])
+def test_a_drive_that_is_back_stays_off(fresh: Harness, axis: int) -> None:
+    injector, axis = fresh.injector, axis % fresh.count
+    injector.disconnect(axis)
+    fresh.until(lambda: bool(fresh.image.offline[axis]), "the lost drive is offline", 2.0)
+    injector.reconnect(axis)
     fresh.robot.fieldbus.start_hot_connect(0)
-    fresh.until(lambda: not fresh.image.offline[0], "the drive is back")
+    fresh.until(lambda: not fresh.image.offline[axis], "the drive is back")
     fresh.pass_time(0.3)
-    assert not fresh.image.servo_on[0], "the servo was enabled by itself"
+    assert not fresh.image.servo_on[axis], "the servo was enabled by itself"
     fresh.enable()

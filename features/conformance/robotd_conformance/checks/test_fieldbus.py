@@ -10,7 +10,7 @@ import pytest
 
 from robotd.device.bus_status import BusState, BusStatus
 from robotd.device.capabilities import Capability
-from robotd.device.drivers import FieldbusDriver
+from robotd.device.drivers import DeviceDriver, FieldbusDriver
 from robotd.device.fault_injector import FaultInjector
 from robotd.errors import OperationError
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness, MakeHarness
@@ -18,7 +18,9 @@ from robotd_conformance.checks.harness import SETTLED_RAD, Harness, MakeHarness
 pytestmark = pytest.mark.needs(Capability.FIELDBUS)
 
 DEVICE_TYPE, IDENTITY = 0x1000, 0x1018  # objects that CiA 301 and CoE ask of every node
+LOST = 3  # frames
 RESERVED = 0x0FFF  # no object can have this index
+HARMLESS = (0x6068, 0x6066, 0x6067)  # of CiA 402: window and time-outs of the drive's own messages
 
 
 def fieldbus_of(harness: Harness) -> FieldbusDriver:
@@ -28,6 +30,7 @@ def fieldbus_of(harness: Harness) -> FieldbusDriver:
     return driver
 
 
+@pytest.mark.clause("FieldbusDriver.status/states", "FieldbusDriver.buses/number")
 def test_it_answers_in_every_state(unopened: Harness) -> None:
     driver, device = fieldbus_of(unopened), unopened.drivers.device
     assert driver.buses >= 1
@@ -45,6 +48,7 @@ def test_it_answers_in_every_state(unopened: Harness) -> None:
             assert isinstance(driver.status(master), BusStatus)
 
 
+@pytest.mark.clause("FieldbusDriver.status/status", "FieldbusDriver.node_ids/ids")
 def test_the_slaves_are_told_apart(harness: Harness) -> None:
     driver = fieldbus_of(harness)
     for master in range(driver.buses):
@@ -55,6 +59,7 @@ def test_the_slaves_are_told_apart(harness: Harness) -> None:
         assert {type(node.state) for node in network.nodes} <= {BusState}
 
 
+@pytest.mark.clause("FieldbusDriver.status/status")
 def test_the_drives_are_operational(harness: Harness) -> None:
     driver = fieldbus_of(harness)
     networks = [driver.status(master) for master in range(driver.buses)]
@@ -64,6 +69,7 @@ def test_the_drives_are_operational(harness: Harness) -> None:
     assert not any(node.fault for node in drives)
 
 
+@pytest.mark.clause("FieldbusDriver.status/status")
 def test_what_is_told_of_it_is_text(harness: Harness) -> None:
     driver = fieldbus_of(harness)
     for network in map(driver.status, range(driver.buses)):
@@ -76,6 +82,7 @@ def test_what_is_told_of_it_is_text(harness: Harness) -> None:
         assert not any("\n" in text for text in texts)
 
 
+@pytest.mark.clause("FieldbusDriver.status/status")
 def test_a_lost_slave_is_shown(fresh: Harness) -> None:
     driver = fieldbus_of(fresh)
     fresh.injector.disconnect(0)
@@ -87,15 +94,20 @@ def test_a_lost_slave_is_shown(fresh: Harness) -> None:
     fresh.until(lost, "a slave is offline or not operational", 3.0)
 
 
+@pytest.mark.clause("FieldbusDriver.register_bytes/size")
+@pytest.mark.clause("FieldbusDriver.read_register/memory")
 @pytest.mark.needs(Capability.REGISTER_READ)
 def test_registers_have_the_length_that_was_asked_for(harness: Harness) -> None:
     slave = fieldbus_of(harness).status(0).nodes[0].id
     for length in (1, 2, 4, 16):
         assert len(harness.robot.fieldbus.read_register(0, slave, 0x0000, length)) == length
+    size = fieldbus_of(harness).register_bytes
+    assert len(harness.robot.fieldbus.read_register(0, slave, size - 4, 4)) == 4
     whole = harness.robot.fieldbus.read_register(0, slave, 0x0000, 8)
     assert harness.robot.fieldbus.read_register(0, slave, 0x0004, 4) == whole[4:]
 
 
+@pytest.mark.clause("FieldbusDriver.reset_statistics/zero")
 @pytest.mark.needs(Capability.STATISTICS)
 def test_counters_are_zero_after_a_reset(harness: Harness) -> None:
     harness.robot.fieldbus.reset_statistics(0)
@@ -103,6 +115,7 @@ def test_counters_are_zero_after_a_reset(harness: Harness) -> None:
     assert (network.lost_frames, network.timeouts, network.late_cycles) == (0, 0, 0)
 
 
+@pytest.mark.clause("FieldbusDriver.start_hot_connect/joins")
 @pytest.mark.needs(Capability.HOT_CONNECT)
 def test_a_hot_connect_moves_and_switches_nothing(harness: Harness) -> None:
     start = harness.image.position.copy()
@@ -112,6 +125,7 @@ def test_a_hot_connect_moves_and_switches_nothing(harness: Harness) -> None:
     assert np.abs(harness.image.position - start).max() <= SETTLED_RAD
 
 
+@pytest.mark.clause("FieldbusDriver.status/states")
 def test_a_bus_that_exchanges_nothing_is_not_operational(unopened: Harness) -> None:
     driver = fieldbus_of(unopened)
     unopened.begin()
@@ -123,15 +137,18 @@ def test_a_bus_that_exchanges_nothing_is_not_operational(unopened: Harness) -> N
     assert driver.status(0).state is not BusState.OPERATIONAL
 
 
+@pytest.mark.clause("FieldbusDriver.status/status")
 def test_the_nodes_have_as_many_axes_as_the_bus(harness: Harness) -> None:
     driver = fieldbus_of(harness)
     for status in map(driver.status, range(driver.buses)):
         assert sum(node.axes for node in status.nodes) == status.axes
-        assert status.period_s >= 0.0
+        known = status.period_s != 0.0
+        assert not known or 1e-5 <= status.period_s <= 0.1, f"period of {status.period_s:g} s"
         places = [node.position for node in status.nodes]
         assert len(set(places)) in (1, len(places)), "two nodes are at one place"
 
 
+@pytest.mark.clause("FieldbusDriver.status/status")
 def test_the_lost_node_is_the_one_that_was_lost(make_harness: MakeHarness) -> None:
     lost = []
     for axis in (0, 1):
@@ -158,6 +175,7 @@ def is_offline(harness: Harness, axis: int) -> bool:
     return bool(harness.image.offline[axis])
 
 
+@pytest.mark.clause("FieldbusDriver.status/status", "FieldbusDriver.reset_statistics/zero")
 @pytest.mark.needs(Capability.STATISTICS)
 def test_lost_frames_are_counted_until_a_reset(harness: Harness, injector: FaultInjector) -> None:
     def lost() -> int:
@@ -173,14 +191,16 @@ def test_lost_frames_are_counted_until_a_reset(harness: Harness, injector: Fault
     assert lost() == 0
 
 
+@pytest.mark.clause("FieldbusDriver.read_register/memory")
 @pytest.mark.needs(Capability.REGISTER_READ)
 def test_registers_differ_from_each_other_and_between_nodes(harness: Harness) -> None:
     nodes = [node.id for node in fieldbus_of(harness).status(0).nodes]
-    blocks = [harness.robot.fieldbus.read_register(0, node, 0, 64) for node in nodes[:2]]
+    blocks = [harness.robot.fieldbus.read_register(0, node, 0, 64) for node in nodes]
     assert len(set(blocks[0])) > 2, "every register has the same value"
     assert len(set(blocks)) == len(blocks), "two nodes have the same registers"
 
 
+@pytest.mark.clause("FieldbusDriver.read_object/value")
 @pytest.mark.needs(Capability.OBJECTS)
 def test_objects_are_read_from_the_node_that_was_asked(harness: Harness) -> None:
     fieldbus = harness.robot.fieldbus
@@ -191,6 +211,7 @@ def test_objects_are_read_from_the_node_that_was_asked(harness: Harness) -> None
         assert fieldbus.read_object(0, node, DEVICE_TYPE) == kind
 
 
+@pytest.mark.clause("FieldbusDriver.read_object/errors", "FieldbusDriver.write_object/errors")
 @pytest.mark.needs(Capability.OBJECTS)
 def test_an_object_that_the_node_does_not_have_is_an_error_without_effect(harness: Harness) -> None:
     fieldbus, node = harness.robot.fieldbus, fieldbus_of(harness).status(0).nodes[0].id
@@ -203,3 +224,71 @@ def test_an_object_that_the_node_does_not_have_is_an_error_without_effect(harnes
     harness.periods(5)
     assert harness.image.servo_on.all()
     assert np.abs(harness.image.position - start).max() <= SETTLED_RAD
+
+
+@pytest.mark.clause("FieldbusDriver.write_object/writes", "FieldbusDriver.read_object/value")
+@pytest.mark.needs(Capability.OBJECTS)
+def test_a_written_object_is_in_its_node(harness: Harness) -> None:
+    """Of each drive, back and forth; the other nodes keep theirs."""
+    fieldbus, written = harness.robot.fieldbus, 0
+    nodes = [node.id for node in fieldbus_of(harness).status(0).nodes if node.axes]
+    for index in HARMLESS:
+        try:
+            before = {node: fieldbus.read_object(0, node, index) for node in nodes}
+        except OperationError:
+            continue
+        for node in nodes:
+            value = bytes(each ^ 0x15 + place for place, each in enumerate(before[node]))
+            for data in (value, before[node], value, value, before[node]):
+                fieldbus.write_object(0, node, index, 0, data)
+                found = {each: fieldbus.read_object(0, each, index) for each in nodes}
+                assert found == before | {node: data}, f"object 0x{index:X} of node {node}"
+            written += 1
+        break
+    if not written:
+        pytest.skip("no node has an object that may be written")
+    harness.periods(5)
+    assert harness.image.servo_on.all()
+
+
+@pytest.mark.clause("FieldbusDriver.status/status")
+@pytest.mark.clause("FieldbusDriver.read_object/value")
+@pytest.mark.needs(Capability.OBJECTS)
+def test_objects_are_those_of_the_status(harness: Harness) -> None:
+    for node in fieldbus_of(harness).status(0).nodes:
+        known = (node.vendor_id, node.product_code, node.revision, node.serial)
+        for subindex, number in enumerate(known, start=1):
+            if number:
+                read = harness.robot.fieldbus.read_object(0, node.id, IDENTITY, subindex)
+                assert int.from_bytes(read, "little") == number, f"0x1018:{subindex} of {node.id}"
+
+
+@pytest.mark.clause("FieldbusDriver.reset_statistics/zero", "FieldbusDriver.status/status")
+@pytest.mark.needs(Capability.STATISTICS)
+def test_counters_count_again_after_a_reset(harness: Harness, injector: FaultInjector) -> None:
+    def lost() -> int:
+        status = harness.robot.fieldbus.status(0)
+        return status.lost_frames + status.timeouts
+
+    for _ in range(2):
+        harness.robot.fieldbus.reset_statistics(0)
+        assert lost() == 0
+        for _ in range(2):
+            before = lost()
+            injector.lose_packets(LOST)
+            harness.until(lambda before=before: lost() > before, "lost frames are counted", 2.0)  # type: ignore[misc]
+            harness.until(lambda: harness.robot.connection.ready, "frames arrive again")
+            counted = lost() - before
+            most = LOST * max(1, len(fieldbus_of(harness).status(0).nodes))
+            assert counted <= most, f"{counted} frames counted of {LOST}"
+
+
+@pytest.mark.clause("DeviceDriver.scan_network/summary")
+def test_a_lost_drive_is_missing_in_a_scan(fresh: Harness) -> None:
+    before = fresh.drivers.device.scan_network()
+    if before == DeviceDriver.scan_network(fresh.drivers.device):
+        pytest.skip("the backend has no scan")
+    fresh.injector.disconnect(fresh.count - 1)
+    last = fresh.count - 1
+    fresh.until(lambda: bool(fresh.image.offline[last]), "the lost drive is offline", 2.0)
+    assert fresh.drivers.device.scan_network() != before, "a scan shows a drive that is lost"

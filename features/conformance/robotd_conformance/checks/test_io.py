@@ -15,7 +15,7 @@ import pytest
 from robotd.device.capabilities import Capability
 from robotd.device.drivers import IoDriver
 from robotd.device.fault_injector import FaultInjector
-from robotd.errors import InvalidArgument, OperationError
+from robotd.errors import InvalidArgument, OperationError, Unsupported
 from robotd_conformance.checks.harness import Harness
 from robotd_conformance.checks.stopwatch import timed
 
@@ -45,6 +45,7 @@ def window(io: IoDriver) -> tuple[int, int]:
     return io.output_bytes - size, size
 
 
+@pytest.mark.clause("IoDriver.input_bytes/size", "IoDriver.output_bytes/size")
 def test_the_images_have_a_size(harness: Harness, io: IoDriver) -> None:
     assert io.input_bytes >= 0
     assert len(io.read_outputs(0, io.output_bytes)) == io.output_bytes
@@ -52,6 +53,8 @@ def test_the_images_have_a_size(harness: Harness, io: IoDriver) -> None:
         assert len(io.read_inputs(0, io.input_bytes)) == io.input_bytes
 
 
+@pytest.mark.clause("IoDriver.read_outputs/bytes")
+@pytest.mark.clause("IoDriver.write_output_bit/bit")
 def test_a_bit_leaves_its_neighbours_alone(harness: Harness, io: IoDriver) -> None:
     first, size = window(io)
     middle = size // 2
@@ -66,6 +69,7 @@ def test_a_bit_leaves_its_neighbours_alone(harness: Harness, io: IoDriver) -> No
             outputs(harness, io, bytes(expected), first)
 
 
+@pytest.mark.clause("IoDriver.write_outputs/bytes")
 def test_bytes_leave_their_neighbours_alone(harness: Harness, io: IoDriver) -> None:
     first, size = window(io)
     for index in range(size):
@@ -76,6 +80,7 @@ def test_bytes_leave_their_neighbours_alone(harness: Harness, io: IoDriver) -> N
         outputs(harness, io, bytes(expected), first)
 
 
+@pytest.mark.clause("IoDriver.write_outputs/bytes")
 def test_the_other_outputs_stay_as_they_are(harness: Harness, io: IoDriver) -> None:
     first, size = window(io)
     if harness.can(Capability.SIMULATED):
@@ -86,6 +91,7 @@ def test_the_other_outputs_stay_as_they_are(harness: Harness, io: IoDriver) -> N
     assert io.read_outputs(0, io.output_bytes)[:first] == before[:first]
 
 
+@pytest.mark.clause("IoDriver.write_output_bit/bit")
 def test_bits_written_by_several_threads_are_all_there(harness: Harness, io: IoDriver) -> None:
     byte = io.output_bytes - 1
     io.write_outputs(byte, bytes([0]))
@@ -102,14 +108,17 @@ def test_bits_written_by_several_threads_are_all_there(harness: Harness, io: IoD
     outputs(harness, io, bytes([0xFF]), byte)
 
 
+@pytest.mark.clause("IoDriver.read_outputs/blocks", "IoDriver.read_inputs/blocks")
 def test_reading_does_not_block(harness: Harness, io: IoDriver) -> None:
-    durations = list[float]()
-    for _ in range(200):
-        with timed(durations):
-            io.read_outputs(0, 1)
-    assert median(durations) < 0.25 * harness.period_s
+    for read, size in ((io.read_outputs, io.output_bytes), (io.read_inputs, io.input_bytes)):
+        durations = list[float]()
+        for _ in range(200 if size else 0):
+            with timed(durations):
+                read(0, 1)
+        assert median(durations or [0.0]) < 0.25 * harness.period_s, f"{read.__name__} blocks"
 
 
+@pytest.mark.clause("IoDriver.read_inputs/bytes")
 def test_an_input_shows_its_sensor(harness: Harness, io: IoDriver, injector: FaultInjector) -> None:
     if io.input_bytes == 0:
         pytest.skip("the device has no inputs")
@@ -122,6 +131,7 @@ def follows(harness: Harness, value: bool) -> bool:
     return harness.robot.io.input_bit(0, 3) is value
 
 
+@pytest.mark.clause("IoDriver.output_bytes/size")
 def test_addresses_outside_are_rejected(harness: Harness, io: IoDriver) -> None:
     for call in (
         lambda: harness.robot.io.set_output_bit(io.output_bytes, 0, True),
@@ -133,6 +143,7 @@ def test_addresses_outside_are_rejected(harness: Harness, io: IoDriver) -> None:
             call()
 
 
+@pytest.mark.clause("IoDriver.write_outputs/bytes")
 def test_outputs_are_at_the_terminals(
     harness: Harness, io: IoDriver, injector: FaultInjector
 ) -> None:
@@ -144,6 +155,85 @@ def test_outputs_are_at_the_terminals(
             harness.until(partial(shows, injector, first, bit, level), "the terminal shows it")
 
 
+def places(io: IoDriver) -> list[int]:
+    """Bytes of the input image that belong to different modules, where there are several."""
+    last = io.input_bytes - 1
+    return sorted({0, 1, 2, 3, 4, 7, 8, 16, last // 2, last} & set(range(last + 1)))
+
+
+@pytest.mark.clause("IoDriver.read_inputs/bytes", "IoDriver.live/images")
+def test_each_input_is_at_its_address(
+    harness: Harness, io: IoDriver, injector: FaultInjector
+) -> None:
+    """One sensor after the other, of every module: its bit changes and no other."""
+    if io.input_bytes == 0:
+        pytest.skip("the device has no inputs")
+    before = io.read_inputs(0, io.input_bytes)
+    for byte in places(io):
+        for bit in {byte % 8, 7 - byte % 8}:
+            value = not before[byte] >> bit & 1
+            try:
+                harness.set_input_bit(byte, bit, value)
+            except Unsupported:  # a gap between two modules
+                continue
+            expected = bytearray(before)
+            expected[byte] ^= 1 << bit
+            shown = partial(inputs_are, io, bytes(expected))
+            harness.until(shown, f"input {byte}.{bit} alone has changed", 2.0)
+            injector.set_input_bit(byte, bit, not value)
+            harness.until(partial(inputs_are, io, before), "the input is as before", 2.0)
+
+
+def inputs_are(io: IoDriver, expected: bytes) -> bool:
+    """The image is ``expected``, read at once and in parts, by both ways."""
+    size = len(expected)
+    parts = [(0, size), (size // 2, size - size // 2), (size - 1, 1), (0, 1)]
+    right = all(io.read_inputs(at, count) == expected[at : at + count] for at, count in parts)
+    return right and (io.live is None or bytes(io.live[0]) == expected)
+
+
+@pytest.mark.clause(
+    "IoDriver.write_outputs/bytes", "IoDriver.read_outputs/bytes", "IoDriver.live/images"
+)
+@pytest.mark.needs(Capability.SIMULATED)
+def test_each_output_byte_is_at_its_address(
+    harness: Harness, io: IoDriver, injector: FaultInjector
+) -> None:
+    size = io.output_bytes
+    pattern = bytes((37 * index + 11) % 251 for index in range(size))
+    for written in (pattern, bytes(255 - each for each in pattern)):
+        io.write_outputs(0, written)
+        outputs(harness, io, written, 0)
+        assert io.read_outputs(size // 2, size - size // 2) == written[size // 2 :]
+        if io.live is not None:
+            assert bytes(io.live[1]) == written
+        for byte in {0, 1, 2, size // 2, size - 1} & set(range(size)):
+            for bit in range(8):
+                level = bool(written[byte] >> bit & 1)
+                harness.until(partial(shows, injector, byte, bit, level), "the terminal shows it")
+
+
+@pytest.mark.clause("IoDriver.write_output_bit/bit", "IoDriver.write_outputs/bytes")
+def test_an_output_that_is_written_again_stays(harness: Harness, io: IoDriver) -> None:
+    byte = io.output_bytes - 1
+    for value in (True, True, False, False, True, True, True):
+        for bit in (0, 7):
+            io.write_output_bit(byte, bit, value)
+            harness.until(partial(output_is, io, byte, bit, value), "the output keeps its value")
+        harness.periods(3)
+        assert output_is(io, byte, 0, value)
+    for data in (b"\x3c", b"\x3c", b"\xc3", b"\xc3"):
+        io.write_outputs(byte, data)
+        outputs(harness, io, data, byte)
+        harness.pass_time(0.1)
+        assert io.read_outputs(byte, 1) == data, "an output goes back by itself"
+
+
+def output_is(io: IoDriver, byte: int, bit: int, value: bool) -> bool:
+    return bool(io.read_outputs(byte, 1)[0] >> bit & 1) is value
+
+
+@pytest.mark.clause("IoDriver.read_inputs/bytes")
 @pytest.mark.needs(Capability.SIMULATED)
 def test_outputs_are_no_inputs(harness: Harness, io: IoDriver) -> None:
     if io.input_bytes == 0:
@@ -156,6 +246,7 @@ def test_outputs_are_no_inputs(harness: Harness, io: IoDriver) -> None:
         assert io.read_inputs(0, io.input_bytes) == before
 
 
+@pytest.mark.clause("drivers/rejects")
 def test_nothing_is_written_while_no_device_is_open(unopened: Harness) -> None:
     driver = unopened.drivers.io
     if driver is None or driver.output_bytes == 0:

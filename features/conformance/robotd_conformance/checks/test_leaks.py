@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import gc
+import sys
 import threading
-from collections.abc import Callable
-from contextlib import suppress
+import tracemalloc
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
+import numpy as np
+import pytest
+
 from robotd.clock import MonotonicClock, wait_until
-from robotd_conformance.checks.harness import MakeHarness
+from robotd.device.drivers import AxisDriver
+from robotd_conformance.checks.harness import Harness, MakeHarness
 
 ROUNDS = 3
+STARTS, BLOCKS_PER_START, BYTES_PER_START = 3, 40.0, 4096.0
 
 
 def run_once(make_harness: MakeHarness) -> None:
@@ -27,6 +34,8 @@ def settles(condition: Callable[[], bool]) -> bool:
     return wait_until(condition, 2.0, MonotonicClock(), 0.02)
 
 
+@pytest.mark.clause("AxisDriver.clear_alarm/clears")
+@pytest.mark.clause("DeviceDriver.open/connects")
 def test_no_thread_is_left(make_harness: MakeHarness) -> None:
     make_harness()
     before = set(threading.enumerate())
@@ -39,6 +48,8 @@ def test_no_thread_is_left(make_harness: MakeHarness) -> None:
     assert settles(lambda: not left()), f"threads left behind: {left()}"
 
 
+@pytest.mark.clause("DeviceDriver.close/disconnects", "DeviceDriver.stop_communication/ends")
+@pytest.mark.clause("DeviceDriver.open/connects")
 def test_no_handle_is_left(make_harness: MakeHarness) -> None:
     folder = Path("/proc/self/fd")
     run_once(make_harness)  # what is opened once for the process, such as a log, may stay
@@ -59,6 +70,7 @@ def test_no_handle_is_left(make_harness: MakeHarness) -> None:
     assert enough, f"handles left behind: {left}"
 
 
+@pytest.mark.clause("DeviceDriver.close/disconnects")
 def test_no_process_is_left(make_harness: MakeHarness) -> None:
     def children() -> set[str]:
         tasks = Path("/proc/self/task").glob("*/children")
@@ -67,3 +79,84 @@ def test_no_process_is_left(make_harness: MakeHarness) -> None:
     before = children()
     run_once(make_harness)
     assert settles(lambda: children() <= before), f"processes left behind: {children() - before}"
+
+
+@pytest.mark.clause(
+    "DeviceDriver.start_communication/starts",
+    "DeviceDriver.open/connects",
+    "DeviceDriver.stop_communication/ends",
+)
+@pytest.mark.parametrize("close", [True, False], ids=["closed", "stopped"])
+def test_nothing_grows_with_each_start(unopened: Harness, close: bool) -> None:
+    """Threads, handles and memory, of one device that is started again and again."""
+
+    def restart() -> None:
+        unopened.robot.connection.start()
+        unopened.until(lambda: unopened.robot.connection.ready, "the engine is ready")
+        unopened.periods(3)
+        if close:
+            unopened.robot.connection.close()
+        else:
+            unopened.robot.connection.stop_communication()
+        unopened.periods(3)
+
+    unopened.begin()
+    check_growth(restart, "start")
+
+
+@pytest.mark.clause("drivers/loop", "AxisDriver.move/starts", "AxisDriver.clear_alarm/clears")
+@pytest.mark.clause("AxisDriver.stop/rests")
+def test_nothing_grows_with_each_command(harness: Harness) -> None:
+    """Of the driver alone: the core keeps a history of commands."""
+    start, way = harness.image.position_command.copy(), harness.travel(0.1)
+    driver: AxisDriver = vars(harness.drivers.axes)["wrapped"]
+    profiles = [harness.profile(axis) for axis in harness.all]
+
+    def command() -> None:
+        for axis in harness.all:
+            driver.move(axis, float(start[axis] + way[axis]), profiles[axis])
+        harness.periods(5)
+        driver.stop(harness.all)
+        driver.quick_stop(harness.all)
+        harness.rest()
+        for axis in harness.all:
+            driver.clear_alarm(axis, 5.0)
+            driver.servo(axis, True, 5.0)
+            driver.move(axis, float(start[axis]), profiles[axis])
+        harness.rest()
+
+    check_growth(command, "round of commands")
+
+
+def check_growth(work: Callable[[], None], what: str) -> None:
+    """Fail where threads, handles or memory grow with each ``work``."""
+
+    def size() -> np.ndarray:
+        gc.collect()
+        traced, _ = tracemalloc.get_traced_memory()
+        handles = len(list(Path("/proc/self/fd").iterdir()))
+        return np.array([threading.active_count(), handles, sys.getallocatedblocks(), traced])
+
+    with traced_memory():
+        for _ in range(2):
+            work()  # what is made once may stay
+        sizes = [size()]
+        for _ in range(2 * STARTS):
+            work()
+            sizes.append(size())
+    grown = np.diff(np.array(sizes, np.float64), axis=0)
+    threads, handles = grown[:, :2].sum(0)
+    blocks, octets = np.median(grown[:, 2:], axis=0)
+    assert threads < STARTS, f"{threads:.0f} threads more after {2 * STARTS} times"
+    assert handles < STARTS, f"{handles:.0f} handles more after {2 * STARTS} times"
+    assert blocks <= BLOCKS_PER_START, f"each {what} leaves {blocks:.0f} objects behind"
+    assert octets <= BYTES_PER_START, f"each {what} leaves {octets:.0f} bytes behind"
+
+
+@contextmanager
+def traced_memory() -> Iterator[None]:
+    tracemalloc.start()
+    try:
+        yield
+    finally:
+        tracemalloc.stop()

@@ -16,6 +16,7 @@ LAG_S = 0.05  # granted to a joint behind its path
 POINTS = 60
 
 
+@pytest.mark.clause("AxisDriver.device_limits/limits", "AxisDriver.stream/position")
 @pytest.mark.needs(Capability.SIMULATED)
 def test_a_trajectory_at_the_limits_is_followed(harness: Harness, joints: list[int]) -> None:
     """A device that clips sooner reports its limits: ``AxisDriver.device_limits``."""

@@ -17,6 +17,7 @@ def several(harness: Harness) -> Harness:
     return harness
 
 
+@pytest.mark.clause("AxisDriver.set_command_mode/changes")
 @pytest.mark.needs(Capability.VELOCITY_MODE)
 def test_the_mode_of_one_axis(fresh: Harness) -> None:
     harness = several(fresh)
@@ -29,6 +30,7 @@ def test_the_mode_of_one_axis(fresh: Harness) -> None:
         assert list(harness.image.mode) == list(expected)
 
 
+@pytest.mark.clause("AxisDriver.set_polarity/sets")
 @pytest.mark.needs(Capability.SCALING)
 def test_the_polarity_of_one_axis(rescalable: Harness) -> None:
     harness = several(rescalable)
@@ -42,6 +44,7 @@ def test_the_polarity_of_one_axis(rescalable: Harness) -> None:
     assert harness.image.position == pytest.approx(expected, abs=SETTLED_RAD)
 
 
+@pytest.mark.clause("AxisDriver.set_gear_ratio/counts")
 @pytest.mark.needs(Capability.SCALING)
 def test_the_gear_ratio_of_one_axis(rescalable: Harness) -> None:
     harness = several(rescalable)
@@ -55,6 +58,8 @@ def test_the_gear_ratio_of_one_axis(rescalable: Harness) -> None:
     assert harness.image.position == pytest.approx(expected, abs=SETTLED_RAD)
 
 
+@pytest.mark.clause("AxisDriver.home/no-motion")
+@pytest.mark.clause("AxisDriver.home/zero", "AxisDriver.read/states")
 @pytest.mark.needs(Capability.HOMING)
 def test_the_home_position_of_one_axis(fresh: Harness) -> None:
     harness = several(fresh)
@@ -72,6 +77,7 @@ def test_the_home_position_of_one_axis(fresh: Harness) -> None:
         assert list(harness.image.home_done) == list(was_done)
 
 
+@pytest.mark.clause("AxisDriver.clear_alarm/clears")
 def test_the_alarm_of_one_axis_is_cleared_alone(harness: Harness, injector: FaultInjector) -> None:
     several(harness)
     if harness.can(Capability.CONTROLLER_ALARM):

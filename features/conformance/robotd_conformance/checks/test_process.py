@@ -8,29 +8,36 @@ import sys
 import threading
 import time
 import traceback
+import tracemalloc
 import warnings
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from robotd.device.process_image import ProcessImage
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness, MakeHarness
 from robotd_conformance.checks.surroundings import surroundings
+from robotd_conformance.checks.test_leaks import traced_memory
 
 OWN_LOG = "component="
 STANDARD_ERROR = 2  # its file descriptor
-READS, SPANS, OBJECTS_PER_READ = 100, 10, 0.5
+READS, SPANS, OBJECTS_PER_READ = 100, 8, 0.5
+WINDOW, BYTES_PER_READ = 3, 6.0  # spans: a list grows by leaps
 
 
 def hooks() -> dict[str, object]:
     return {
         "exception hooks": (sys.excepthook, threading.excepthook),
         "standard streams": (sys.stdout, sys.stderr),
+        "warning filters": list(warnings.filters),
+        "random numbers": np.random.get_state(legacy=False)["state"]["pos"],  # noqa: NPY002 - shared by all
     }
 
 
+@pytest.mark.clause("backend/process")
 def test_it_is_left_as_it_is(
     make_harness: MakeHarness,
     at_start: dict[str, object],
@@ -50,6 +57,7 @@ def test_it_is_left_as_it_is(
     assert foreign == [], "standard output belongs to the program"
 
 
+@pytest.mark.clause("DeviceDriver.close/disconnects")
 def test_closing_takes_no_time(fresh: Harness) -> None:
     device = fresh.drivers.device
     device.stop_communication(5.0)
@@ -60,6 +68,8 @@ def test_closing_takes_no_time(fresh: Harness) -> None:
     assert (fresh.clock.now_ns() - began_ns) * 1e-9 < 3.0
 
 
+@pytest.mark.clause("DeviceDriver.state/now")
+@pytest.mark.clause("drivers/loop")
 def test_reading_needs_no_memory(fresh: Harness) -> None:
 
     def growth() -> float:
@@ -76,11 +86,36 @@ def test_reading_needs_no_memory(fresh: Harness) -> None:
     assert min(grown) <= OBJECTS_PER_READ, f"a read leaves {min(grown):.1f} objects behind"
 
 
+@pytest.mark.clause("drivers/loop")
+@pytest.mark.parametrize("streams", [False, True], ids=["read", "stream"])
+def test_a_period_needs_no_room(fresh: Harness, streams: bool) -> None:
+    """Also in lists and buffers that grow without a further object."""
+    position, velocity = fresh.image.position_command.copy(), np.zeros(fresh.count)
+    streams = streams and not fresh.robot.axes.trajectories_on_device
+    claim = fresh.robot.axes.claimed("conformance", fresh.all) if streams else nullcontext()
+    grown, before = list[float](), 0
+
+    def send(image: ProcessImage) -> None:
+        if streams:
+            fresh.stream(position, velocity)
+
+    with claim, fresh.each_period(send), traced_memory():
+        for _ in range(SPANS):
+            fresh.periods(READS)
+            gc.collect()
+            now = tracemalloc.get_traced_memory()[0]
+            grown.append((now - before) / READS)
+            before = now
+    windows = [sum(grown[first : first + WINDOW]) / WINDOW for first in range(1, len(grown) - 2)]
+    assert min(windows) <= BYTES_PER_READ, f"a period leaves {min(windows):.1f} bytes behind"
+
+
 def living_objects() -> int:
     gc.collect()
     return sys.getallocatedblocks()
 
 
+@pytest.mark.clause("backend/fork")
 def test_a_forked_process_does_not_disturb_the_device(fresh: Harness) -> None:
     start = fresh.image.position_command.copy()
     assert in_a_fork(lambda: None) == ""
@@ -92,6 +127,7 @@ def test_a_forked_process_does_not_disturb_the_device(fresh: Harness) -> None:
     assert fresh.image.position == pytest.approx(start + fresh.travel(0.2), abs=SETTLED_RAD)
 
 
+@pytest.mark.clause("backend/fork")
 def test_a_device_can_be_opened_after_a_fork(unopened: Harness) -> None:
 
     def use() -> None:
@@ -105,6 +141,7 @@ def test_a_device_can_be_opened_after_a_fork(unopened: Harness) -> None:
     )
 
 
+@pytest.mark.clause("backend/process")
 def test_programs_inherit_no_handle(make_harness: MakeHarness) -> None:
     before = inherited_handles()
     make_harness().start(enable=False)

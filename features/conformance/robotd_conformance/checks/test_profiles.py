@@ -13,6 +13,8 @@ SPAN_S = 0.02  # over which ramps are measured
 MORE = 1.1  # what a measured value may be above its limit
 
 
+@pytest.mark.clause("AxisDriver.read/fills")
+@pytest.mark.clause("AxisDriver.move/profile")
 @pytest.mark.parametrize("share", [1.0, 0.4])
 def test_a_move_keeps_to_its_velocity(harness: Harness, share: float) -> None:
     way, recording = np.abs(harness.travel()), record_move(harness, share)
@@ -26,11 +28,13 @@ def test_a_move_keeps_to_its_velocity(harness: Harness, share: float) -> None:
     judge(harness, recording, problems)
 
 
+@pytest.mark.clause("AxisDriver.move/profile")
 def test_a_move_keeps_to_its_ramps(harness: Harness) -> None:
     recording = record_move(harness)
     judge(harness, recording, steep_ramps(harness, recording, SPAN_S, MORE))
 
 
+@pytest.mark.clause("AxisDriver.move/profile")
 def test_a_second_is_a_second(harness: Harness) -> None:
     distance, recording = harness.travel(), record_move(harness, 0.3)
     for axis in harness.all:
@@ -44,6 +48,7 @@ def test_a_second_is_a_second(harness: Harness) -> None:
         assert 0.93 * shortest_s <= took_s <= 1.5 * shortest_s + 0.1
 
 
+@pytest.mark.clause("AxisDriver.move/target")
 def test_a_move_ends_at_its_target_without_overshoot(harness: Harness) -> None:
     start, distance = harness.image.position.copy(), harness.travel()
     recording = record_move(harness)
@@ -53,6 +58,7 @@ def test_a_move_ends_at_its_target_without_overshoot(harness: Harness) -> None:
         assert way.min() >= -SETTLED_RAD
 
 
+@pytest.mark.clause("AxisDriver.read/states")
 def test_a_move_shows_what_it_does(harness: Harness) -> None:
     harness.move_all()
     harness.until(
@@ -63,6 +69,7 @@ def test_a_move_shows_what_it_does(harness: Harness) -> None:
     assert harness.image.motion_complete.all()
 
 
+@pytest.mark.clause("AxisDriver.move/overrides")
 def test_a_new_target_is_taken_without_a_jump(harness: Harness) -> None:
     start, distance = harness.image.position_command.copy(), harness.travel()
     with harness.recording() as recording:
@@ -74,6 +81,29 @@ def test_a_new_target_is_taken_without_a_jump(harness: Harness) -> None:
     judge(harness, recording, steep_ramps(harness, recording, SPAN_S, MORE))
 
 
+@pytest.mark.clause("AxisDriver.move/overrides", "AxisDriver.move/profile")
+@pytest.mark.parametrize("farther", [True, False], ids=["farther", "back"])
+def test_a_new_target_has_its_own_profile(harness: Harness, farther: bool) -> None:
+    start, way = harness.image.position_command.copy(), harness.travel()
+    slow = [harness.profile(axis, 0.4) for axis in harness.all]
+    targets = start + (way if farther else -0.1 * way)
+    with harness.recording() as recording:
+        harness.move(harness.all, start + 0.7 * way)
+        harness.pass_time(0.1)
+        harness.move(harness.all, targets, slow)
+        harness.pass_time(0.1)
+        harness.rest()
+    assert harness.image.position == pytest.approx(targets, abs=SETTLED_RAD)
+    problems = steep_ramps(harness, recording, SPAN_S, MORE)
+    late = recording.time_s > recording.time_s[0] + 0.4
+    for axis, profile in enumerate(slow):
+        top = np.abs(recording.velocity_command[late, axis]).max()
+        if top > MORE * profile.velocity + SETTLED_RAD:
+            problems.append(f"axis {axis}: {top:.3g} rad/s, commanded {profile.velocity:.3g}")
+    judge(harness, recording, problems)
+
+
+@pytest.mark.clause("AxisDriver.move/starts")
 def test_a_move_to_where_it_stands_ends(harness: Harness) -> None:
     start = harness.image.position.copy()
     harness.move(harness.all, harness.image.position_command)

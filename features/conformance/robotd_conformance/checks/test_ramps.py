@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from math import isfinite
 
@@ -16,12 +15,13 @@ from robotd.motion.profile import Profile
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.recorded_motion import jog, judge
 from robotd_conformance.checks.recording import Recording
+from robotd_conformance.checks.stopwatch import timed
 
 SPAN_S = 0.02  # over which ramps are measured
-MORE, LESS = 1.15, 0.6  # share of the asked-for ramp that the steepest part may have
+MORE, LESS = 1.15, 0.85  # share of the asked-for ramp that the steepest part may have
 GENTLE = 0.4
 JOG_SHARE = 0.5  # of the speed of a move
-RETURNS_S = 0.05
+TIMED_STOPS = 5
 LONG_S, LONG_STEPPED_S = 4.0, 20.0  # stepped time costs little
 
 Stop = Callable[[AxisDriver, Sequence[int]], None]
@@ -58,6 +58,7 @@ def ramp_problems(
     return found
 
 
+@pytest.mark.clause("AxisDriver.move/profile")
 @pytest.mark.parametrize("gentle", ["acceleration", "deceleration"])
 def test_a_move_has_the_ramps_of_its_profile(harness: Harness, gentle: str) -> None:
     profiles = [uneven(harness, axis, gentle) for axis in harness.all]
@@ -67,6 +68,7 @@ def test_a_move_has_the_ramps_of_its_profile(harness: Harness, gentle: str) -> N
     judge(harness, recording, ramp_problems(recording, profiles))
 
 
+@pytest.mark.clause("AxisDriver.stop/ramp")
 @pytest.mark.parametrize("gentle", ["acceleration", "deceleration"])
 def test_a_stop_has_the_ramp_of_the_move(harness: Harness, gentle: str) -> None:
     profiles = [uneven(harness, axis, gentle) for axis in harness.all]
@@ -79,6 +81,8 @@ def test_a_stop_has_the_ramp_of_the_move(harness: Harness, gentle: str) -> None:
     judge(harness, recording, ramp_problems(recording, profiles, rising=False))
 
 
+@pytest.mark.clause("AxisDriver.jog/zero")
+@pytest.mark.clause("AxisDriver.jog/profile", "AxisDriver.stop/ramp", "AxisDriver.stop/starts")
 @pytest.mark.needs(Capability.VELOCITY_MODE)
 @pytest.mark.parametrize("gentle", ["acceleration", "deceleration"])
 def test_a_velocity_command_has_the_ramps_of_its_profile(fresh: Harness, gentle: str) -> None:
@@ -102,6 +106,9 @@ def test_a_velocity_command_has_the_ramps_of_its_profile(fresh: Harness, gentle:
         judge(fresh, recording, ramp_problems(recording, profiles))
 
 
+@pytest.mark.clause(
+    "AxisDriver.stop/stream", "AxisDriver.quick_stop/starts", "AxisDriver.stop/starts"
+)
 @pytest.mark.parametrize("stop", STOPS)
 def test_a_stop_ends_a_trajectory(harness: Harness, joints: list[int], stop: Stop) -> None:
     way = harness.travel()[joints]
@@ -116,20 +123,28 @@ def test_a_stop_ends_a_trajectory(harness: Harness, joints: list[int], stop: Sto
     assert (passed < 0.4 * np.abs(way)).all(), "the trajectory went on"
 
 
+@pytest.mark.clause("AxisDriver.stop/returns", "AxisDriver.quick_stop/returns")
 @pytest.mark.parametrize("stop", STOPS)
 def test_a_stop_returns_at_once(harness: Harness, stop: Stop) -> None:
-    harness.move_all()
-    harness.pass_time(0.2)
-    began_ns, began_s = harness.clock.now_ns(), time.perf_counter()
-    stop(harness.drivers.axes, harness.all)
-    took_s = time.perf_counter() - began_s
-    passed_s = (harness.clock.now_ns() - began_ns) * 1e-9
-    limit_s = 2.0 * harness.period_s if harness.stepped else RETURNS_S
-    late = took_s > RETURNS_S or passed_s > limit_s
-    assert not late, "the control loop calls stop: it must not wait"
-    harness.rest()
+    driver: AxisDriver = vars(harness.drivers.axes)["wrapped"]  # without a thread that limits it
+    start, durations_s, passed_s = harness.image.position_command.copy(), list[float](), 0.0
+    for count in range(TIMED_STOPS):
+        harness.move(harness.all, start if count % 2 else start + harness.travel())
+        harness.pass_time(0.12)
+        began_ns = harness.clock.now_ns()
+        with timed(durations_s):
+            stop(driver, harness.all)
+        passed_s += (harness.clock.now_ns() - began_ns) * 1e-9
+        harness.rest()
+    typical_s = sorted(durations_s)[-2]
+    assert not (harness.stepped and passed_s), "a stop has waited"
+    assert typical_s <= harness.period_s, (
+        f"stop takes {1e3 * typical_s:.1f} ms; the control loop calls it, a period has"
+        f" {1e3 * harness.period_s:.1f} ms"
+    )
 
 
+@pytest.mark.clause("AxisDriver.stop/rests")
 @pytest.mark.parametrize("stop", STOPS)
 def test_an_axis_that_is_stopped_neither_returns_nor_goes_on(harness: Harness, stop: Stop) -> None:
     distance = harness.travel()
@@ -145,6 +160,7 @@ def test_an_axis_that_is_stopped_neither_returns_nor_goes_on(harness: Harness, s
     assert np.ptp(recording.position[later], 0).max() <= SETTLED_RAD, "an axis went on"
 
 
+@pytest.mark.clause("AxisDriver.move/starts", "AxisDriver.move/target")
 def test_a_short_move_is_made(harness: Harness) -> None:
     for sign in (1.0, -1.0):
         targets = harness.image.position_command + sign * np.linspace(0.007, 0.012, harness.count)
@@ -153,6 +169,7 @@ def test_a_short_move_is_made(harness: Harness) -> None:
         assert np.abs(harness.image.position - targets).max() <= SETTLED_RAD
 
 
+@pytest.mark.clause("AxisDriver.move/target", "AxisDriver.read/measured")
 @pytest.mark.needs(Capability.SIMULATED)
 def test_a_radian_is_a_radian_far_from_zero_and_beyond_a_turn(harness: Harness) -> None:
     limits = harness.robot.axes.limits
@@ -175,6 +192,7 @@ def test_a_radian_is_a_radian_far_from_zero_and_beyond_a_turn(harness: Harness) 
         assert harness.image.position_command == pytest.approx(targets, abs=SETTLED_RAD)
 
 
+@pytest.mark.clause("AxisDriver.stop/rests", "AxisDriver.move/target")
 def test_a_standing_axis_does_not_drift(harness: Harness) -> None:
     harness.move_all(0.3)
     harness.rest()

@@ -40,6 +40,7 @@ KEEPS_WHAT_IT_FINDS = (
 )
 
 
+@pytest.mark.clause("backend/declares")
 def test_the_backend_describes_itself(target: KitTarget) -> None:
     info = target.backend.info
     assert isinstance(info, BackendInfo)
@@ -47,6 +48,7 @@ def test_the_backend_describes_itself(target: KitTarget) -> None:
     assert "\n" not in info.summary
 
 
+@pytest.mark.clause("backend/declares")
 def test_an_unknown_option_is_rejected(target: KitTarget) -> None:
     section = {"no_such_option_of_any_backend": 1}
     changed = target.descriptor.model_copy(update={"backends": {target.backend.name: section}})
@@ -54,6 +56,7 @@ def test_an_unknown_option_is_rejected(target: KitTarget) -> None:
         target.backend.context(changed)
 
 
+@pytest.mark.clause("backend/declares")
 def test_what_is_not_declared_is_not_supported(harness: Harness) -> None:
     for capability, use in FEATURES.items():
         if not harness.can(capability):
@@ -61,12 +64,14 @@ def test_what_is_not_declared_is_not_supported(harness: Harness) -> None:
                 use(harness.robot)
 
 
+@pytest.mark.clause("backend/declares")
 def test_what_is_declared_is_there(harness: Harness) -> None:
     for capability in KEEPS_WHAT_IT_FINDS:
         if harness.can(capability):
             FEATURES[capability](harness.robot)
 
 
+@pytest.mark.clause("drivers/rejects")
 def test_values_outside_are_rejected_before_the_driver_sees_them(harness: Harness) -> None:
     axes, start = harness.robot.axes, harness.image.position.copy()
     nan = float("nan")
@@ -85,6 +90,7 @@ def test_values_outside_are_rejected_before_the_driver_sees_them(harness: Harnes
     assert harness.image.position == pytest.approx(start, abs=1e-3)
 
 
+@pytest.mark.clause("drivers/rejects", "drivers/errors")
 def test_a_driver_without_communication_refuses_by_robotds_errors(unopened: Harness) -> None:
     driver = unopened.drivers.axes
     unopened.drivers.device.open()
@@ -100,6 +106,7 @@ def test_a_driver_without_communication_refuses_by_robotds_errors(unopened: Harn
             call()
 
 
+@pytest.mark.clause("drivers/rejects")
 @pytest.mark.needs(Capability.VELOCITY_MODE)
 def test_an_axis_in_position_mode_takes_no_velocity(harness: Harness) -> None:
     with pytest.raises(OperationError):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+import pytest
 
 from robotd.device.state import Operation
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
@@ -34,6 +35,7 @@ def stop_moving(
     return speed, times_s, np.abs(harness.image.position - start)
 
 
+@pytest.mark.clause("AxisDriver.stop/starts")
 def test_a_stop_takes_the_time_and_way_of_its_ramp(harness: Harness) -> None:
     speed, time_s, distance = stop_moving(harness, harness.robot.axes.stop)
     for axis in harness.all:
@@ -43,6 +45,8 @@ def test_a_stop_takes_the_time_and_way_of_its_ramp(harness: Harness) -> None:
         assert distance[axis] <= speed[axis] * (MORE * ramp_s / 2 + REACTION_S)
 
 
+@pytest.mark.clause("AxisDriver.stop/rests")
+@pytest.mark.clause("AxisDriver.quick_stop/starts")
 def test_a_quick_stop_is_no_slower_than_a_stop(harness: Harness) -> None:
     _, stop_s, stop_way = stop_moving(harness, harness.robot.axes.stop)
     harness.move(harness.all, harness.image.position_command - harness.travel(0.5))
@@ -52,6 +56,7 @@ def test_a_quick_stop_is_no_slower_than_a_stop(harness: Harness) -> None:
     assert (quick_way <= stop_way + REACTION_S * speed).all()
 
 
+@pytest.mark.clause("AxisDriver.stop/all-axes", "AxisDriver.stop/starts")
 def test_a_stopped_move_is_not_complete(harness: Harness) -> None:
     harness.move_all()
     harness.pass_time(0.2)
@@ -60,6 +65,7 @@ def test_a_stopped_move_is_not_complete(harness: Harness) -> None:
     assert not harness.image.motion_complete.any()
 
 
+@pytest.mark.clause("AxisDriver.stop/all-axes")
 def test_a_stop_leaves_other_axes_alone(harness: Harness) -> None:
     targets = harness.move_all()
     harness.pass_time(0.2)
@@ -69,6 +75,7 @@ def test_a_stop_leaves_other_axes_alone(harness: Harness) -> None:
     assert np.abs(harness.image.position[1:] - targets[1:]).max(initial=0.0) <= SETTLED_RAD
 
 
+@pytest.mark.clause("AxisDriver.quick_stop/idle")
 def test_a_stop_of_a_standing_axis_has_no_effect(harness: Harness) -> None:
     start = harness.image.position.copy()
     harness.robot.axes.stop(harness.all)
@@ -78,6 +85,8 @@ def test_a_stop_of_a_standing_axis_has_no_effect(harness: Harness) -> None:
     assert harness.image.servo_on.all()
 
 
+@pytest.mark.clause("AxisDriver.move/target")
+@pytest.mark.clause("AxisDriver.stop/starts")
 def test_a_stopped_axis_takes_the_next_move(harness: Harness) -> None:
     stop_moving(harness, harness.robot.axes.stop)
     targets = harness.image.position_command - harness.travel(0.3)
@@ -86,6 +95,7 @@ def test_a_stopped_axis_takes_the_next_move(harness: Harness) -> None:
     assert np.abs(harness.image.position - targets).max() <= SETTLED_RAD
 
 
+@pytest.mark.clause("AxisDriver.servo/disables")
 def test_a_servo_goes_off_and_on_after_a_quick_stop(harness: Harness) -> None:
     stop_moving(harness, harness.robot.axes.quick_stop)
     harness.disable()
@@ -95,6 +105,7 @@ def test_a_servo_goes_off_and_on_after_a_quick_stop(harness: Harness) -> None:
     assert np.abs(harness.image.position - start).max() <= SETTLED_RAD
 
 
+@pytest.mark.clause("AxisDriver.servo/disables")
 def test_a_servo_that_goes_off_ends_the_motion(harness: Harness) -> None:
     targets = harness.image.position_command + harness.travel()
     harness.move([0], targets)

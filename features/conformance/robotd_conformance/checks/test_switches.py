@@ -25,6 +25,7 @@ def shows(harness: Harness, switch: str, axis: int, closed: bool) -> bool:
     return bool(getattr(harness.image, switch)[axis]) is closed
 
 
+@pytest.mark.clause("AxisDriver.read/switches")
 @pytest.mark.parametrize("switch", SWITCHES)
 def test_a_closed_switch_is_shown_alone_until_it_is_released(
     harness: Harness, injector: FaultInjector, switch: str
@@ -42,6 +43,7 @@ def test_a_closed_switch_is_shown_alone_until_it_is_released(
         assert (levels(harness.image) == before).all()
 
 
+@pytest.mark.clause("AxisDriver.read/states")
 @pytest.mark.parametrize("switch", SWITCHES)
 def test_a_switch_moves_no_axis_and_defines_no_home(
     harness: Harness, injector: FaultInjector, switch: str
@@ -55,6 +57,7 @@ def test_a_switch_moves_no_axis_and_defines_no_home(
     harness.pass_time(0.1)
 
 
+@pytest.mark.clause("AxisDriver.read/switches")
 def test_a_switch_that_is_closed_at_the_start_is_shown(disabled: Harness) -> None:
     disabled.robot.connection.stop_communication()
     disabled.injector.press_switch(0, "negative_limit", True)

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 
 from robotd.device.capabilities import Capability
 from robotd.device.state import Operation
@@ -58,6 +59,8 @@ def start(make_harness: MakeHarness) -> tuple[Harness, list[float], list[str]]:
     return harness, durations_s, failures
 
 
+@pytest.mark.clause("drivers/timeouts", "AxisDriver.read/states")
+@pytest.mark.clause("drivers/threads")
 def test_commands_to_all_axes_at_once(make_harness: MakeHarness) -> None:
     harness, durations_s, failures = start(make_harness)
     home, travel = harness.image.position_command.copy(), harness.travel(0.3)
@@ -86,6 +89,7 @@ def test_commands_to_all_axes_at_once(make_harness: MakeHarness) -> None:
     assert np.abs(harness.image.position - home).max() <= SETTLED_RAD
 
 
+@pytest.mark.clause("drivers/threads", "drivers/timeouts")
 def test_switching_servos_does_not_disturb_the_cycle(make_harness: MakeHarness) -> None:
     harness, durations_s, failures = start(make_harness)
 
@@ -108,6 +112,7 @@ def test_switching_servos_does_not_disturb_the_cycle(make_harness: MakeHarness) 
     harness.until(lambda: bool(harness.image.servo_on.all()), "all servos are on at the end")
 
 
+@pytest.mark.clause("drivers/threads")
 def test_communication_may_stop_and_start_while_others_ask(make_harness: MakeHarness) -> None:
     harness, _, failures = start(make_harness)
     connection = harness.robot.connection

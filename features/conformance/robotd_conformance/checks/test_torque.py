@@ -14,6 +14,7 @@ MOVING_RAD_S = 0.1
 TIMEOUT_S = 0.2
 
 
+@pytest.mark.clause("AxisDriver.stream_torque/torque")
 @pytest.mark.needs(Capability.TORQUE_MODE)
 def test_a_torque_moves_a_joint_until_its_source_is_lost(disabled: Harness) -> None:
     for mode in (CommandMode.TORQUE, CommandMode.POSITION):  # also while the servo is off

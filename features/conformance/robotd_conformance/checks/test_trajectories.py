@@ -10,7 +10,7 @@ import pytest
 from robotd.control.trajectory_execution import Outcome
 from robotd.device.process_image import ProcessImage
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
-from robotd_conformance.checks.recorded_motion import judge
+from robotd_conformance.checks.recorded_motion import judge, sample_span_s
 from robotd_conformance.checks.recording import Recording
 
 LAG_S = 0.03  # granted between the path and the measured position
@@ -26,7 +26,7 @@ def check_smooth(harness: Harness, recording: Recording) -> None:
     """Commands and measured values change no faster than the limits of each joint allow."""
     limits, found = harness.robot.follower.limits, []
     more = MORE if harness.stepped else MORE_IN_REAL_TIME
-    _, speeds = recording.slope(recording.position, 2 * harness.period_s)
+    _, speeds = recording.slope(recording.position, sample_span_s(harness))
     _, ramps = recording.slope(recording.velocity_command, 0.02)
     for joint, axis in enumerate(harness.joints):
         speed, ramp = np.abs(speeds[:, axis]).max(), np.abs(ramps[:, axis]).max()
@@ -37,6 +37,7 @@ def check_smooth(harness: Harness, recording: Recording) -> None:
     judge(harness, recording, found)
 
 
+@pytest.mark.clause("AxisDriver.end_stream/holds", "AxisDriver.begin_stream/operation")
 def test_a_trajectory_arrives(harness: Harness, joints: list[int]) -> None:
     goal = harness.image.position_command[joints] + harness.travel()[joints]
     with harness.recording() as recording:
@@ -47,6 +48,7 @@ def test_a_trajectory_arrives(harness: Harness, joints: list[int]) -> None:
     check_smooth(harness, recording)
 
 
+@pytest.mark.clause("AxisDriver.stream/position", "AxisDriver.follow/starts")
 def test_the_joints_are_on_the_path(harness: Harness, joints: list[int]) -> None:
     way = harness.travel()[joints]
     phases = np.linspace(0.0, np.pi, 13)[1:]
@@ -61,6 +63,7 @@ def test_the_joints_are_on_the_path(harness: Harness, joints: list[int]) -> None
     judge(harness, recording, [f"{names[each]}: {errors[each]:.3g} rad" for each in beyond])
 
 
+@pytest.mark.clause("AxisDriver.stream/others")
 def test_bare_axes_do_not_move_with_the_joints(harness: Harness, joints: list[int]) -> None:
     others = [axis for axis in harness.all if axis not in joints]
     if not others:
@@ -72,6 +75,7 @@ def test_bare_axes_do_not_move_with_the_joints(harness: Harness, joints: list[in
     assert np.isfinite(recording.position_command).all()
 
 
+@pytest.mark.clause("AxisDriver.begin_stream/follows")
 def test_a_stream_begins_where_the_command_stands(harness: Harness) -> None:
     start = harness.image.position.copy()
     with harness.recording() as recording, harness.robot.axes.claimed("conformance", harness.all):
@@ -79,6 +83,7 @@ def test_a_stream_begins_where_the_command_stands(harness: Harness) -> None:
     assert np.abs(recording.position - start).max() <= SETTLED_RAD
 
 
+@pytest.mark.clause("AxisDriver.end_stream/holds")
 def test_the_end_of_a_trajectory_is_held(harness: Harness, joints: list[int]) -> None:
     harness.follow([0.8], [harness.travel(0.5)[joints]])
     harness.rest()
@@ -88,6 +93,9 @@ def test_the_end_of_a_trajectory_is_held(harness: Harness, joints: list[int]) ->
     assert np.ptp(recording.position_command, 0).max() <= SETTLED_RAD
 
 
+@pytest.mark.clause("AxisDriver.stream/setpoint")
+@pytest.mark.clause("AxisDriver.stream/position")
+@pytest.mark.clause("AxisDriver.stop_trajectory/starts")
 def test_a_canceled_trajectory_stops_within_the_limits(harness: Harness, joints: list[int]) -> None:
     with (
         harness.recording() as recording,
@@ -101,6 +109,7 @@ def test_a_canceled_trajectory_stops_within_the_limits(harness: Harness, joints:
     check_smooth(harness, recording)
 
 
+@pytest.mark.clause("AxisDriver.follow/stops", "AxisDriver.stop_trajectory/starts")
 def test_a_gentle_trajectory_is_stopped_as_fast_as_any_other(
     harness: Harness, joints: list[int]
 ) -> None:
@@ -120,6 +129,7 @@ def test_a_gentle_trajectory_is_stopped_as_fast_as_any_other(
     assert rest_s <= STOP_MORE * ramp_s + STOP_REACTION_S
 
 
+@pytest.mark.clause("AxisDriver.begin_stream/follows")
 def test_a_new_goal_takes_over_without_a_jump(harness: Harness, joints: list[int]) -> None:
     way = harness.travel()[joints]
     with harness.recording() as recording, harness.following([1.2], [way]) as first:
@@ -131,6 +141,7 @@ def test_a_new_goal_takes_over_without_a_jump(harness: Harness, joints: list[int
     check_smooth(harness, recording)
 
 
+@pytest.mark.clause("AxisDriver.underrun/underrun")
 def test_no_joint_leaps_after_the_cycle_has_stood(harness: Harness, joints: list[int]) -> None:
     """``AxisDriver.underrun`` says where a joint is by then."""
     periods = count()
@@ -149,12 +160,13 @@ def test_no_joint_leaps_after_the_cycle_has_stood(harness: Harness, joints: list
     assert np.diff(recording.time_s).max() > STANDS_S / 2
     times_s = np.linspace(0.0, execution.trajectory.duration_s, 100)
     path = np.abs(execution.trajectory.evaluate(times_s)[1]).max(0)
-    _, speeds = recording.slope(recording.position, 2 * harness.period_s)
+    _, speeds = recording.slope(recording.position, sample_span_s(harness))
     fastest = np.abs(speeds[:, joints]).max(0)
     for name, speed, meant in zip(harness.robot.joint_names, fastest, path, strict=True):
         assert speed <= LEAP * meant, f"{name}: {speed:.3g} rad/s on a path of {meant:.3g}"
 
 
+@pytest.mark.clause("AxisDriver.begin_stream/follows", "AxisDriver.follow/starts")
 def test_trajectories_may_follow_at_once_on_each_other(harness: Harness, joints: list[int]) -> None:
     way = harness.travel(0.3)[joints]
     for sign in (1.0, -1.0, 1.0):
@@ -162,6 +174,7 @@ def test_trajectories_may_follow_at_once_on_each_other(harness: Harness, joints:
         assert execution.outcome is Outcome.SUCCEEDED, execution.message
 
 
+@pytest.mark.clause("AxisDriver.end_stream/moves")
 def test_an_axis_takes_moves_after_a_trajectory(harness: Harness, joints: list[int]) -> None:
     harness.follow([0.5], [harness.travel(0.3)[joints]])
     harness.rest()

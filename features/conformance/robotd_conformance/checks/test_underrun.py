@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from robotd.api import Underrun
 from robotd.arrays import FloatArray
@@ -61,6 +62,7 @@ class InterruptedStream:
         return self._start + self.velocity * way_s, self.velocity * share
 
 
+@pytest.mark.clause("AxisDriver.underrun/underrun")
 def test_an_axis_without_setpoints_does_what_underrun_says(streamed: Harness) -> None:
     underrun = streamed.drivers.axes.underrun
     share = 1.0 if underrun is Underrun.EXTRAPOLATE else 0.0

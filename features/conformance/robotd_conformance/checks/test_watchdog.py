@@ -23,6 +23,7 @@ MOVES_S = 0.5
 WATCHDOG_S, GONE_S = 1.0, 2.5  # longest reaction of a device, and time until it is looked at
 
 
+@pytest.mark.clause("backend/watchdog")
 def test_an_axis_stops_when_setpoints_stay_away(streamed: Harness) -> None:
     start = streamed.image.position_command.copy()
     speeds = streamed.speeds(0.3)
@@ -42,6 +43,7 @@ def test_an_axis_stops_when_setpoints_stay_away(streamed: Harness) -> None:
     assert np.ptp(recording.position, 0).max() <= SETTLED_RAD, "it went on without setpoints"
 
 
+@pytest.mark.clause("backend/watchdog")
 def test_axes_stop_when_their_process_is_killed(
     make_harness: MakeHarness, target: KitTarget
 ) -> None:

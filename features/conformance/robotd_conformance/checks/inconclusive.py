@@ -1,0 +1,110 @@
+"""Repeats checks in real time that a busy computer did not let judge."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from typing import Protocol
+
+import pytest
+from _pytest.runner import runtestprotocol
+
+from robotd_conformance.busy_computer import UNDECIDED, StallMonitor
+
+ATTEMPTS = 3
+STALL_S = 0.015  # a thread that wakes up so late, and others with it
+CALM_S, PATIENCE_S = 1.0, 8.0  # without a stall, before a further attempt; how long to wait for it
+
+
+class Target(Protocol):
+    """Target of checks.
+
+    Attributes:
+        real_time: the check, or the attempt that has ended, ran in real time.
+    """
+
+    real_time: bool
+
+    def begin(self, item: pytest.Item) -> None:
+        """Prepare an attempt of a check."""
+
+    def clear(self, item: pytest.Item) -> None:
+        """Remove what an attempt has left behind."""
+
+
+class Repeats:
+    """Plugin of pytest: repeats undecided checks at the end of the run.
+
+    A check cannot be judged where it says so, or where it failed in real time while the computer
+    stalled: then the control loop and simulated drives came late, too. After ``ATTEMPTS`` it is
+    reported as inconclusive, with its failure; a fault of the backend fails any attempt that the
+    computer leaves alone.
+
+    Attributes:
+        repeated: names of the checks that were put off.
+    """
+
+    def __init__(self, target: Target) -> None:
+        self._target = target
+        self._attempts: Counter[str] = Counter()
+        self.repeated: list[str] = []
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtest_protocol(self, item: pytest.Item, nextitem: pytest.Item | None) -> bool:
+        """Run the check, and report it or put it off."""
+        where = {"nodeid": item.nodeid, "location": item.location}
+        if self._attempts[item.nodeid]:
+            _wait_calm()
+        else:
+            item.ihook.pytest_runtest_logstart(**where)
+        self._attempts[item.nodeid] += 1
+        self._target.begin(item)
+        with StallMonitor() as stalls:
+            reports = runtestprotocol(item, log=False, nextitem=nextitem)
+        failed = any(report.failed for report in reports)
+        stalled = failed and self._target.real_time and stalls.longest_s > STALL_S
+        if stalled or any(map(is_undecided, reports)):
+            if failed:
+                self._target.clear(item)
+            if self._attempts[item.nodeid] < ATTEMPTS:
+                item.session.items.append(item)  # the loop of pytest comes to it in the end
+                self.repeated.append(item.name)
+                return True
+            reports = [_as_inconclusive(report, stalls.longest_s) for report in reports]
+        for report in reports:
+            item.ihook.pytest_runtest_logreport(report=report)
+        item.ihook.pytest_runtest_logfinish(**where)
+        return True
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        """Name the checks that were repeated."""
+        for name, times in Counter(self.repeated).items():
+            terminalreporter.write_line(f"repeated {times}×, the computer stalled: {name}")
+
+
+def is_undecided(report: pytest.TestReport) -> bool:
+    """Return True for a check that could not be judged."""
+    return isinstance(report.longrepr, tuple) and UNDECIDED in report.longrepr[2]
+
+
+def _as_inconclusive(report: pytest.TestReport, stall_s: float) -> pytest.TestReport:
+    """Turn a failure into a skip that says why, and what was seen."""
+    if report.failed:
+        path, line, _ = report.location
+        crash = getattr(report.longrepr, "reprcrash", None)
+        seen = str(crash.message if crash else report.longrepr).partition("\n")[0]
+        text = (
+            f"{UNDECIDED}: it stalled for {1e3 * stall_s:.0f} ms in the last attempt; seen: {seen}"
+        )
+        report.outcome, report.longrepr = "skipped", (path, line or 0, f"Skipped: {text}")
+    return report
+
+
+def _wait_calm() -> None:
+    """Wait until the computer has not stalled for ``CALM_S``, at most ``PATIENCE_S``."""
+    end_s = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end_s:
+        with StallMonitor() as stalls:
+            time.sleep(CALM_S)
+        if stalls.longest_s < STALL_S:
+            return

@@ -1,0 +1,86 @@
+"""Clauses of the conformance kit: they are the driver contract, whole, and checks bear them."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from importlib import import_module
+from types import FunctionType
+
+import pytest
+from tests.conformance.kit import CHECKS
+from tests.conformance.mutants import all_mutants
+
+from robotd.device import drivers
+from robotd_conformance.checks import clauses as kit
+
+CLAUSES, FAULTS, NOTES = kit.load()
+CONTRACTS = (drivers.DeviceDriver, drivers.AxisDriver, drivers.IoDriver, drivers.FieldbusDriver)
+
+
+def docstrings() -> dict[str, str]:
+    """Return the texts of the contract by member, in one line each."""
+    found = {"drivers": drivers.__doc__}
+    for contract in CONTRACTS:
+        found[contract.__name__] = contract.__doc__
+        for name, member in vars(contract).items():
+            if not name.startswith("_") and (text := inspect.getdoc(member)):
+                found[f"{contract.__name__}.{name}"] = text
+    return {name: re.sub(r"\s+", " ", text or "") for name, text in found.items()}
+
+
+def checks() -> dict[str, set[str]]:
+    """Return the clauses that each check bears."""
+    found = {}
+    for path in sorted(CHECKS.glob("test_*.py")):
+        module = import_module(f"{kit.__name__.rpartition('.')[0]}.{path.stem}")
+        for name, check in vars(module).items():
+            own = isinstance(check, FunctionType) and check.__module__ == module.__name__
+            if own and name.startswith("test_"):
+                marks = [
+                    mark for mark in vars(check).get("pytestmark", ()) if mark.name == "clause"
+                ]
+                found[f"{path.name}::{name}"] = {clause for mark in marks for clause in mark.args}
+    return found
+
+
+def test_each_clause_is_in_the_contract() -> None:
+    texts = docstrings()
+    absent = [
+        clause.id
+        for clause in CLAUSES.values()
+        if clause.member != "backend" and clause.says not in texts[clause.member]
+    ]
+    assert absent == [], "their texts are not in the docstrings"
+
+
+def test_each_sentence_of_the_contract_is_a_clause() -> None:
+    missing = []
+    for member, text in docstrings().items():
+        said = [clause.says for clause in CLAUSES.values() if clause.member == member] + NOTES
+        for sentence in filter(None, re.split(r"(?<=\.)\s+", text)):
+            known = any(sentence in each or each in sentence for each in said)
+            missing += [] if known else [f"{member}: {sentence}"]
+    assert missing == [], "add clauses, or notes where nothing is asked of a driver"
+
+
+def test_each_check_bears_a_clause() -> None:
+    for check, borne in checks().items():
+        assert borne, f"{check} names no clause"
+        assert borne <= set(CLAUSES), f"{check}: {borne - set(CLAUSES)} do not exist"
+
+
+@pytest.mark.parametrize("mutant", all_mutants().values(), ids=lambda mutant: mutant.__name__)
+def test_each_mutant_breaks_a_clause_that_its_check_bears(mutant: type) -> None:
+    clause, fault = mutant.breaks  # type: ignore[attr-defined]
+    assert fault in CLAUSES[clause].faults, f"add {fault!r} to the faults of {clause}"
+    found_by = mutant.found_by  # type: ignore[attr-defined]
+    names = (found_by,) if isinstance(found_by, str) else found_by
+    borne = checks()
+    for name in filter(None, names):
+        assert clause in borne[name], f"{name} does not bear {clause}"
+
+
+def test_the_faults_have_texts() -> None:
+    used = {fault for clause in CLAUSES.values() for fault in clause.faults}
+    assert used == set(FAULTS)

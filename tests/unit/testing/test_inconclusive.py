@@ -1,0 +1,111 @@
+"""A check that fails on a stalled computer is repeated later; a fault stays a fault."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from robotd_conformance.busy_computer import StallMonitor
+from robotd_conformance.checks import inconclusive
+from robotd_conformance.checks.inconclusive import ATTEMPTS, STALL_S, Repeats
+
+CHECKS = """
+import pytest
+from itertools import count
+from robotd_conformance.busy_computer import UNDECIDED
+attempts, looks = count(1), count(1)
+def test_fails_once():
+    assert next(attempts) > 1
+def test_cannot_judge_once():
+    if next(looks) == 1:
+        pytest.skip(UNDECIDED)
+def test_never_judges():
+    pytest.skip(UNDECIDED)
+def test_always_fails():
+    assert False, "a fault"
+def test_passes():
+    pass
+"""
+
+
+class Target:
+    """Target that counts; stands in for ``KitTarget``."""
+
+    cleared = 0
+
+    def __init__(self, real_time: bool) -> None:
+        self.real_time = real_time
+
+    def begin(self, item: pytest.Item) -> None:
+        pass
+
+    def clear(self, item: pytest.Item) -> None:
+        self.cleared += 1
+
+
+class Reports:
+    """Outcomes by name, and the order in which attempts were made."""
+
+    def __init__(self) -> None:
+        self.outcomes: dict[str, str] = {}
+        self.reasons: dict[str, str] = {}
+        self.calls: list[str] = []
+
+    def pytest_runtest_call(self, item: pytest.Item) -> None:
+        self.calls.append(item.name)
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.when == "call":
+            name = report.nodeid.rpartition("::")[2]
+            assert name not in self.outcomes, "reported twice"
+            self.outcomes[name] = report.outcome
+            self.reasons[name] = str(report.longrepr)
+
+
+def run(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, *, stall_s: float, real_time: bool = True
+) -> tuple[Reports, Repeats]:
+    """Run CHECKS on a computer that stalls for ``stall_s`` during each attempt."""
+
+    def observe(monitor: StallMonitor, *_: object) -> None:
+        monitor._end.set()
+        monitor._thread.join()
+        monitor.longest_s = stall_s
+
+    file = folder / f"test_{folder.name}.py"  # pytest keeps modules by name
+    file.write_text(CHECKS, encoding="utf-8")
+    monkeypatch.setattr(StallMonitor, "__exit__", observe)
+    monkeypatch.setattr(inconclusive, "_wait_calm", lambda: None)
+    reports, repeats = Reports(), Repeats(Target(real_time))
+    arguments = [str(file), "--config-file=/dev/null", f"--rootdir={folder}", "-qq"]
+    pytest.main([*arguments, "-pno:cacheprovider"], plugins=[repeats, reports])
+    return reports, repeats
+
+
+def test_what_failed_on_a_stalled_computer_is_repeated_at_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reports, repeats = run(tmp_path, monkeypatch, stall_s=2 * STALL_S)
+    assert reports.outcomes == {
+        "test_fails_once": "passed",
+        "test_cannot_judge_once": "passed",
+        "test_never_judges": "skipped",
+        "test_always_fails": "skipped",
+        "test_passes": "passed",
+    }
+    assert "inconclusive" in reports.reasons["test_always_fails"]
+    assert "a fault" in reports.reasons["test_always_fails"]
+    assert reports.calls.index("test_passes") < len(reports.calls) - ATTEMPTS
+    assert reports.calls.count("test_always_fails") == ATTEMPTS
+    assert set(repeats.repeated) == set(reports.outcomes) - {"test_passes"}
+
+
+@pytest.mark.parametrize(("stall_s", "real_time"), [(0.5 * STALL_S, True), (9.0, False)])
+def test_a_fault_on_a_calm_computer_or_in_stepped_time_fails_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stall_s: float, real_time: bool
+) -> None:
+    reports, repeats = run(tmp_path, monkeypatch, stall_s=stall_s, real_time=real_time)
+    assert reports.outcomes["test_always_fails"] == "failed"
+    assert reports.outcomes["test_fails_once"] == "failed"
+    assert "test_always_fails" not in repeats.repeated
