@@ -48,7 +48,7 @@ def pdo_keys(device: EsiDevice, *, pv: bool) -> dict[int, dict[str, Any]]:
     if _has_velocity(device, offsets):
         outputs += () if pv else (TARGET_VELOCITY,)
     else:
-        what = "no PDO of the ESI holds 0x60FF: no velocity commands"
+        what = "no PDO in the ESI holds 0x60FF: no velocity commands"
         keys = {offset: {"velocity_mode": "pv", "remark": what} for offset in offsets}
     for assignment, needed in ((Assignment.OUTPUTS, outputs), (Assignment.INPUTS, NEEDED_INPUTS)):
         pdos = [pdo for pdo in device.pdos if pdo.assignment is assignment]
@@ -57,19 +57,21 @@ def pdo_keys(device: EsiDevice, *, pv: bool) -> dict[int, dict[str, Any]]:
         if all(index in default for axis in wanted.values() for index in axis):
             continue
         taken: list[EsiPdo] = []
+        assignable = [pdo for pdo in pdos if device.can_assign or pdo.is_assigned]
         for offset, indexes in wanted.items():
-            chosen = _chosen(pdos, indexes, taken)
+            chosen = _chosen(assignable, indexes, taken)
             missing = set(indexes) - _objects(chosen)
             if not missing:
                 new = [pdo for pdo in chosen if pdo not in taken]
                 keys[offset][_KEYS[assignment]] = [{"index": f"0x{pdo.index:04X}"} for pdo in new]
                 taken += new
-            elif (free := _writable(device, pdos, taken)) is not None:
+            elif (free := _writable(device, assignable, taken)) is not None:
                 keys[offset][_KEYS[assignment]] = [_written(device, free, indexes, offset)]
                 taken.append(free)
             else:
                 lost = [base for base in needed if on_axis(base, offset) in missing]
-                text = f"no PDO of the ESI holds {missing_text(lost, offset)}"
+                which = "no PDO" if device.can_assign else "no PDO of the constant assignment"
+                text = f"{which} in the ESI holds {missing_text(lost, offset)}"
                 keys[offset] = with_remark(keys[offset], text)
     return keys
 
@@ -137,7 +139,8 @@ def _combine(pdo: EsiPdo, others: Iterable[EsiPdo]) -> bool:
 def _writable(device: EsiDevice, pdos: Sequence[EsiPdo], taken: Sequence[EsiPdo]) -> EsiPdo | None:
     """Return a PDO whose contents can be written; None where there is none."""
     free = (pdo for pdo in pdos if not pdo.is_fixed and pdo not in taken)
-    return next((pdo for pdo in free if _combine(pdo, taken)), None) if device.can_map else None
+    allowed = device.can_map and device.can_assign  # both are written
+    return next((pdo for pdo in free if _combine(pdo, taken)), None) if allowed else None
 
 
 def _written(device: EsiDevice, pdo: EsiPdo, needed: list[int], offset: int) -> dict[str, Any]:

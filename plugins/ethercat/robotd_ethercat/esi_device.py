@@ -76,7 +76,7 @@ class EsiDevice:
     Attributes:
         product, revision: product code and revision number.
         profiles: numbers of its profiles, such as 402.
-        can_map: the contents of PDOs can be written.
+        can_assign, can_map: the assignment, and the contents of PDOs, can be written.
         clocks: operation modes, the default first.
         slots: name and default module of each slot, "" and None where nothing is plugged in.
         names: of objects, by index and subindex.
@@ -89,6 +89,7 @@ class EsiDevice:
     revision: int
     name: str
     profiles: tuple[int, ...]
+    can_assign: bool
     can_map: bool
     pdos: tuple[EsiPdo, ...]
     clocks: tuple[EsiClock, ...]

@@ -113,6 +113,7 @@ class _Reader:
             revision=self._attribute(kind, "RevisionNo"),
             name=_name(element) or _text(kind),
             profiles=tuple(number & 0xFFFF for number in profiles if number),
+            can_assign=coe is not None and _is_true(coe.get("PdoAssign")),
             can_map=coe is not None and _is_true(coe.get("PdoConfig")),
             pdos=self._pdos(element),
             clocks=tuple(self._clock(mode) for mode in element.iterfind("Dc/OpMode")),

@@ -12,6 +12,7 @@ from click.testing import CliRunner
 from tests.fakes import FakeClock
 from tests.unit.ethercat.fake_bus import FakeBus
 
+import robotd_ethercat.bus_scan  # before it is patched: it takes Soem from the other module
 import robotd_ethercat.soem
 from robotd.cli import main
 from robotd.cli.exit_codes import ExitCode
@@ -113,9 +114,16 @@ def test_pdos_that_exclude_each_other_are_not_combined(tmp_path: Path) -> None:
     path.write_text(text.replace('PdoConfig="1"', 'PdoConfig="0"'), encoding="utf-8")
     [keys] = pdo_keys(drive(path), pv=False).values()
     assert keys == {
-        "remark": "no PDO of the ESI holds 0x60FF (target velocity);"
-        " no PDO of the ESI holds 0x6061 (modes of operation display)"
+        "remark": "no PDO in the ESI holds 0x60FF (target velocity);"
+        " no PDO in the ESI holds 0x6061 (modes of operation display)"
     }
+
+
+def test_a_constant_assignment_is_not_changed(tmp_path: Path) -> None:
+    keys = {'PdoAssign="1"': 'PdoAssign="false"', 'PdoConfig="1"': 'PdoConfig="false"'}
+    [chosen] = pdo_keys(drive(changed(tmp_path, **keys)), pv=False).values()
+    assert chosen["remark"].startswith("no PDO of the constant assignment in the ESI holds 0x6060")
+    assert "rx_pdos" not in chosen
 
 
 def test_a_drive_without_a_target_velocity_takes_pv() -> None:

@@ -11,6 +11,7 @@ from click.testing import CliRunner
 from tests.fakes import FakeClock
 from tests.unit.ethercat.fake_bus import FakeBus
 
+import robotd_ethercat.bus_scan  # before it is patched: it takes Soem from the other module
 import robotd_ethercat.soem
 from robotd_ethercat import machine_check
 from robotd_ethercat.al_status import AlState
