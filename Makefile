@@ -4,6 +4,7 @@ ROBOT   ?= cr3a
 BACKEND ?= sim
 MINUTES ?= 60
 TIMES   ?= 100
+WORKERS ?= 2
 ARGS    ?=
 
 SHELL       := /bin/bash
@@ -56,16 +57,23 @@ say    := printf '[robotd] %3d s  %s\n' $$(($$(date +%s) - $(began)))
 
 help: ## list the commands
 	@echo 'make COMMAND [ROBOT=$(ROBOT)] [BACKEND=$(BACKEND)] [ARGS="..."] [PYTHON=$(PYTHON)]'
-	sed -nE 's/^([a-z]+):.*## (.*)/\1|\2/p' Makefile | while IFS='|' read -r name text; do
+	sed -nE 's/^([a-z-]+):.*## (.*)/\1|\2/p' Makefile | while IFS='|' read -r name text; do
 		printf '  make %-8s %s\n' "$$name" "$$text"
 	done
 
 run: $(ready) ## serve ROBOT on BACKEND; ARGS go to robotd, e.g. ARGS="--log-level debug"
 	@exec .venv/bin/robotd --robot $(ROBOT) --backend $(BACKEND) $(ARGS)
 
-test: $(tools) ## run the tests; ARGS go to pytest, e.g. ARGS="tests/unit -k limits"
-	@$(say) 'pytest $(ARGS)'
-	exec .venv/bin/python -m pytest $(ARGS)
+# Modules are compiled once: a variable that forbids it would cost each worker eight seconds.
+test: export PYTHONDONTWRITEBYTECODE :=
+test: $(tools) ## run the tests of daily work; ARGS go to pytest, e.g. ARGS="tests/unit -k limits"
+	@$(say) 'pytest, without the long tests $(ARGS)'
+	exec .venv/bin/python -m pytest -n $(WORKERS) --dist loadfile -m 'not long and not hardware' $(ARGS)
+
+test-all: $(tools) ## run all tests, or all of what ARGS name, e.g. ARGS="tests/canopen"
+	@$(say) 'pytest, all tests $(ARGS)'
+	.venv/bin/python -m pytest -n $(WORKERS) --dist loadfile -m 'not hardware' $(ARGS)
+	$(if $(ARGS),,$(MAKE) --no-print-directory -C plugins/wmx test)
 
 coverage: $(tools) ## run the unit and contract tests and report their coverage
 	@$(say) 'tools.coverage $(ARGS)'
@@ -187,4 +195,4 @@ $(stamps)/docs: $(tools)
 	$(install) --editable '.[docs]'
 	touch $@
 
-.PHONY: help run test coverage backends conform lint docs page bench soak kill venv clean
+.PHONY: help run test test-all coverage backends conform lint docs page bench soak kill venv clean

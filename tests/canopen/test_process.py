@@ -108,6 +108,7 @@ def test_loss_and_return_are_one_log_line_each(drives: DrivesProcess, tmp_path: 
     assert not [line for line in found if "exc_info" in line]
 
 
+@pytest.mark.daily
 def test_scan_and_sdo(drives: DrivesProcess) -> None:
     bus = ["--interface", "udp_multicast", "--channel", f"{GROUP}#{PORT}"]
     runner = CliRunner()

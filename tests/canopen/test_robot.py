@@ -22,6 +22,7 @@ PROFILE = Profile(1.0, 5.0, 5.0)
 SLOWLY = Profile(0.3, 5.0, 5.0)  # a stop may come late on a busy computer
 
 
+@pytest.mark.daily
 def test_a_trajectory_ends_where_it_should_and_has_no_steps(open_rig: OpenRig) -> None:
     with open_rig() as harness:
         seen: list[tuple[int, np.ndarray]] = []
@@ -155,6 +156,7 @@ def test_the_gripper_is_an_output_and_a_start_does_not_switch_it(open_rig: OpenR
         assert harness.robot.io.output_bytes(0, 2) == b"\x01\x00"
 
 
+@pytest.mark.daily
 def test_diagnostics_say_what_a_can_network_has(open_rig: OpenRig) -> None:
     with open_rig(enable=False) as harness:
         state = harness.robot.fieldbus.status(0)

@@ -40,6 +40,7 @@ def test_a_whole_arm_controller_passes(install_plugin: InstallPlugin) -> None:
     assert "test_faults.py::test_an_alarm_is_shown_with_its_code" in outcome.passed
 
 
+@pytest.mark.daily
 @pytest.mark.parametrize(
     ("attribute", "value", "check"),
     [
@@ -61,6 +62,7 @@ def test_a_whole_arm_that_hides_what_it_is_fails(
     assert check in run_kit("WholeArm", check).failed
 
 
+@pytest.mark.daily
 def test_every_theme_is_there() -> None:
     themes = {path.stem for path in CHECKS.glob("test_*.py")}
     assert len(themes) == 32

@@ -31,6 +31,7 @@ def robotd_backend():
 """
 
 
+@pytest.mark.daily
 @pytest.mark.parametrize(
     ("source", "says"),
     [

@@ -212,7 +212,7 @@ def test_topics_are_served(served: Served, name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "path", [*(f"ros/ament/launch/{name}" for name in LAUNCH_FILES), *FILES.values()]
+    "path", [*(f"ros/ament/launch/{name}" for name in sorted(LAUNCH_FILES)), *FILES.values()]
 )
 def test_files_are_there(path: str) -> None:
     assert (ROOT / path).is_file()

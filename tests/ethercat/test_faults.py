@@ -47,6 +47,7 @@ def fault_in_motion(robot: EthercatRobot, line: str) -> str:
     return execution.message
 
 
+@pytest.mark.daily
 def test_a_drive_that_trips_stops_the_arm_and_is_named(robot: EthercatRobot) -> None:
     message = fault_in_motion(robot, "2 trip 0x8611")
     assert "elbow" in message

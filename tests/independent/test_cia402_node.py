@@ -17,6 +17,8 @@ from tests.independent.cia402_node import ServoDrive, State
 from tests.independent.harness import ThreadedNode, duplicate
 from tests.independent.knobs import Knobs
 
+pytestmark = pytest.mark.daily
+
 NODE = 5
 TURN = 65_536
 

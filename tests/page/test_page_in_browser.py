@@ -68,6 +68,7 @@ def page(opened: Page) -> Page:
     return opened
 
 
+@pytest.mark.daily
 def test_the_arm_is_drawn_where_its_joints_are(arm: Observed, page: Page) -> None:
     shows(page, 1, "+0.0000 rad")
     upright, points = picture(page), link_points(arm)

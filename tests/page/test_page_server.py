@@ -25,6 +25,8 @@ from robotd_page.robot_source import RobotSource
 from robotd_page.viewers import MAX_WAITING_BYTES
 from robotd_page.viewers import Viewer as ServedViewer
 
+pytestmark = pytest.mark.daily
+
 
 @pytest.fixture
 def bundle(tmp_path: Path) -> Path:

@@ -31,7 +31,7 @@ from robotd.device.state import Operation
 from robotd.errors import OperationError
 from robotd_testing.served_robot import RobotUnderTest
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.daily, pytest.mark.ros]
 pytest_plugins = ["robotd_testing.robots"]
 
 SERVICES = {

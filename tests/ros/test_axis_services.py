@@ -10,7 +10,7 @@ from tests.ros.robot_process import BACKEND, Client, wait_until
 from wmx_ros2_message.msg import AxisState
 from wmx_ros2_message.srv import GetWmxParams, LoadWmxParams, SetAxis, SetAxisGearRatio
 
-pytestmark = [pytest.mark.ros, pytest.mark.second_backend]
+pytestmark = [pytest.mark.daily, pytest.mark.ros, pytest.mark.second_backend]
 
 
 ROBOTS = Path(__file__).parents[2] / "robots"

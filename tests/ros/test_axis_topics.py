@@ -9,7 +9,7 @@ from tests.ros.robot_process import Client, RobotProcess, wait_until
 from wmx_ros2_message.msg import AxisPose, AxisState, AxisVelocity
 from wmx_ros2_message.srv import SetAxis
 
-pytestmark = [pytest.mark.ros, pytest.mark.second_backend]
+pytestmark = [pytest.mark.daily, pytest.mark.ros, pytest.mark.second_backend]
 
 
 @pytest.fixture(scope="module")

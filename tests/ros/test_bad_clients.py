@@ -22,6 +22,7 @@ def test_a_robot_bears_them_and_works_afterwards(kind: str, options: tuple[str, 
     assert not seen.failures
 
 
+@pytest.mark.daily
 @pytest.mark.parametrize("name", ["/wmx/engine/get_status", "/wmx/engine/scan_network"])
 def test_every_call_of_a_burst_is_answered(client: Client, name: str) -> None:
     burst = 200

@@ -30,7 +30,7 @@ from wmx_ros2_message.srv import (
     SetIoBytes,
 )
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.daily, pytest.mark.ros]
 
 JOINTS = [f"joint{number}" for number in range(1, 7)]
 SPAN = 8  # samples

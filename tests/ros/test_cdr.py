@@ -24,7 +24,7 @@ from wmx_ros2_message.msg import AxisState
 
 from robotd_ros.middleware.cdr import HotPublisher, LayoutError, Link, PatchedMessage, PlainMessage
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.daily, pytest.mark.ros]
 
 TIME_NS = 1_700_000_000_123_456_789
 

@@ -114,6 +114,7 @@ def test_a_refusal_is_status_1_with_the_reason(
     assert reason in error
 
 
+@pytest.mark.daily
 def test_one_servo_can_be_switched(cr3a: RobotProcess, client: Client) -> None:
     assert robotd(cr3a.domain, "servo", "off", "joint6")[:2] == (0, "joint6: ok\n")
     report = json.loads(robotd(cr3a.domain, "status", "--json")[1])

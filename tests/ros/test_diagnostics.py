@@ -19,7 +19,7 @@ from robotd.robot import build_robot
 from robotd_ros.diagnostics.diagnostics_publisher import CHECK_PERIOD_S, Diagnostics
 from robotd_ros.host import RosHost
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.daily, pytest.mark.ros]
 
 TOPIC = "/diagnostics"
 OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN

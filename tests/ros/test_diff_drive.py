@@ -119,6 +119,7 @@ def test_a_square_of_ten_metres(base: Base) -> None:
     assert abs(off) < math.radians(0.1)
 
 
+@pytest.mark.daily
 def test_a_killed_client_stops_the_base_in_time(process: RobotProcess, base: Base) -> None:
     base.rest()
     told = process.output.count("no command in time")
@@ -145,6 +146,7 @@ def test_a_killed_client_stops_the_base_in_time(process: RobotProcess, base: Bas
         assert twist.angular.z == pytest.approx(twist.linear.x / 2, abs=1e-3)
 
 
+@pytest.mark.daily
 def test_wheel_speeds_and_echo(client: Client, base: Base) -> None:
     omega = client.listen(Float64MultiArray, "/velocity_controller/commands")
     base.drive(0.5, 1.0, 1.0)

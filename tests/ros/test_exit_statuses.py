@@ -49,6 +49,7 @@ def sound(operator: Client) -> Iterator[None]:
     wait_until(lambda: problems and problems[-1].data == "", "no problem")
 
 
+@pytest.mark.daily
 def test_status_is_1_in_alarm_and_names_it_with_its_remedy(
     simulated: RobotProcess, operator: Client
 ) -> None:

@@ -22,7 +22,7 @@ from robotd_ros.host import RosHost
 from robotd_ros.middleware import WorkerActionServer
 from robotd_testing.domain import own_domain
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.daily, pytest.mark.ros]
 
 NAME = "follow"
 

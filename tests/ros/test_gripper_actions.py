@@ -12,7 +12,7 @@ from tests.ros.robot_process import WAIT_S, Client, wait_for
 from unique_identifier_msgs.msg import UUID
 from wmx_ros2_message.srv import GetIoBit
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.daily, pytest.mark.ros]
 
 CLOSED_M = 0.045
 

@@ -29,7 +29,7 @@ from robotd.errors import NotReady, OperationError
 from robotd_ros.host import RosHost
 from robotd_ros.services import add_service, add_subscription
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.daily, pytest.mark.ros]
 
 EXECUTORS = [EventsExecutor, SingleThreadedExecutor]
 WAIT_S = 10.0

@@ -15,7 +15,7 @@ from tests.ros.test_gripper_actions import CLOSED_M, command
 from tests.ros.test_trajectory import goal, pose
 from wmx_ros2_message.srv import SetIoBit
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.daily, pytest.mark.ros]
 
 SETTINGS = (
     "backends.sim.io_loopback=true",

@@ -17,7 +17,7 @@ from wmx_ros2_message.srv import (
     SetIoBytes,
 )
 
-pytestmark = [pytest.mark.ros, pytest.mark.second_backend]
+pytestmark = [pytest.mark.daily, pytest.mark.ros, pytest.mark.second_backend]
 
 
 def test_an_output_bit_is_set_and_read_back_without_its_neighbours(client: Client) -> None:

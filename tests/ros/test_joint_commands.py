@@ -101,6 +101,7 @@ def arm(joints: Arm) -> Iterator[Arm]:
     wait_until(home, "the arm at zero")
 
 
+@pytest.mark.daily
 def test_a_trajectory_on_the_topic_is_executed_and_a_new_one_replaces_it(arm: Arm) -> None:
     arm.trajectory.publish(trajectory((4.0, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0])))
     wait_until(lambda: arm.position[0] > 0.1, "motion")
@@ -143,6 +144,7 @@ def test_an_empty_trajectory_stops_one_that_is_still_being_planned(
     assert max(map(abs, arm.position)) < 0.1
 
 
+@pytest.mark.daily
 def test_single_points_as_moveit_servo_sends_them_are_streamed(arm: Arm) -> None:
     began_s = time.monotonic()
 
@@ -251,6 +253,7 @@ def test_the_owner_of_each_joint_is_latched(arm: Arm) -> None:
     wait_until(lambda: owners[-1].data == "", "no owner after the last message")
 
 
+@pytest.mark.daily
 def test_axes_are_jogged_while_messages_come_and_stopped_by_the_service(arm: Arm) -> None:
     jog = arm.client.publisher(AxisVelocity, "/wmx/axis/jog")
     message = AxisVelocity(index=[1, 3], velocity=[0.2, -0.2], acc=[5.0] * 2, dec=[5.0] * 2)

@@ -133,6 +133,7 @@ def test_move_finds_the_group_by_its_joints(arms: RobotProcess, client: Client) 
     assert "one joint group moves at a time" in output
 
 
+@pytest.mark.daily
 def test_one_jog_moves_axes_of_both_arms(client: Client) -> None:
     states = client.listen(JointState, "/joint_states")
     publisher = client.publisher(AxisVelocity, "/wmx/axis/jog")

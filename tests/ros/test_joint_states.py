@@ -11,7 +11,7 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 from tests.ros.robot_process import Client, RobotProcess, stamp_s, wait_until
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.daily, pytest.mark.ros]
 
 NAMES = [f"joint{number}" for number in range(1, 7)] + ["picker_1_joint", "picker_2_joint"]
 

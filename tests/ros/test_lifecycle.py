@@ -21,7 +21,7 @@ from tests.ros.test_client_commands import robotd
 from tests.ros.test_trajectory import goal, pose
 from wmx_ros2_message.srv import SetAxis
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.daily, pytest.mark.ros]
 
 NODE = "/wmx_engine_node"
 INACTIVE = "the robot is inactive: its lifecycle manager has to activate it"

@@ -13,7 +13,7 @@ from std_msgs.msg import Float64MultiArray, String
 from tests.ros.robot_process import LATCHED, Client, RobotProcess, connected, stamp_s, wait_until
 from tf2_msgs.msg import TFMessage
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.daily, pytest.mark.ros]
 
 NODE = "/mecanum_drive_controller"
 PREFIX = "left/"

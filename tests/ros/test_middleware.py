@@ -32,7 +32,7 @@ from robotd_ros.middleware import (
 )
 from robotd_testing.domain import own_domain
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.daily, pytest.mark.ros]
 
 RULE = ("--ros-args", "-r", "/follow:=/remapped", "-p", "speeed:=1.0")
 PARTICIPANT = """\

@@ -13,7 +13,7 @@ from tests.ros.action_client import GoalClient
 from tests.ros.robot_process import WAIT_S, Client, RobotProcess, connected, wait_for
 from tf2_msgs.msg import TFMessage
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.daily, pytest.mark.ros]
 
 OPEN_M, CLOSED_M, TRAVEL_S = 0.03, 0.005, 1.0
 FINGERS = ["picker_1_joint", "picker_2_joint"]

@@ -136,6 +136,7 @@ def test_a_mobile_manipulator_moves_arm_and_base_at_once(tmp_path: Path) -> None
         assert result.error_string.startswith("goal reached")
 
 
+@pytest.mark.daily
 def test_fingers_move_by_their_multipliers(tmp_path: Path) -> None:
     with new_robot("six_axis", tmp_path) as client:
         states = client.listen(JointState, "joint_states")

@@ -42,6 +42,7 @@ def allowed_at_zero(client: Client) -> Iterator[None]:
     assert client.send_goal(goal((1.5, pose(0.0)))).result()[0] == GoalStatus.STATUS_SUCCEEDED
 
 
+@pytest.mark.daily
 def test_a_stop_ends_a_goal_and_the_next_is_rejected_until_the_reset(
     cr3a: RobotProcess, client: Client, joints: list[Any], stopped: list[Any]
 ) -> None:

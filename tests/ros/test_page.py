@@ -14,7 +14,7 @@ import pytest
 from tests.page.viewer import TIMEOUT_S, Viewer, connected
 from tests.ros.robot_process import RobotProcess
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.daily, pytest.mark.ros]
 
 
 @pytest.fixture(scope="module")

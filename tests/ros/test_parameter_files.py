@@ -15,7 +15,7 @@ from std_srvs.srv import SetBool
 from tests.ros.robot_process import ACTION, Client, RobotProcess, names_of, wait_until
 from wmx_ros2_message.srv import GetWmxParams
 
-pytestmark = [pytest.mark.ros, pytest.mark.second_backend]
+pytestmark = [pytest.mark.daily, pytest.mark.ros, pytest.mark.second_backend]
 
 NAMES = [f"joint{number}" for number in range(1, 7)] + ["picker_1_joint", "picker_2_joint"]
 ROBOTS = Path(__file__).parents[2] / "robots"

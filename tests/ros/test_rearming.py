@@ -172,7 +172,7 @@ def base(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[RobotProces
         yield process, Arm(client)
 
 
-@pytest.fixture(params=MESSAGES)
+@pytest.fixture
 def topic(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
@@ -188,7 +188,14 @@ def commander(served: tuple[RobotProcess, Arm], topic: str) -> Iterator[Commande
     arm.wait_at_rest()
 
 
-@pytest.mark.parametrize("state", STATES)
+# Each topic after a stop and one topic after each state: tests/unit/control/test_rearming.py has
+# every client in every state, in simulated time.
+@pytest.mark.parametrize(
+    ("topic", "state"),
+    [(topic, "stop") for topic in MESSAGES]
+    + [(POSITIONS, state) for state in STATES if state != "stop"],
+    indirect=["topic"],
+)
 def test_nothing_moves_after_a_state_until_the_client_has_been_silent(
     served: tuple[RobotProcess, Arm], commander: Commander, topic: str, state: str
 ) -> None:

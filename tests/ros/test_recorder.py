@@ -71,6 +71,7 @@ def test_a_goal_carries_its_client_and_its_points(client: Client) -> None:
     np.testing.assert_array_equal(recording.goals[0][1]["positions"], [[0.1] * 6])
 
 
+@pytest.mark.daily
 def test_a_recording_runs_from_start_to_stop(client: Client, folder: Path) -> None:
     assert client.call(SetBool, "/robotd/record", data=True).success
     again = client.call(SetBool, "/robotd/record", data=True)

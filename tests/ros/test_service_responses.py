@@ -19,7 +19,7 @@ from robotd_ros.host import RosHost
 from robotd_ros.middleware import service_responses
 from robotd_ros.services import add_service
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.daily, pytest.mark.ros]
 
 BURST = 30  # 3 s, if each were waited for
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from builtin_interfaces.msg import Duration, Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
-from tests.ros.robot_process import Client, RobotProcess, stamp_s, wait_until
+from tests.ros.robot_process import Client, RobotProcess, connected, stamp_s, wait_until
 from tests.ros.servo_emulator import Jog, Message, ServoEmulator, TrajectoryController
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -23,9 +24,9 @@ pytestmark = pytest.mark.ros
 NAMES = [f"joint{number}" for number in range(1, 7)]
 TOPIC = "/movensys_manipulator_arm_controller/joint_trajectory"
 SPEED = 0.3
-BEYOND_PEER = 0.01  # rad of following error
-FASTER = 1.3  # than commanded
-FILTERED = 1.75  # Servo's filter makes the arm slower by that
+BEYOND_PEER = (
+    0.1  # rad: a third of a second late, in real time; in simulated time: test_servo_windows.py
+)
 
 
 def time_of(seconds: float, made: Any) -> Any:
@@ -110,29 +111,13 @@ class Run:
     def __init__(self, jog: Jog, states: list[Any], peer: FloatArray) -> None:
         self.jog, self.peer = jog, peer
         self.position = np.array([[stamp_s(each), *each.position[:6]] for each in states])
-        self.velocity = np.array([[stamp_s(each), *each.velocity[:6]] for each in states])
-
-    @property
-    def fastest(self) -> float:
-        return float(np.abs(self.velocity[:, 1:]).max())
-
-    @property
-    def rested_s(self) -> float:
-        """Time from the last message to standstill."""
-        moves = np.abs(self.velocity[:, 1:]).max(axis=1) > 1e-3
-        return float(self.velocity[moves, 0].max()) - self.jog.messages[-1].sent_s
 
 
-@pytest.fixture(scope="module")
-def arm(client: Client) -> Arm:
-    return Arm(client)
-
-
-@pytest.fixture(autouse=True)
-def _nothing_is_rejected(cr3a: RobotProcess) -> Iterator[None]:
-    printed = len(cr3a.output)
+@contextmanager
+def nothing_is_rejected(process: RobotProcess) -> Iterator[None]:
+    printed = len(process.output)
     yield
-    for line in cr3a.output[printed:].splitlines():
+    for line in process.output[printed:].splitlines():
         assert "[info" in line, line
 
 
@@ -143,25 +128,20 @@ def there_and_back(time_s: float) -> float | None:
     return SPEED if time_s < 1.0 else -SPEED
 
 
-@pytest.mark.parametrize(
-    ("period_s", "smoothing", "jitter_s"),
-    [(0.01, True, 0.0), (0.01, False, 0.004), (0.02, False, 0.0), (0.004, True, 0.002)],
-    ids=["defaults", "jittered", "50 Hz", "250 Hz"],
-)
-def test_the_arm_follows_servo_as_its_peer_does(
-    arm: Arm, period_s: float, smoothing: bool, jitter_s: float
-) -> None:
-    servo = ServoEmulator(publish_period=period_s, use_smoothing=smoothing)
-    run = arm.run(servo, there_and_back, 2.4, jitter_s)
+def test_the_arm_follows_servo_as_its_peer_does() -> None:
+    # The time-out is longer than a stall of this process, whose messages would end the stream.
+    with RobotProcess("--set", "stream.timeout_s=2") as process:
+        process.wait_ready()
+        with connected(process) as client, nothing_is_rejected(process):
+            run = Arm(client).run(ServoEmulator(), there_and_back, 2.4)
     error, of_peer = run.jog.largest_error(run.position), run.jog.largest_error(run.peer)
     assert error <= of_peer + BEYOND_PEER
-    commanded = SPEED / FILTERED if smoothing else SPEED
-    assert run.fastest <= FASTER * max(commanded, run.jog.fastest)
     assert run.position[-1, 1:] == pytest.approx(run.jog.states[-1, 1:], abs=1e-3)
 
 
-def test_the_arm_stops_by_the_time_out_when_messages_end_in_motion(arm: Arm) -> None:
+@pytest.mark.daily
+def test_the_arm_stops_by_the_time_out_when_messages_end_in_motion(client: Client) -> None:
+    arm = Arm(client)
     run = arm.run(ServoEmulator(use_smoothing=False), lambda _: SPEED, 1.0)
     assert run.jog.messages[-1].velocity[-1][0] == pytest.approx(SPEED, rel=0.5)
-    assert run.rested_s < 0.4  # 0.1 s of points, 0.1 s of time-out, and the ramp
     arm.run(ServoEmulator(use_smoothing=False), lambda _: -SPEED, 1.0)

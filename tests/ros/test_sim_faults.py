@@ -187,7 +187,9 @@ def scenario(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
     chosen = {
         item.callspec.params.get("number")
         for item in request.session.items
-        if item.path == request.path and hasattr(item, "callspec")
+        if item.path == request.path
+        and getattr(item, "callspec", None)
+        and item.callspec.params["way"] is by_scenario
     }
     faults = [
         {"when": case.place, case.kind: case.keys}
@@ -199,7 +201,14 @@ def scenario(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
     return path
 
 
-@pytest.fixture(scope="module", params=[by_scenario, by_command, by_service])
+# Every kind by service; what a scenario and a command read is tested in simulated time, for each
+# kind in tests/unit/scenario and tests/unit/cli.
+NUMBERS = range(1, len(CASES) + 1)
+CHOSEN = [(by_service, number) for number in NUMBERS]
+CHOSEN += [(by_scenario, 1), (by_command, 1), (by_command, 3)]
+
+
+@pytest.fixture(scope="module")
 def way(request: pytest.FixtureRequest) -> Any:
     return request.param
 
@@ -221,7 +230,12 @@ def test_every_kind_is_tested() -> None:
     assert tuple(case.kind for case in CASES) == FAULTS
 
 
-@pytest.mark.parametrize("number", range(1, len(CASES) + 1), ids=lambda n: CASES[n - 1].kind)
+@pytest.mark.parametrize(
+    ("way", "number"),
+    CHOSEN,
+    ids=[f"{way.__name__}-{CASES[number - 1].kind}" for way, number in CHOSEN],
+    indirect=["way"],
+)
 def test_a_fault_is_seen_and_recovered_from(robot: Robot, way: Any, number: int) -> None:
     case = CASES[number - 1]
     if not all(robot.axes.servo_on):  # the test before has failed

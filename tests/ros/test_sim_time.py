@@ -15,7 +15,7 @@ from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectoryPoint
 from wmx_ros2_message.msg import AxisState
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.daily, pytest.mark.ros]
 
 SIM_TIME = ("--ros-args", "-p", "use_sim_time:=true")
 

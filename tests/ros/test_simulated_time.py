@@ -88,6 +88,7 @@ def client(fast: RobotProcess) -> Iterator[Client]:
     client.close()
 
 
+@pytest.mark.daily
 def test_a_goal_takes_a_fraction_of_its_time(client: Client) -> None:
     clocks = client.listen(Clock, "/clock")
     wait_until(lambda: clocks, "no clock")
@@ -186,6 +187,7 @@ def test_steps_that_make_no_sense_are_rejected(client: Client, fields: Any, reas
     assert reason in answer.reason
 
 
+@pytest.mark.daily
 def test_a_fault_is_injected_and_a_wrong_one_rejected(client: Client) -> None:
     states = client.listen(AxisState, "/wmx/axis/state")
     assert "did you mean 'axis'?" in ask(client, "inject", amp_alarm__axs=1).reason

@@ -14,7 +14,7 @@ from rclpy.time import Time
 
 from robotd_ros.middleware.stamp_clock import StampClock
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.daily, pytest.mark.ros]
 
 
 @pytest.fixture

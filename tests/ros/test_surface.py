@@ -23,7 +23,7 @@ from tests.ros.robot_process import (
     wait_until,
 )
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.daily, pytest.mark.ros]
 
 NODES = {
     "wmx_engine_node",

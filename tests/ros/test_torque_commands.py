@@ -13,7 +13,7 @@ from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.daily, pytest.mark.ros]
 
 ROBOT = Path(__file__).parents[1] / "canopen" / "torque_drives.yaml"
 TOPIC = "/forward_effort_controller/commands"

@@ -64,6 +64,7 @@ def at_zero(client: Client, joints: list[Any]) -> None:
         assert status == GoalStatus.STATUS_SUCCEEDED, result.error_string
 
 
+@pytest.mark.daily
 def test_reaches_the_goal_with_feedback_on_the_way(client: Client, joints: list[Any]) -> None:
     feedback: list[Any] = []
     sent = client.send_goal(goal((1.0, pose(0.2, -0.1)), (2.0, pose(0.4, -0.2))), feedback)
@@ -201,6 +202,7 @@ def test_cancel_ends_at_standstill(client: Client, joints: list[Any]) -> None:
     assert position(joints)[0] < 1.4
 
 
+@pytest.mark.daily
 def test_a_newer_goal_takes_over_without_a_stop(client: Client, joints: list[Any]) -> None:
     first = client.send_goal(goal((2.0, pose(1.0))))
     wait_until(lambda: speed(joints) > 0.3, "motion")

@@ -11,7 +11,7 @@ from std_msgs.msg import Float64MultiArray
 from tests.ros.robot_process import Client, RobotProcess, wait_until
 from tf2_msgs.msg import TFMessage
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.daily, pytest.mark.ros]
 
 NODE = "/tricycle_controller"
 RADIUS_M, WHEELBASE_M = 0.1, 0.8

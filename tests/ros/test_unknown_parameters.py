@@ -12,6 +12,7 @@ pytestmark = pytest.mark.ros
 BASE = ("--nodes", "diff_drive_controller")
 
 
+@pytest.mark.daily
 @pytest.mark.parametrize(
     ("robot", "parameter", "texts"),
     [
