@@ -69,7 +69,7 @@ def _check_files(report: CheckReport, descriptor: RobotDescriptor) -> None:
                 report.warn(warning)
     if urdf is not None:
         model = report.run(f"urdf {urdf.name}", lambda: check_urdf(urdf, descriptor))
-        for warning in urdf_warnings(model, descriptor) if model else ():
+        for warning in urdf_warnings(model, urdf, descriptor) if model else ():
             report.warn(warning)
 
 

@@ -8,9 +8,12 @@ from itertools import product
 from pathlib import Path
 
 from robotd.descriptor import JointSettings, JointType, RobotDescriptor, TwoSidedDrive
-from robotd.descriptor.urdf import UrdfJoint, UrdfRobot, read_urdf
+from robotd.descriptor.urdf import UrdfJoint, UrdfRobot, read_urdf, read_urdf_text
+from robotd.descriptor.urdf.package_files import find_mesh, mesh_names
+from robotd.descriptor.urdf.urdf_text import xml_root
 from robotd.errors import DescriptorError, did_you_mean
 
+SHOWN_MESHES = 3
 ROUNDING = 1e-3  # rad, m or their rates: files are written with few digits
 
 _LIMITS = {"lower": "lower_rad", "upper": "upper_rad", "velocity": "velocity_rad_s"}
@@ -42,11 +45,13 @@ def check_urdf(path: Path, descriptor: RobotDescriptor) -> UrdfRobot:
     return urdf
 
 
-def urdf_warnings(urdf: UrdfRobot, descriptor: RobotDescriptor) -> Iterator[str]:
-    """Yield contradictions between a valid URDF and the descriptor, which wins.
+def urdf_warnings(urdf: UrdfRobot, path: Path, descriptor: RobotDescriptor) -> Iterator[str]:
+    """Yield what other readers refuse, and contradictions to the descriptor, which wins.
 
     A left wheel to the right of a right one: y of the base points to the left (REP 103).
     """
+    yield from urdf.notes
+    yield from _missing_meshes(path)
     drive = descriptor.drive
     if not isinstance(drive, TwoSidedDrive) or not drive.wheel_joints:
         return
@@ -63,6 +68,19 @@ def urdf_warnings(urdf: UrdfRobot, descriptor: RobotDescriptor) -> Iterator[str]
             return
 
 
+def _missing_meshes(path: Path) -> Iterator[str]:
+    """Yield one line that counts the missing meshes and names the first ones."""
+    names = mesh_names(xml_root(read_urdf_text(path), path))
+    missing = [name for name in names if find_mesh(name, path) is None]
+    if missing:
+        shown = ", ".join(missing[:SHOWN_MESHES]) + (", ..." if len(missing) > SHOWN_MESHES else "")
+        yield (
+            f"{len(missing)} of {len(names)} meshes not found ({shown}): the page does not draw"
+            " these links; add their packages to AMENT_PREFIX_PATH, or put the files beside"
+            " the URDF"
+        )
+
+
 def _differences(
     path: Path, joint: JointSettings, urdf: UrdfJoint | None
 ) -> Iterator[DescriptorError]:
@@ -77,6 +95,8 @@ def _differences(
     for attribute, key in _LIMITS.items():
         theirs, ours = getattr(urdf, attribute), getattr(joint, attribute)
         if theirs is None or not math.isfinite(ours):
+            continue
+        if attribute != "velocity" and not urdf.has_range:
             continue
         beyond = theirs - ours if attribute == "lower" else ours - theirs
         if beyond > ROUNDING:

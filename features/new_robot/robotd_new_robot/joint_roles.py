@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
 
-from robotd.descriptor.section import NAME
 from robotd.descriptor.urdf import UrdfJoint, UrdfRobot
-from robotd.errors import DescriptorError, did_you_mean
+from robotd.errors import DescriptorError
+from robotd_new_robot.answers import check_joint_names, check_mimics, check_ranges
 from robotd_new_robot.wheel_base import WheelBase, left_first, wheel_base
 
-_PASSIVE = re.compile(r"caster|castor|swivel|roller|idler", re.IGNORECASE)
+# A caster; a suspension, which a drive would hold against the springs.
+_PASSIVE = re.compile(r"cast[eo]r|idler|rocker|bogie|suspension|wheel_?drop", re.IGNORECASE)
+_FREE = re.compile(r"swivel|roller", re.IGNORECASE)  # without limits; else an axis of a machine
 _WHEEL = re.compile(r"wheel", re.IGNORECASE)
 UPRIGHT = 0.9  # part of an axis along z
 
@@ -37,6 +39,10 @@ class Choices:
         gripper: actuator of the fingers.
         groups: propose joint groups where the tree has branches.
         ramp_s: time to full speed, from which the accelerations follow.
+        speeds: of joints, rad/s or m/s; for those that have none in the URDF, or less.
+        limits: lower and upper of joints, rad or m.
+        passive: joints that no axis moves.
+        srdf: MoveIt's groups and passive joints; None without a file.
     """
 
     wheels: tuple[str, ...] = ()
@@ -45,6 +51,24 @@ class Choices:
     gripper: GripperDrive = GripperDrive.OUTPUT
     groups: bool = True
     ramp_s: float = 0.25
+    speeds: Mapping[str, float] = field(default_factory=dict)
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    passive: tuple[str, ...] = ()
+    srdf: Path | None = None
+
+    def renamed(self, names: Mapping[str, str]) -> Choices:
+        """Return the choices with other names of joints."""
+
+        def key(name: str) -> str:
+            return names.get(name, name)
+
+        return replace(
+            self,
+            wheels=tuple(map(key, self.wheels)),
+            passive=tuple(map(key, self.passive)),
+            speeds={key(name): speed for name, speed in self.speeds.items()},
+            limits={key(name): limits for name, limits in self.limits.items()},
+        )
 
 
 @dataclass(frozen=True)
@@ -80,25 +104,34 @@ class Roles:
 def assign_roles(urdf: UrdfRobot, choices: Choices, path: Path) -> Roles:
     """Find the role of every moving joint.
 
-    Raises DescriptorError, with every problem and the line in ``path``: wheels that are no pair, a
-    joint of an arm without a speed, or a name that ROS and descriptors do not allow.
+    Raises DescriptorError, with every problem and the line in ``path``: wheels that are no pair, or
+    driven joints without a range.
     """
+    check_joint_names(choices.passive, "--passive", urdf, path)
     base = _base(urdf, choices, path)
     wheels = base.joints if base else ()
     free = [joint for joint in urdf.joints if joint.moves and joint not in wheels]
-    passive = [(joint, "a passive wheel") for joint in free if _PASSIVE.search(joint.name)]
+    passive = [(joint, "passive, as chosen") for joint in free if joint.name in choices.passive]
+    passive += [
+        (joint, "a passive wheel or suspension, by its name")
+        for joint in free
+        if _is_passive(joint) and joint.name not in choices.passive
+    ]
     if base is not None:
         _check_steering(urdf, base, path)
         passive += _idle_wheels(urdf, free)
     idle = {joint.name for joint, _ in passive}
     free = [joint for joint in free if joint.name not in idle]
+    check_mimics(urdf, free, path)
     groups = _finger_groups(urdf, free)
     fingers = None
-    if choices.gripper is GripperDrive.OUTPUT and len(groups) == 1:
+    held = {joint.name for group in groups for joint in group.joints}
+    is_alone = base is None and held >= {joint.name for joint in free}
+    # A gripper alone is a robot of one axis: a valve would leave nothing to drive.
+    if choices.gripper is GripperDrive.OUTPUT and len(groups) == 1 and not is_alone:
         fingers = groups[0]
         free = [joint for joint in free if joint not in fingers.joints]
     elif choices.gripper is GripperDrive.NONE:
-        held = {joint.name for group in groups for joint in group.joints}
         passive += [(joint, "a finger; --gripper none") for joint in free if joint.name in held]
         free = [joint for joint in free if joint.name not in held]
     else:  # a second gripper cannot have an output bit: their leaders become joints of the arm
@@ -111,7 +144,7 @@ def assign_roles(urdf: UrdfRobot, choices: Choices, path: Path) -> Roles:
         free = [joint for joint in free if joint.name not in followers or joint.mimic]
     passive += [(joint, f"follows {joint.mimic.joint}") for joint in free if joint.mimic]
     arm = tuple(joint for joint in free if joint.mimic is None)
-    _check(arm, fingers, path)
+    check_ranges((*arm, *(fingers.joints[:1] if fingers else ())), path)
     _check_offsets(fingers, path)
     return Roles(arm, base, fingers, tuple(passive))
 
@@ -120,8 +153,14 @@ def _base(urdf: UrdfRobot, choices: Choices, path: Path) -> WheelBase | None:
     if not choices.base:
         return None
     if choices.wheels:
-        return wheel_base(urdf, _named(urdf, choices.wheels, path), choices.wheel_radius_m, path)
-    found = [joint for joint in urdf.joints if _is_wheel(urdf, joint)]
+        check_joint_names(choices.wheels, "--wheels", urdf, path)
+        named = [urdf.joint[name] for name in choices.wheels]
+        return wheel_base(urdf, named, choices.wheel_radius_m, path)
+    found = [
+        joint
+        for joint in urdf.joints
+        if _is_wheel(urdf, joint) and joint.name not in choices.passive
+    ]
     if not found:
         return None
     wheels = left_first(urdf, found)
@@ -130,19 +169,16 @@ def _base(urdf: UrdfRobot, choices: Choices, path: Path) -> WheelBase | None:
         what = (
             f"{len(found)} wheels ({names}): name the driven ones, the left ones first, by --wheels"
             f" LEFT,RIGHT or, on a skid-steer base, --wheels {names}; the others are passive then;"
-            " --no-base takes none for a wheel; mecanum and steered bases are described by hand,"
-            " as in robots/mecanum_base and robots/tricycle_base"
+            " --no-base makes each an axis of its own; mecanum and steered bases are described by"
+            " hand, as in robots/mecanum_base and robots/tricycle_base"
         )
         raise DescriptorError(what, path=path, line=found[0].line, key=found[0].name)
     return wheel_base(urdf, wheels, choices.wheel_radius_m, path)
 
 
-def _named(urdf: UrdfRobot, names: Sequence[str], path: Path) -> list[UrdfJoint]:
-    for name in names:
-        if name not in urdf.joint:
-            hint = did_you_mean(name, urdf.joint)
-            raise DescriptorError(f"has no joint {name!r} for a wheel{hint}", path=path)
-    return [urdf.joint[name] for name in names]
+def _is_passive(joint: UrdfJoint) -> bool:
+    is_free = joint.type == "continuous" and _FREE.search(joint.name)
+    return bool(_PASSIVE.search(joint.name) or is_free)
 
 
 def _is_wheel(urdf: UrdfRobot, joint: UrdfJoint) -> bool:
@@ -150,7 +186,7 @@ def _is_wheel(urdf: UrdfRobot, joint: UrdfJoint) -> bool:
         joint.type == "continuous"
         and joint.mimic is None
         and bool(_WHEEL.search(joint.name) or _WHEEL.search(joint.child))
-        and not _PASSIVE.search(joint.name)
+        and not _is_passive(joint)
         and not urdf.carries(joint)
     )
 
@@ -162,7 +198,7 @@ def _check_steering(urdf: UrdfRobot, base: WheelBase, path: Path) -> None:
         if steering is not None and _steers(urdf, steering):
             what = (
                 f"the wheel is steered by {steering.name}: a base with steered wheels is described"
-                " by hand, as in robots/tricycle_base"
+                " by hand, as in robots/tricycle_base; --no-base makes each joint an axis"
             )
             raise DescriptorError(what, path=path, line=wheel.line, key=wheel.name)
 
@@ -239,17 +275,3 @@ def _check_offsets(fingers: Fingers | None, path: Path) -> None:
                 " pass --gripper axis or none"
             )
             raise DescriptorError(what, path=path, line=joint.line, key=joint.name)
-
-
-def _check(arm: Sequence[UrdfJoint], fingers: Fingers | None, path: Path) -> None:
-    problems = []
-    for joint in (*arm, *(fingers.joints if fingers else ())):
-        if not NAME.fullmatch(joint.name):
-            what = "name must begin with a letter and hold only letters, digits and _"
-            problems.append(DescriptorError(what, path=path, line=joint.line, key=joint.name))
-    for joint in arm:
-        if joint.velocity is None:
-            what = "a driven joint needs a speed above 0: <limit effort= velocity=>"
-            problems.append(DescriptorError(what, path=path, line=joint.line, key=joint.name))
-    if problems:
-        raise DescriptorError.join(problems)

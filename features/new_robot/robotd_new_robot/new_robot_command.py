@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +16,14 @@ from robotd.cli.installed import load_robot
 from robotd.cli.options import FOLDER, names
 from robotd.cli.package_templates import package_words, write_files, write_package
 from robotd.cli.preflight import import_ros
-from robotd.descriptor.files import read_limited
-from robotd.descriptor.urdf import declared_as_utf8, parse_urdf
-from robotd.descriptor.urdf.urdf_text import MAX_BYTES
+from robotd.descriptor.urdf import read_urdf_text, urdf_text
+from robotd.descriptor.urdf.urdf_text import is_xacro, xml_root
 from robotd.errors import InvalidArgument, OperationError
 from robotd.number_argument import NumberRange
 from robotd_new_robot import Choices, bus_robot_files, robot_files
+from robotd_new_robot.answers import ALL
 from robotd_new_robot.joint_roles import GripperDrive
+from robotd_new_robot.xacro_file import expand_xacro
 from robotd_ros.commands.robot_client import client_options, robot_client
 
 TEMPLATES = Path(__file__).parent / "templates" / "robot"
@@ -39,14 +41,54 @@ Examples:
 """
 
 
+def _answers(
+    ctx: click.Context, option: click.Parameter, values: Sequence[str]
+) -> dict[str, tuple[float, ...]]:
+    """Parse texts such as ``JOINT=LOWER,UPPER``; without a joint the key is ``ALL``."""
+    form = str(option.metavar)
+    count = form.count(",") + 1
+    found = {}
+    for text in values:
+        joint, _, numbers = text.rpartition("=")
+        try:
+            answer = tuple(float(number) for number in numbers.split(","))
+        except ValueError:
+            answer = ()
+        if len(answer) != count or not all(map(isfinite, answer)):
+            raise click.BadParameter(f"{text!r} is not {form}")
+        if answer[0] >= answer[1] if count == 2 else answer[0] <= 0.0:
+            what = "the lower limit is not below the upper one" if count == 2 else "must be above 0"
+            raise click.BadParameter(f"{text!r}: {what}")
+        found[joint or ALL] = answer
+    return found
+
+
+def _xacro_arguments(
+    ctx: click.Context, option: click.Parameter, values: Sequence[str]
+) -> dict[str, str]:
+    pairs = [text.partition(":=") for text in values]
+    for name, sign, _ in pairs:
+        if not name or not sign:
+            raise click.BadParameter(f"{name!r} is not NAME:=VALUE")
+    return {name: value for name, _, value in pairs}
+
+
 @click.command("new-robot", epilog=EPILOG)
 @click.argument("name")
 @click.option(
     "--urdf",
     metavar="FILE",
     type=click.Path(path_type=Path),
-    help="URDF of the robot; without --bus the default is the topic /robot_description of a running"
-    " system.",
+    help="URDF or xacro file of the robot; without --bus the default is the topic"
+    " /robot_description of a running system.",
+)
+@click.option(
+    "--xacro-arg",
+    "xacro_arguments",
+    metavar="NAME:=VALUE",
+    multiple=True,
+    callback=_xacro_arguments,
+    help="Argument of a URDF in xacro, which the Python package xacro expands. May be repeated.",
 )
 @click.option(
     "--bus",
@@ -98,6 +140,29 @@ Examples:
     help="Fingers are moved by a valve on an output, by an axis of their own, or by nothing.",
 )
 @click.option(
+    "--speed",
+    "speeds",
+    metavar="[JOINT=]SPEED",
+    multiple=True,
+    callback=_answers,
+    help="Speed of a joint, or of all joints without one in the URDF, rad/s or m/s; by default"
+    " 0.5 rad/s and 0.05 m/s. May be repeated.",
+)
+@click.option(
+    "--limits",
+    metavar="[JOINT=]LOWER,UPPER",
+    multiple=True,
+    callback=_answers,
+    help="Limits of a joint, or of all joints without a range in the URDF, rad or m. May be"
+    " repeated.",
+)
+@click.option(
+    "--passive",
+    metavar="JOINT,...",
+    callback=names,
+    help="Joints that no axis moves: caster forks, suspensions, rockers.",
+)
+@click.option(
     "--ramp-time",
     "ramp_s",
     metavar="SECONDS",
@@ -127,9 +192,8 @@ def new_robot(*, name: str, into: Path, package: bool, **options: Any) -> ExitCo
     elif options["bus"] and not options["urdf"]:
         files = bus_robot_files(name, options["bus"], options["ramp_s"])
     else:
-        text, path = _urdf_text(options["urdf"], options["timeout_s"])
-        urdf = parse_urdf(text, path)
-        files = robot_files(name, urdf, text, path, _choices(options), options["bus"])
+        text, path = _urdf_text(options)
+        files = robot_files(name, text, path, _choices(options), options["bus"])
     folder = top / words["package"] / "robots" / name if package else top
     write_files(folder, files)
     if package:
@@ -173,13 +237,21 @@ def _choices(options: Mapping[str, Any]) -> Choices:
         groups=not options["no_groups"],
         gripper=GripperDrive(options["gripper"]),
         ramp_s=options["ramp_s"],
+        speeds={joint: speed for joint, (speed,) in options["speeds"].items()},
+        limits=options["limits"],
+        passive=tuple(options["passive"] or ()),
     )
 
 
-def _urdf_text(path: Path | None, timeout_s: float) -> tuple[bytes, Path]:
+def _urdf_text(options: Mapping[str, Any]) -> tuple[str, Path]:
     """Return the URDF and the name of its origin."""
+    path: Path | None = options["urdf"]
     if path is not None:
-        return read_limited(path, MAX_BYTES), path
-    with robot_client(timeout_s) as client:
-        text: str = import_ros("robotd_ros.client.status_client").read_description(client)
-    return declared_as_utf8(text).encode(), Path("robot_description")
+        text = read_urdf_text(path)
+        if is_xacro(xml_root(text, path)):
+            text = urdf_text(expand_xacro(path, options["xacro_arguments"]), path)
+        return text, path
+    with robot_client(options["timeout_s"]) as client:
+        text = import_ros("robotd_ros.client.status_client").read_description(client)
+    path = Path("robot_description")
+    return urdf_text(text, path), path

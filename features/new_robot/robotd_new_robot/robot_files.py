@@ -7,18 +7,30 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+import yaml
 
 from robotd.descriptor.section import MAX_AXES
-from robotd.descriptor.urdf import UrdfJoint, UrdfRobot
+from robotd.descriptor.urdf import UrdfJoint, UrdfRobot, parse_urdf
 from robotd.errors import DescriptorError
+from robotd.log import get_logger
+from robotd_new_robot.answers import (
+    check_joint_names,
+    legal_names,
+    with_answers,
+    with_assumed_speeds,
+    with_joint_names,
+)
 from robotd_new_robot.bus_axes import bus_joints, bus_section, read_bus_scan
 from robotd_new_robot.drive_models import COULOMB_SHARE, VISCOUS_SHARE, per_axis
 from robotd_new_robot.joint_chains import propose_groups
 from robotd_new_robot.joint_roles import Choices, Fingers, Roles, assign_roles
 
+log = get_logger("new-robot")
+
 MAX_BASE_VELOCITY_M_S = 1.0  # moderate, for a machine that was never driven
 MAX_BASE_TURNING_RAD_S = 2.0
 BASE_RAMP_S = 0.5
+ASSUMED = "Speeds assumed (0.5 rad/s, 0.05 m/s)"
 WIDTH = 96  # of comments
 SERVICE_NODES = ("wmx_engine_node", "wmx_core_motion_node", "wmx_io_node", "wmx_ethercat_node")
 
@@ -41,8 +53,7 @@ _TURNING = ("rad", "rad_s", "rad_s2")
 
 def robot_files(
     name: str,
-    urdf: UrdfRobot,
-    text: bytes,
+    text: str,
     path: Path,
     choices: Choices,
     bus: Path | None = None,
@@ -51,26 +62,43 @@ def robot_files(
 
     Args:
         name: of the robot.
-        urdf: read from ``text``.
-        text: content of the URDF file.
+        text: of the URDF.
         path: of the URDF, for errors.
         choices: answers that the URDF does not contain.
         bus: result of a bus scan, see ``BusScan``.
 
     Raises DescriptorError: nothing can be driven; a scan that does not fit; see ``assign_roles``.
     """
+    urdf = parse_urdf(text, path)
+    renamed = legal_names(urdf)
+    if renamed:
+        text = with_joint_names(text, renamed, urdf.links)
+        urdf, choices = parse_urdf(text, path), choices.renamed(renamed)
+    check_joint_names(choices.speeds, "--speed", urdf, path)
+    check_joint_names(choices.limits, "--limits", urdf, path)
+    urdf = with_answers(urdf, choices.speeds, choices.limits)
     roles = assign_roles(urdf, choices, path)
     count = len(roles.arm) + (len(roles.base.joints) if roles.base else 0)
     if count == 0:
         raise DescriptorError("no joint moves: there is nothing to drive", path=path)
     if count > MAX_AXES:
-        raise DescriptorError(f"{count} joints move, the limit is {MAX_AXES}", path=path)
+        what = (
+            f"{count} joints move, the limit is {MAX_AXES}: pass --passive JOINT,... for the rest"
+        )
+        raise DescriptorError(what, path=path)
     groups = propose_groups(urdf, roles.arm) if choices.groups else {}
-    joints = [*roles.arm, *(roles.base.joints if roles.base else ())]
+    assumed = [joint.name for joint in roles.arm if not joint.velocity]
+    if assumed:
+        log.warning("speeds assumed: pass --speed JOINT=SPEED for the real ones", joints=assumed)
+    if renamed:
+        log.warning("joints renamed: see robot.yaml", joints=renamed)
+    arm = with_assumed_speeds(roles.arm)
+    joints = [*arm, *(roles.base.joints if roles.base else ())]
     return {
         "robot.yaml": _text(
             [*_head(name, urdf.name or name, path), f"urdf: {name}.urdf"],
-            _joints(roles.arm, choices.ramp_s, _URDF_LIMITS),
+            _renamed(renamed),
+            _joints(arm, choices.ramp_s, _URDF_LIMITS, assumed),
             _groups(groups),
             _base(roles),
             _gripper(urdf, roles.fingers),
@@ -79,7 +107,7 @@ def robot_files(
             _ros_parameters(name, roles, groups),
             _backends(per_axis(urdf, joints), joints, bus),
         ),
-        f"{name}.urdf": text,
+        f"{name}.urdf": text.encode(),
     }
 
 
@@ -120,10 +148,26 @@ def _head(name: str, title: str, path: Path) -> Iterator[str]:
     yield "backend: sim                            # replaced by --backend on the command line"
 
 
-def _joints(joints: Sequence[UrdfJoint], ramp_s: float, origin: str) -> Iterator[str]:
+def _renamed(renamed: Mapping[str, str]) -> Iterator[str]:
+    if renamed:
+        yield from _comment(
+            "Names of joints that neither ROS parameters nor this file allow are replaced, here and"
+            " in the URDF beside it; links, the frames, keep theirs. Clients use the new names:"
+        )
+    for old, new in renamed.items():
+        yield f"#   {new}: {old}"
+
+
+def _joints(
+    joints: Sequence[UrdfJoint], ramp_s: float, origin: str, assumed: Sequence[str] = ()
+) -> Iterator[str]:
     if not joints:
         return
     yield from _comment(origin.format(ramp_s=ramp_s))
+    if assumed:
+        yield from _comment(
+            f"{ASSUMED} for {', '.join(assumed)}: the URDF has none, or a placeholder."
+        )
     yield "joints:"
     for axis, joint in enumerate(joints):
         yield f"  - {{{', '.join(_joint(joint, axis, ramp_s))}}}"
@@ -132,7 +176,7 @@ def _joints(joints: Sequence[UrdfJoint], ramp_s: float, origin: str) -> Iterator
 def _joint(joint: UrdfJoint, axis: int, ramp_s: float) -> Iterator[str]:
     position, velocity, acceleration = _UNITS.get(joint.type, _TURNING)
     speed = joint.velocity or 0.0
-    yield f"name: {joint.name}"
+    yield f"name: {_word(joint.name)}"
     yield f"axis: {axis}"
     if joint.type != "revolute":
         yield f"type: {joint.type}"
@@ -152,7 +196,7 @@ def _groups(groups: Mapping[str, Sequence[UrdfJoint]]) -> Iterator[str]:
     )
     yield "groups:"
     for name, joints in groups.items():
-        yield f"  {name}: {{joints: [{', '.join(joint.name for joint in joints)}]}}"
+        yield f"  {_word(name)}: {{joints: [{_words(joints)}]}}"
 
 
 def _base(roles: Roles) -> Iterator[str]:
@@ -181,7 +225,7 @@ def _base(roles: Roles) -> Iterator[str]:
         yield "  kind: skid_steer"
         yield f"  left_axes: [{_range(first, per_side)}]"
         yield f"  right_axes: [{_range(first + per_side, per_side)}]"
-    yield f"  wheel_joints: [{', '.join(joint.name for joint in base.joints)}]"
+    yield f"  wheel_joints: [{_words(base.joints)}]"
     yield f"  wheel_radius_m: {_rounded(base.radius_m)}"
     yield f"  wheel_separation_m: {_rounded(base.separation_m)}"
     if per_side > 1:
@@ -199,7 +243,6 @@ def _gripper(urdf: UrdfRobot, fingers: Fingers | None) -> Iterator[str]:
     if fingers is None:
         return
     opened, closed, is_known = _ends(urdf, fingers)
-    names = ", ".join(joint.name for joint in fingers.joints)
     yield from _comment(
         "Fingers on the valve of output bit 0.0: set the bit of the machine. A servo gripper is a"
         " joint instead: make the robot again with --gripper axis."
@@ -209,7 +252,7 @@ def _gripper(urdf: UrdfRobot, fingers: Fingers | None) -> Iterator[str]:
     yield "gripper:"
     yield "  output_byte: 0"
     yield "  output_bit: 0"
-    yield f"  joints: [{names}]"
+    yield f"  joints: [{_words(fingers.joints)}]"
     if any(share != 1.0 for share in fingers.multipliers):
         yield f"  multipliers: [{', '.join(_number(share) for share in fingers.multipliers)}]"
     yield f"  open_m: {_number(opened)}"
@@ -302,6 +345,15 @@ def _comment(text: str) -> Iterator[str]:
 
 def _range(first: int, count: int) -> str:
     return ", ".join(map(str, range(first, first + count)))
+
+
+def _word(name: str) -> str:
+    """Return a name as YAML, quoted where YAML reads another value (``null``, ``yes``)."""
+    return name if yaml.safe_load(name) == name else _quoted(name)
+
+
+def _words(joints: Sequence[UrdfJoint]) -> str:
+    return ", ".join(_word(joint.name) for joint in joints)
 
 
 def _quoted(text: str) -> str:

@@ -62,7 +62,10 @@ def wheel_base(
     """
     half = len(wheels) // 2
     if not half or len(wheels) % 2 or len({joint.name for joint in wheels}) < len(wheels):
-        what = "a base has as many left as right wheels: --wheels LEFT,RIGHT, the left ones first"
+        what = (
+            "a base has as many left as right wheels: --wheels LEFT,RIGHT, the left ones first;"
+            " --no-base makes each wheel an axis"
+        )
         raise DescriptorError(what, path=path)
     left, right = tuple(wheels[:half]), tuple(wheels[half:])
     y_left, y_right = ([_side(urdf, joint) for joint in side] for side in (left, right))
@@ -73,7 +76,7 @@ def wheel_base(
         )
         what = (
             f"the wheels are not on two sides ({named} m): name the left ones first, then the"
-            " right ones; y of the base must point to the left"
+            " right ones; y of the base must point to the left; --no-base makes each wheel an axis"
         )
         raise DescriptorError(what, path=path, line=left[0].line, key=left[0].name)
     known = [joint.velocity for joint in wheels if joint.velocity is not None]

@@ -3,16 +3,16 @@
 from robotd.descriptor.urdf.joint_frames import JointFrames, transform_numbers
 from robotd.descriptor.urdf.urdf_model import UrdfJoint, UrdfLink, UrdfRobot
 from robotd.descriptor.urdf.urdf_reader import parse_urdf, read_urdf
-from robotd.descriptor.urdf.urdf_text import declared_as_utf8, read_urdf_text
+from robotd.descriptor.urdf.urdf_text import read_urdf_text, urdf_text
 
 __all__ = [
     "JointFrames",
     "UrdfJoint",
     "UrdfLink",
     "UrdfRobot",
-    "declared_as_utf8",
     "parse_urdf",
     "read_urdf",
     "read_urdf_text",
     "transform_numbers",
+    "urdf_text",
 ]

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote, unquote, urlparse
-
-from lxml import etree
+from urllib.parse import quote, unquote
 
 from robotd.descriptor.files import is_file
+from robotd.descriptor.urdf.package_files import find_mesh, mesh_names
+from robotd.descriptor.urdf.urdf_text import xml_root
+from robotd.errors import DescriptorError
 from robotd.log import get_logger
 
 log = get_logger("page")
@@ -67,7 +67,7 @@ def mesh_files(urdf: str, path: Path | None) -> dict[str, Path]:
     """
     found: dict[str, Path] = {}
     for name in _names(urdf):
-        file = next(filter(is_file, _places(name, path)), None)
+        file = find_mesh(name, path)
         if file is None:
             log.warning("mesh not found: the link is not drawn", mesh=name)
         elif file.suffix.lower() not in SUFFIXES or file.stat().st_size > MAX_BYTES:
@@ -106,26 +106,7 @@ def _part_names(content: Any) -> Iterator[str]:
 
 
 def _names(urdf: str) -> list[str]:
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
     try:
-        root = etree.fromstring(urdf.encode(), parser) if urdf else None
-    except etree.XMLSyntaxError:
+        return mesh_names(xml_root(urdf, Path()), ("visual",)) if urdf else []
+    except DescriptorError:
         return []
-    meshes = [] if root is None else root.findall(".//visual/geometry/mesh")
-    return list(dict.fromkeys(mesh.get("filename", "") for mesh in meshes))
-
-
-def _places(name: str, path: Path | None) -> Iterator[Path]:
-    """Yield the files that a name may mean, the most likely first."""
-    url = urlparse(name)
-    location = unquote(url.path)
-    if url.scheme == "package":
-        inside = location.lstrip("/")
-        for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
-            yield Path(prefix, "share", url.netloc, inside)
-        for folder in path.absolute().parents if path else ():
-            if folder.name == url.netloc:
-                yield folder / inside
-            yield folder / url.netloc / inside
-    elif url.scheme in ("", "file") and path:
-        yield path.absolute().parent / location

@@ -11,6 +11,7 @@ import numpy as np
 from robotd.arrays import FloatArray
 
 FIXED = "fixed"
+HELD_TYPES = (FIXED, "floating", "planar")  # no axis of the robot moves them
 MOVING_TYPES = ("revolute", "continuous", "prismatic")
 
 
@@ -48,10 +49,11 @@ class UrdfJoint:
     """One joint; rad, or m for a prismatic one.
 
     Attributes:
-        type: one of ``MOVING_TYPES`` or ``FIXED``.
+        type: one of ``MOVING_TYPES`` or ``HELD_TYPES``.
         origin: frame of the joint in that of its parent; shape (4, 4).
         axis: unit vector in the frame of the joint; shape (3,).
-        lower, upper: -inf and inf for a continuous joint; the tighter of hard and soft limits.
+        lower, upper: the tighter of hard and soft limits, as the file has them: they may leave no
+            range. -inf and inf for a continuous joint and one without limits.
         velocity, effort: None where the file has none; a velocity of 0 is none.
         soft: limits of its <safety_controller>; None without.
     """
@@ -72,8 +74,13 @@ class UrdfJoint:
 
     @property
     def moves(self) -> bool:
-        """True unless the joint is fixed."""
-        return self.type != FIXED
+        """True for a joint of one axis; False for a fixed, floating or planar one."""
+        return self.type in MOVING_TYPES
+
+    @property
+    def has_range(self) -> bool:
+        """True for limits that leave a range, and for a joint that needs none."""
+        return self.lower < self.upper and (self.type == "continuous" or self.lower > -np.inf)
 
     def transform(self, position: float) -> FloatArray:
         """Return the frame of the child in that of the parent; shape (4, 4)."""
@@ -93,12 +100,14 @@ class UrdfRobot:
         name: of the robot; "" where the file has none.
         root: the link without a parent.
         joints: depth first from the root, siblings in the order of the file.
+        notes: what other readers refuse or show differently.
     """
 
     name: str
     root: str
     links: Mapping[str, UrdfLink]
     joints: tuple[UrdfJoint, ...]
+    notes: tuple[str, ...] = ()
 
     @cached_property
     def joint(self) -> Mapping[str, UrdfJoint]:
@@ -131,7 +140,7 @@ class UrdfRobot:
     def leader(
         self, joint: UrdfJoint, known: Container[str] = ()
     ) -> tuple[UrdfJoint, float, float]:
-        """Return the joint that ``joint`` follows, itself without a mimic, and how.
+        """Return the joint that ``joint`` follows, itself where it follows none, and how.
 
         Its position is multiplier · that of the leader + offset.
 
@@ -140,7 +149,7 @@ class UrdfRobot:
             known: names of joints that are taken as leaders even where they are mimics.
         """
         multiplier, offset = 1.0, 0.0
-        while joint.mimic is not None and joint.name not in known:
+        while joint.mimic and joint.name not in known and joint.mimic.joint in self.joint:
             offset += multiplier * joint.mimic.offset
             multiplier *= joint.mimic.multiplier
             joint = self.joint[joint.mimic.joint]

@@ -9,12 +9,11 @@ from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 import numpy as np
-from lxml import etree
 
 from robotd.arrays import FloatArray
 from robotd.descriptor.files import read_limited
 from robotd.descriptor.urdf.urdf_model import (
-    FIXED,
+    HELD_TYPES,
     MOVING_TYPES,
     Mimic,
     UrdfJoint,
@@ -22,13 +21,17 @@ from robotd.descriptor.urdf.urdf_model import (
     UrdfRobot,
     frame,
 )
-from robotd.descriptor.urdf.urdf_text import MAX_BYTES, xml_root
+from robotd.descriptor.urdf.urdf_text import MAX_BYTES, is_xacro, xml_root
 from robotd.descriptor.urdf.urdf_tree import check_tree, depth_first
 from robotd.errors import DescriptorError, did_you_mean
 
-_TYPES = (*MOVING_TYPES, FIXED)
+_TYPES = (*MOVING_TYPES, *HELD_TYPES)
 # As urdfdom reads numbers: Python also takes 1_0, and digits of other scripts.
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?\s*", re.ASCII | re.IGNORECASE)
+IS_XACRO = (
+    "is xacro, not URDF: pass it to 'robotd new-robot --urdf', which expands it, or run"
+    " 'xacro FILE > NAME.urdf' and pass the result"
+)
 _INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
@@ -62,6 +65,7 @@ class _Reader:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._problems: list[DescriptorError] = []
+        self._notes: list[str] = []
 
     def robot(self, root: Any) -> UrdfRobot:
         self._check_root(root)
@@ -79,17 +83,14 @@ class _Reader:
             ordered = sorted(self._problems, key=lambda problem: problem.line or 0)
             raise DescriptorError.join(ordered)
         first, ordered_joints = depth_first(links, joints.values())
-        return UrdfRobot(root.get("name", ""), first, links, tuple(ordered_joints))
+        joined, notes = tuple(ordered_joints), tuple(self._notes)
+        return UrdfRobot(root.get("name", ""), first, links, joined, notes)
 
     def _check_root(self, root: Any) -> None:
         if root.tag != "robot":
             raise self._error(f"begins with <{root.tag}>, not <robot>: no URDF", root)
-        macros = [
-            each for each in root.iter(etree.Element) if "ros.org/wiki/xacro" in str(each.tag)
-        ]
-        if macros:
-            text = "is xacro, not URDF: run 'xacro FILE > NAME.urdf' and pass the result"
-            raise self._error(text, macros[0])
+        if is_xacro(root):
+            raise self._error(IS_XACRO, root)
 
     def _unique(self, root: Any, tag: str, read: Any) -> dict[str, Any]:
         found: dict[str, Any] = {}
@@ -111,7 +112,10 @@ class _Reader:
     def _link(self, element: Any, name: str) -> UrdfLink:
         mass, center, inertia = None, np.zeros(3), np.zeros((3, 3))
         if (inertial := element.find("inertial")) is not None:
-            mass = self._number(inertial.find("mass"), "value", name, minimum=0.0)
+            mass = self._number(inertial.find("mass"), "value", name)
+            if mass is not None and mass < 0.0:
+                self._notes.append(f"link {name} has a mass below 0, which is ignored")
+                mass = None
             pose = self._origin(inertial, name)
             center = pose[:3, 3]
             if (tensor := inertial.find("inertia")) is not None:
@@ -133,10 +137,15 @@ class _Reader:
     def _joint(self, element: Any, name: str) -> UrdfJoint | None:
         kind = element.get("type", "")
         if kind not in _TYPES:
-            self._problem(_type_problem(kind), element, name)
+            what = f"type {kind!r} is unknown (available: {', '.join(_TYPES)})"
+            self._problem(what, element, name)
             return None
         # What a fixed joint says about motion means nothing: exporters write zeros there.
-        moves = kind != FIXED
+        moves = kind in MOVING_TYPES
+        if kind in ("floating", "planar"):
+            self._notes.append(
+                f"joint {name} is {kind}: no axis moves it, its link stays at the origin"
+            )
         limits = self._limits(element, name, kind) if moves else _NO_LIMITS
         return UrdfJoint(
             name,
@@ -163,11 +172,12 @@ class _Reader:
         bounded = kind in ("revolute", "prismatic")
         if limit is None:
             if bounded:
-                text = f"a {kind} joint needs <limit lower= upper= effort= velocity=>"
-                self._problem(text, element, name)
+                self._notes.append(f"joint {name} has no <limit>: RViz and MoveIt refuse the file")
             return _NO_LIMITS
+        if bounded and limit.get("velocity") is None:
+            self._notes.append(f"joint {name} has no velocity: RViz and MoveIt refuse the file")
         # Exporters write 0 where they know no speed; who drives the joint asks for one.
-        velocity = self._number(limit, "velocity", name, required=bounded, minimum=0.0) or None
+        velocity = self._number(limit, "velocity", name, minimum=0.0) or None
         effort = self._number(limit, "effort", name, minimum=0.0)
         if not bounded:
             return _Limits(-math.inf, math.inf, velocity, effort, None)
@@ -175,11 +185,8 @@ class _Reader:
         upper = self._number(limit, "upper", name, default=0.0)
         if lower is None or upper is None:
             return _Limits(-math.inf, math.inf, velocity, effort, None)
-        if lower >= upper:
-            self._problem(f"lower limit {lower:g} is not below upper {upper:g}", limit, name)
-            return _Limits(lower, upper, velocity, effort, None)
         soft = self._soft_limits(element.find("safety_controller"), name)
-        if soft is None:
+        if soft is None or lower >= upper:
             return _Limits(lower, upper, velocity, effort, None)
         tight = max(lower, soft[0]), min(upper, soft[1])
         if tight[0] >= tight[1]:
@@ -242,14 +249,11 @@ class _Reader:
         name: str,
         *,
         default: float | None = None,
-        required: bool = False,
         minimum: float | None = None,
     ) -> float | None:
         """Return a finite attribute; ``default`` where it is absent, None where it is wrong."""
         text = None if element is None else element.get(key)
         if text is None:
-            if required:
-                self._problem(f"<{element.tag}> has no {key}", element, name)
             return default
         value = _finite(text)
         if not math.isfinite(value):
@@ -270,9 +274,12 @@ class _Reader:
         seen = [joint.name]
         while (mimic := joints[seen[-1]].mimic) is not None and mimic.joint:
             if mimic.joint not in joints:
-                if len(seen) == 1:  # otherwise reported at the joint that names it
+                if len(seen) == 1:  # otherwise noted at the joint that names it
                     hint = did_you_mean(mimic.joint, joints)
-                    self._problem_at(f"mimics joint {mimic.joint!r}, which is none{hint}", joint)
+                    self._notes.append(
+                        f"joint {joint.name} mimics joint {mimic.joint!r}, which is none{hint}:"
+                        " nothing moves it"
+                    )
                 return
             if mimic.joint in seen:
                 if mimic.joint == joint.name:
@@ -296,12 +303,3 @@ class _Reader:
 def _finite(text: str) -> float:
     """Return the number in ``text``; NaN or infinity where it is none, or too large."""
     return float(text) if _NUMBER.fullmatch(text) else math.nan
-
-
-def _type_problem(kind: str) -> str:
-    if kind in ("floating", "planar"):
-        return (
-            f"a {kind} joint is not driven by one axis: make it fixed"
-            " (a mobile base is described by its wheels)"
-        )
-    return f"type {kind!r} is unknown (available: {', '.join(_TYPES)})"

@@ -1,9 +1,10 @@
-"""Text of a URDF, decoded by its byte order mark or its XML declaration."""
+"""Text of a URDF: decoded, declared as UTF-8, and readable by every XML parser."""
 
 from __future__ import annotations
 
 import codecs
 import re
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,41 +15,107 @@ from robotd.errors import DescriptorError
 
 MAX_BYTES = 8_000_000
 
-_DECLARED = re.compile(r"""(<\?xml[^>]*?encoding\s*=\s*)(["'])[^"']*\2""")
+_DECLARATION = re.compile(r"\s*<\?xml[^>]*\?>")
+_ENCODING = re.compile(r"""(<\?xml[^>]*?encoding\s*=\s*)(["'])([^"']*)\2""")
+_NAMESPACE = re.compile(r"""(<robot\b[^>]*?)\sxmlns\s*=\s*(["'])[^"']*\2""")
+_PREFIX = re.compile(r"Namespace prefix (\S+) ")
+# UTF-32 first: its mark begins with that of UTF-16.
+_MARKS = {
+    codecs.BOM_UTF32_LE: "UTF-32", codecs.BOM_UTF32_BE: "UTF-32", codecs.BOM_UTF8: "UTF-8",
+    codecs.BOM_UTF16_LE: "UTF-16", codecs.BOM_UTF16_BE: "UTF-16",
+    b"<\0": "UTF-16-LE", b"\0<": "UTF-16-BE",
+}  # fmt: skip
 
 
 def read_urdf_text(path: Path) -> str:
-    """Return the text of a file, declared as UTF-8 where it declares an encoding.
+    """Return the text of a file, see ``urdf_text``. Raises DescriptorError also if unreadable."""
+    return urdf_text(read_limited(path, MAX_BYTES), path)
 
-    Raises DescriptorError: it cannot be read, or is not XML.
+
+def urdf_text(data: bytes | str, path: Path) -> str:
+    """Return the content of ``path`` as text declared as UTF-8, without a mark.
+
+    Prefixes without a namespace are declared: urdfdom reads ``<sensor:camera>`` as it is, other
+    parsers refuse it.
+
+    Raises DescriptorError: not XML, or an unknown encoding.
     """
-    data = read_limited(path, MAX_BYTES)
-    marked = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-    declared = xml_root(data, path).getroottree().docinfo.encoding
-    encoding = "UTF-16" if marked else declared or "UTF-8"
-    try:
-        text = data.decode(encoding)
-    except (LookupError, UnicodeDecodeError) as error:
-        raise DescriptorError(f"is not {encoding}: {error}", path=path) from None
-    return declared_as_utf8(text)
+    text = declared_as_utf8(data if isinstance(data, str) else _decoded(data, path))
+    # urdfdom knows no namespaces: <robot xmlns="..."> is its <robot>.
+    text = _NAMESPACE.sub(r"\1", text, count=1)
+    prefixes = _undeclared_prefixes(text, path)
+    if prefixes:
+        names = "".join(f' xmlns:{prefix}="undeclared:{prefix}"' for prefix in prefixes)
+        text = re.sub(r"<robot\b", f"<robot{names}", text, count=1)
+    return text
 
 
 def declared_as_utf8(text: str) -> str:
     """Return ``text`` for readers of UTF-8: without a byte order mark, declared as UTF-8."""
     text = text.removeprefix("\ufeff")
-    declaration = _DECLARED.match(text)
-    if declaration is None:
-        return text
-    head, quote = declaration.groups()
-    return f"{head}{quote}UTF-8{quote}{text[declaration.end() :]}"
+    if declaration := _DECLARATION.match(text):  # urdfdom allows blank lines before it
+        first = declaration[0]
+        blank = first[: len(first) - len(first.lstrip())]
+        text = f"{first.lstrip()}{blank}{text[len(first) :]}"
+    return _ENCODING.sub(r"\1\2UTF-8\2", text, count=1) if declaration else text
 
 
 def xml_root(data: bytes | str, path: Path) -> Any:
     """Return the root element of the content of ``path``. Raises DescriptorError: not XML."""
-    if isinstance(data, str):
-        data = declared_as_utf8(data).encode()
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
+    return etree.fromstring(urdf_text(data, path).encode(), _parser())
+
+
+def is_xacro(root: Any) -> bool:
+    """Return True for the root of a file that xacro has to expand."""
+    return any(
+        "ros.org/wiki/xacro" in str(each.tag) or "wiki.ros.org/xacro" in str(each.tag)
+        for each in root.iter(etree.Element)
+    )
+
+
+def _decoded(data: bytes, path: Path) -> str:
+    """Decode by the byte order mark, else by the declaration, else as UTF-8.
+
+    Bytes that contradict the declaration are read as UTF-8, else as Latin-1: urdfdom, which does
+    not decode, reads names and comments of such files as well.
+    """
+    mark = next((name for mark, name in _MARKS.items() if data.startswith(mark)), None)
+    declared = _ENCODING.match(data[:200].decode("latin-1").lstrip())
+    encoding = mark or (declared[3] if declared else "UTF-8")
+    if mark is None and encoding.upper().startswith(("UTF-16", "UTF-32")):
+        encoding = "UTF-8"  # the declaration itself is in single bytes
     try:
-        return etree.fromstring(data, parser)
+        return data.decode(encoding)
+    except LookupError:
+        raise DescriptorError(f"encoding {encoding!r} is unknown", path=path, line=1) from None
+    except UnicodeDecodeError as error:
+        if mark is not None:
+            raise DescriptorError(f"is not {encoding}: {error}", path=path) from None
+    with suppress(UnicodeDecodeError):
+        return data.decode()
+    return data.decode("latin-1")
+
+
+def _undeclared_prefixes(text: str, path: Path) -> list[str]:
+    """Raise DescriptorError for text that is not XML apart from prefixes without a namespace."""
+    try:
+        etree.fromstring(text.encode(), _parser())
     except etree.XMLSyntaxError as error:
-        raise DescriptorError(f"not XML: {error.msg}", path=path, line=error.lineno) from None
+        if not _PREFIX.match(error.msg or ""):
+            raise DescriptorError(f"not XML: {error.msg}", path=path, line=error.lineno) from None
+    else:
+        return []
+    lenient = _parser(recover=True)
+    etree.fromstring(text.encode(), lenient)
+    found: dict[str, None] = {}
+    for problem in lenient.error_log:
+        prefix = _PREFIX.match(problem.message)
+        if prefix is None:
+            what = f"not XML: {problem.message}"
+            raise DescriptorError(what, path=path, line=problem.line)
+        found[prefix[1]] = None
+    return list(found)
+
+
+def _parser(*, recover: bool = False) -> etree.XMLParser:
+    return etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, recover=recover)

@@ -15,7 +15,10 @@ def check_tree(
     for joint in joints:
         if joint.child in parents:
             other = parents[joint.child].name
-            what = f"child link {joint.child!r} is held by joint {other!r} already"
+            what = (
+                f"child link {joint.child!r} is held by joint {other!r} already: the two close a"
+                " loop, a URDF is a tree; remove one of them"
+            )
             yield what, joint.line, joint.name
         else:
             parents[joint.child] = joint

@@ -1,0 +1,53 @@
+"""Expands xacro files by the package ``xacro``, where it is installed."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+from robotd.descriptor.urdf.package_files import package_folders
+from robotd.errors import DescriptorError
+
+
+def expand_xacro(path: Path, arguments: Mapping[str, str]) -> str:
+    """Return the URDF of a xacro file.
+
+    ``$(find PACKAGE)`` is looked up in ``AMENT_PREFIX_PATH`` and beside the file.
+
+    Args:
+        path: of the file.
+        arguments: values of its ``<xacro:arg>``.
+
+    Raises DescriptorError: xacro is not installed, or cannot expand the file.
+    """
+    try:
+        xacro: Any = importlib.import_module("xacro")
+        substitution: Any = importlib.import_module("xacro.substitution_args")
+    except ImportError:
+        what = (
+            "is xacro: install the package that expands it, 'pip install xacro', and try again;"
+            f" or run 'xacro {path.name} > NAME.urdf' and pass the result"
+        )
+        raise DescriptorError(what, path=path) from None
+
+    def find(package: str) -> str:
+        for folder in package_folders(package, path):
+            if folder.is_dir():
+                return str(folder)
+        raise FileNotFoundError(
+            f"package {package!r} is neither in AMENT_PREFIX_PATH nor beside the file"
+        )
+
+    # xacro's own search needs ROS; it has no option for another one.
+    try:
+        with patch.object(substitution, "_eval_find", find):
+            text: str = xacro.process_file(str(path), mappings=dict(arguments)).toxml()
+    except Exception as error:  # noqa: BLE001 - its parser, evaluator and macros raise any kind
+        reason = str(error) or type(error).__name__
+        if "Undefined substitution argument" in reason:
+            reason += ": pass --xacro-arg NAME:=VALUE"
+        raise DescriptorError(f"xacro cannot expand it: {reason}", path=path) from None
+    return text
