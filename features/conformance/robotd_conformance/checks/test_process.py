@@ -25,7 +25,7 @@ from robotd_conformance.checks.test_leaks import traced_memory
 OWN_LOG = "component="
 STANDARD_ERROR = 2  # its file descriptor
 READS, SPANS, OBJECTS_PER_READ = 100, 8, 0.5
-WINDOW, BYTES_PER_READ = 3, 6.0  # spans: a list grows by leaps
+ROOM_READS, ROOM_SPANS, WINDOW, BYTES_PER_READ = 60, 6, 3, 6.0  # spans: a list grows by leaps
 
 
 def hooks() -> dict[str, object]:
@@ -100,11 +100,11 @@ def test_a_period_needs_no_room(fresh: Harness, streams: bool) -> None:
             fresh.stream(position, velocity)
 
     with claim, fresh.each_period(send), traced_memory():
-        for _ in range(SPANS):
-            fresh.periods(READS)
+        for _ in range(ROOM_SPANS):
+            fresh.periods(ROOM_READS)
             gc.collect()
             now = tracemalloc.get_traced_memory()[0]
-            grown.append((now - before) / READS)
+            grown.append((now - before) / ROOM_READS)
             before = now
     windows = [sum(grown[first : first + WINDOW]) / WINDOW for first in range(1, len(grown) - 2)]
     assert min(windows) <= BYTES_PER_READ, f"a period leaves {min(windows):.1f} bytes behind"
