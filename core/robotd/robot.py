@@ -41,6 +41,7 @@ from robotd.device.tool_pose import ToolPose, tool_poses
 from robotd.errors import InvalidArgument, RobotdError, Unsupported
 from robotd.events import EventLog
 from robotd.log import get_logger
+from robotd.plugin.call_timeout import end_idle_threads
 from robotd.plugin.driver_set import Drivers
 from robotd.plugin.manager import Backend, load_backend
 
@@ -355,6 +356,7 @@ class Robot:
                 self.base.close()
             self.control_loop.stop()
             self.axes.stops.close(STOPS_END_S)
+            end_idle_threads()
             if isinstance(self.clock, PacedClock):
                 self.clock.end()
 

@@ -14,7 +14,8 @@ import threading
 import time
 from abc import ABC
 from collections.abc import Callable
-from typing import Any, TypeVar, cast
+from functools import partial
+from typing import Any, Generic, TypeVar, cast
 
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
 from robotd.device.state import ConnectionState
@@ -50,32 +51,58 @@ def isolated(driver: Driver, contract: type[Driver], plugin: str, backend: str) 
     """
     members: dict[str, Any] = {}
     for name in (name for name in dir(contract) if not name.startswith("_")):
-        what = f"plugin {plugin}: {contract.__name__}.{name}"
-        if isinstance(inspect.getattr_static(contract, name), property):
-            members[name] = property(_named(_getter(name, driver), what, backend))
+        what, attribute = f"plugin {plugin}: {contract.__name__}.{name}", getattr(contract, name)
+        if isinstance(attribute, property):
+            get = partial(_property_value, driver, name)
+            members[name] = property(_guarded(get, what, backend))
             continue
-        call = getattr(driver, name)
-        if name in _UNTIMED[contract]:
-            members[name] = staticmethod(_named(call, what, backend))
-        else:
-            signature = inspect.signature(getattr(contract, name))
-            accepts = contract in (AxisDriver, IoDriver)
-            timed = _timed(call, signature, what, accepts)
-            members[name] = staticmethod(_named(timed, what, backend))
+        signature = None if name in _UNTIMED[contract] else inspect.signature(attribute)
+        own_s = COMMAND_BUDGET_S if contract in (AxisDriver, IoDriver) else CALL_BUDGET_S
+        call = _guarded(getattr(driver, name), what, backend, signature, own_s)
+        members[name] = staticmethod(call)
     if isinstance(driver, DeviceDriver):
-        members["state"] = staticmethod(_state(members["state"].__func__))
-        members["fault"] = staticmethod(_fault(members["fault"].__func__, f"plugin {plugin}"))
+        ask_state, ask_fault = members["state"].__func__, members["fault"].__func__
+        members["state"] = staticmethod(_Question(ask_state, ConnectionState.UNKNOWN).ask)
+        silent = f"plugin {plugin}: DeviceDriver.fault does not return"
+        members["fault"] = staticmethod(_FaultQuestion(ask_fault, silent).ask)
     guard = type(f"Guarded{contract.__name__}", (contract,), members)()
     guard.__dict__["wrapped"] = driver
     return cast(Driver, guard)
 
 
-def _named(call: Call, what: str, backend: str) -> Call:
-    """``call`` with errors that name it, or the backend that does not support it."""
+def _property_value(driver: object, name: str, _: object) -> Any:
+    return getattr(driver, name)
 
-    def named(*arguments: Any, **keywords: Any) -> Any:
+
+def _guarded(
+    call: Call,
+    what: str,
+    backend: str,
+    signature: inspect.Signature | None = None,
+    own_s: float = 0,
+) -> Call:
+    """Wrap ``call``: its errors name ``what``, or the backend that does not support it.
+
+    Args:
+        call: method of the plugin's driver.
+        what: plugin and method, for errors.
+        backend: for errors.
+        signature: of the contract's method, which has a time limit; None: it has none.
+        own_s: the limit of a method without a ``timeout_s``.
+    """
+
+    def guarded(*given: Any, **named: Any) -> Any:
+        budget_s = own_s
         try:
-            return call(*arguments, **keywords)
+            if signature is None:
+                return call(*given, **named)
+            timeout_s = signature.bind(None, *given, **named).arguments.get("timeout_s")
+            if timeout_s is not None:
+                budget_s = timeout_s + GRACE_S
+            name = f"robotd-{call.__name__}"
+            return call_with_timeout(budget_s, partial(call, *given, **named), name)
+        except CallTimeout:
+            raise DeviceTimeout(f"{what} did not return within {budget_s:g} s") from None
         except Unsupported as error:
             if error.backend:
                 raise
@@ -85,87 +112,58 @@ def _named(call: Call, what: str, backend: str) -> Call:
         except (Exception, SystemExit) as error:
             raise OperationError(f"{what} failed: {type(error).__name__}: {error}") from error
 
-    return named
+    return guarded
 
 
-def _timed(call: Call, signature: inspect.Signature, what: str, accepts: bool) -> Call:
-    """Wrap ``call`` with a time limit; ``signature`` is that of the contract.
-
-    ``accepts``: it only has to accept a command.
-    """
-
-    def timed(*given: Any, **named: Any) -> Any:
-        timeout_s = signature.bind(None, *given, **named).arguments.get("timeout_s")
-        own_s = COMMAND_BUDGET_S if accepts else CALL_BUDGET_S
-        budget_s = own_s if timeout_s is None else timeout_s + GRACE_S
-        try:
-            return call_with_timeout(
-                budget_s, lambda: call(*given, **named), f"robotd-{call.__name__}"
-            )
-        except CallTimeout:
-            raise DeviceTimeout(f"{what} did not return within {budget_s:g} s") from None
-
-    return timed
-
-
-def _getter(name: str, driver: object) -> Call:
-    return lambda _: getattr(driver, name)
-
-
-def _state(ask: Callable[[], ConnectionState]) -> Callable[[], ConnectionState]:
-    """Wrap ``state`` of a device: UNKNOWN while an earlier question is not answered."""
-    return _asked_once(ask, lambda answer: answer(), ConnectionState.UNKNOWN)
-
-
-def _fault(ask: Callable[[], str], plugin: str) -> Callable[[], str]:
-    """Wrap ``fault`` of a device: without an answer, the reason. Never raises.
-
-    The control loop does not ask a device whose last answer to another thread was missing.
-    """
-    silent = f"{plugin}: DeviceDriver.fault does not return"
-    hangs = False
-
-    def limited(answer: Callable[[], str]) -> str:
-        nonlocal hangs
-        try:
-            text = call_with_timeout(ANSWER_BUDGET_S, answer, "robotd-fault")
-        except CallTimeout:
-            hangs = True
-            return silent
-        except RobotdError as error:
-            text = str(error)
-        hangs = False
-        return text
-
-    asked = _asked_once(ask, limited, silent)
-    return lambda: silent if hangs and is_control_loop() else asked()
-
-
-def _asked_once(
-    ask: Callable[[], Answer], limited: Callable[[Callable[[], Answer]], Answer], silent: Answer
-) -> Callable[[], Answer]:
-    """Wrap a question to a device: ``silent`` while an earlier one is not answered.
+class _Question(Generic[Answer]):
+    """A question to a device: ``silent`` while an earlier one is not answered. Any thread.
 
     The control loop does not wait for the answer to another thread.
     """
-    asking = threading.Lock()
-    asked_s = 0.0
 
-    def answer() -> Answer:
+    def __init__(self, call: Callable[[], Answer], silent: Answer) -> None:
+        self._call, self._silent = call, silent
+        self._asking = threading.Lock()
+        self._asked_s = 0.0
+
+    def ask(self) -> Answer:
+        in_loop = is_control_loop()
+        if self._asking.acquire(timeout=0.0 if in_loop else ANSWER_BUDGET_S):
+            self._asked_s = time.monotonic()
+            return self._await_answer()
+        if in_loop and time.monotonic() - self._asked_s < ANSWER_BUDGET_S:
+            return self._call()  # another thread is being answered now, or hangs since a moment ago
+        return self._silent
+
+    def _await_answer(self) -> Answer:
+        return self._answer()
+
+    def _answer(self) -> Answer:
         """In a thread that may hang for ever; it is not called again then."""
         try:
-            return ask()
+            return self._call()
         finally:
-            asking.release()
+            self._asking.release()
 
-    def question() -> Answer:
-        nonlocal asked_s
-        in_loop = is_control_loop()
-        if asking.acquire(timeout=0.0 if in_loop else ANSWER_BUDGET_S):
-            asked_s = time.monotonic()
-            return limited(answer)
-        if in_loop and time.monotonic() - asked_s < ANSWER_BUDGET_S:
-            return ask()  # another thread is being answered now, or hangs since a moment ago
-        return silent
 
-    return question
+class _FaultQuestion(_Question[str]):
+    """``fault`` of a device: without an answer, the reason. Never raises.
+
+    The control loop does not ask a device whose last answer to another thread was missing.
+    """
+
+    _hangs = False
+
+    def ask(self) -> str:
+        return self._silent if self._hangs and is_control_loop() else super().ask()
+
+    def _await_answer(self) -> str:
+        try:
+            text = call_with_timeout(ANSWER_BUDGET_S, self._answer, "robotd-fault")
+        except CallTimeout:
+            self._hangs = True
+            return self._silent
+        except RobotdError as error:
+            text = str(error)
+        self._hangs = False
+        return text

@@ -12,7 +12,7 @@ import pytest
 
 from robotd.errors import PluginError
 from robotd.plugin import manager
-from robotd.plugin.call_timeout import CallTimeout, call_with_timeout
+from robotd.plugin.call_timeout import CallTimeout, call_with_timeout, end_idle_threads
 from robotd.plugin.manager import load_backend
 
 Install = Callable[..., Path]
@@ -94,3 +94,20 @@ def test_a_program_that_leaves_a_stream_open_ends() -> None:
     assert done.returncode == 0, done.stderr
     assert "open" in done.stdout
     assert "Traceback" not in done.stderr
+
+
+def test_calls_share_a_thread_until_one_does_not_return() -> None:
+    end_idle_threads()
+    first = call_with_timeout(5.0, threading.current_thread, "work")
+    assert call_with_timeout(5.0, threading.current_thread, "work") is first
+    released = threading.Event()
+    with pytest.raises(CallTimeout):
+        call_with_timeout(0.02, lambda: released.wait(20.0), "work")
+    assert call_with_timeout(5.0, threading.current_thread, "work") is not first
+    released.set()
+
+
+def test_idle_threads_end() -> None:
+    thread = call_with_timeout(5.0, threading.current_thread, "work")
+    end_idle_threads()
+    assert not thread.is_alive()
