@@ -23,7 +23,7 @@ from robotd.device.drivers import (
     IoDriver,
 )
 from robotd.device.fault_injector import FaultInjector
-from robotd.device.object_text import object_bytes, object_text
+from robotd.device.fieldbus import object_bytes, object_text
 from robotd.device.process_image import ProcessImage
 from robotd.device.profiled_axes import ProfiledAxes
 from robotd.device.state import CommandMode, ConnectionState, Operation, Underrun

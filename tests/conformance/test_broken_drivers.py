@@ -34,7 +34,7 @@ def whole(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         monkeypatch.setattr(fault_isolation, name, 0.1)
     monkeypatch.setattr("robotd.control.control_loop.STOP_S", 0.2)
     monkeypatch.setattr("robotd.control.watchdog.HANG_S", 0.1)
-    monkeypatch.setattr("robotd.device.readiness.ANSWER_S", 0.2)
+    monkeypatch.setattr("robotd.device.connection.ANSWER_S", 0.2)
     broken.clear()
     released.clear()
     yield

@@ -14,11 +14,7 @@ from collections.abc import Callable
 
 from robotd.clock import NANOSECONDS, Clock, MonotonicClock
 from robotd.clock.simulated import PacedClock, SteppedClock
-from robotd.control.device_loss import DeviceLoss
-from robotd.control.image_reader import ImageReader
-from robotd.control.loop_statistics import LoopStatistics
-from robotd.control.period_deadlines import PeriodDeadlines
-from robotd.control.periodic_tasks import PeriodicTasks, Task
+from robotd.control.period_timing import LoopStatistics, PeriodDeadlines, PeriodicTasks, Task
 from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.control.source_slot import NOT_RUNNING
 from robotd.control.watchdog import SIMULATED_HANG_S, Watchdog, place_of
@@ -35,6 +31,49 @@ log = get_logger("control")
 PR_SET_TIMERSLACK = 29  # linux/prctl.h
 STOP_S = 2.0  # time-out for the current period; a thread that hangs is abandoned
 SWITCH_INTERVAL_S = 1e-4  # longest wait for a Python thread that holds the interpreter
+
+
+class DeviceLoss:
+    """Loss of the device as the control loop sees it. Control-loop thread.
+
+    Args:
+        connection: state and fault of the device.
+        image: live process image.
+    """
+
+    def __init__(self, connection: Connection, image: ProcessImage) -> None:
+        self._connection, self._image = connection, image
+        self._found: tuple[object, str] | None = None  # key and text of the reason
+        self._since_ns = 0  # 0: it is not lost
+        self._established = False  # in the period before
+
+    def find(self, key: object, reason: str) -> str:
+        """Return ``reason`` with the device's fault, which is read once for each ``key``."""
+        if self._found is None or self._found[0] != key:
+            fault = self._connection.fault
+            self._found = key, reason if fault in reason else f"{reason}: {fault}"
+        return self._found[1]
+
+    def end(self) -> None:
+        """Note that the values are fresh again."""
+        self._found = None
+
+    def report(self, time_ns: int) -> None:
+        """Log once when the device is lost, and once when it is back.
+
+        In the period in which a worker establishes the connection it may not be ready yet.
+        """
+        before, self._established = self._established, self._connection.established
+        if self._connection.ready:
+            if self._since_ns:
+                lost_s = (time_ns - self._since_ns) / NANOSECONDS
+                on = int(self._image.servo_on.sum())
+                log.info("device is back", after_s=round(lost_s, 1), servos_on=on)
+            self._since_ns = 0
+        elif before and self._established and not self._since_ns:
+            self._since_ns = time_ns
+            reason = self._found[1] if self._found else self._connection.fault
+            log.error("device lost", reason=reason)
 
 
 class ControlLoop:
@@ -73,6 +112,9 @@ class ControlLoop:
         self._driver, self._connection = driver, connection
         self._image, self._mixer = image, mixer
         stale_after_s = connection.settings.stale_after_s
+        self._stale_after_ns = round(stale_after_s * NANOSECONDS)
+        self._read_failure: str | None = None  # reason of the last read; None: it succeeded
+        self._since_ns = 0  # first read of this communication
         self._tasks = PeriodicTasks(self.period_ns, image)
         self._loss = DeviceLoss(connection, image)
         self._deadlines = PeriodDeadlines(
@@ -82,7 +124,6 @@ class ControlLoop:
             skips_start=not mixer.extrapolates,
             imminent=not self._simulated,
         )
-        self._reader = ImageReader(driver, image, stale_after_s, self._deadlines)
         self._realtime_priority = realtime_priority
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
@@ -193,7 +234,7 @@ class ControlLoop:
         try:
             self._tasks.run(time_ns, first=True)
             if self._communicates(time_ns):
-                nominal_ns = self._reader.read(time_ns)
+                nominal_ns = self._read(time_ns)
                 if self._is_fresh(time_ns):  # when the read began: a slow one is no loss
                     self._mixer.advance(nominal_ns, self._image)
                 self._loss.report(nominal_ns)
@@ -232,20 +273,50 @@ class ControlLoop:
         if state in (ConnectionState.COMMUNICATING, ConnectionState.UNKNOWN):
             return True
         self._lose(state, f"communication has ended (engine state {state.value})")
-        if self._reader.forget():
+        if self._since_ns:  # the image holds values of the communication that has ended
+            self._since_ns = 0
+            self._image.forget()
             self._connection.set_stale(False)
         self._loss.report(self._deadlines.nominal(time_ns))
         return False
 
+    def _read(self, time_ns: int) -> int:
+        """Fill the image; return the nominal time of the period that began at ``time_ns``.
+
+        That is fixed after the driver's ``read``, which may be slow. An exception of the driver is
+        logged once.
+        """
+        image = self._image
+        image.begin_write()
+        try:
+            self._driver.read(image)
+            image.stamp_ns = nominal_ns = self._deadlines.nominal(time_ns)
+            if image.shift_ns:
+                self._deadlines.shift(image.shift_ns)
+                image.shift_ns = 0
+            self._read_failure = None
+        except Exception as error:
+            expected = isinstance(error, RobotdError)
+            if self._read_failure is None and not expected:
+                log.error("reading the process image failed", reason=str(error))
+                log.debug("traceback of the failed read", exc_info=error)
+            self._read_failure = str(error) if expected else f"{type(error).__name__}: {error}"
+            nominal_ns = self._deadlines.nominal(time_ns)
+        finally:
+            image.end_write()
+        self._since_ns = self._since_ns or nominal_ns
+        return nominal_ns
+
     def _is_fresh(self, time_ns: int) -> bool:
         """Check the age of the values; stale values make the connection not ready."""
-        reason = self._reader.staleness(time_ns)
-        if reason is None:
+        age_ns = time_ns - max(self._image.fresh_ns, self._since_ns)
+        if age_ns <= self._stale_after_ns:
             self._connection.set_stale(False)
             self._loss.end()
             return True
+        reason = self._read_failure or f"the fieldbus values are {age_ns / 1e6:.0f} ms old"
         self._connection.set_stale(True, reason)
-        self._lose(self._reader.failure, reason)
+        self._lose(self._read_failure, reason)
         return False
 
     def _lose(self, key: object, reason: str) -> None:

@@ -11,9 +11,8 @@ import numpy as np
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, Clock, wait_until
 from robotd.control.problem import Problem, ProblemKind, axis_problems, find_problems
-from robotd.device.axes import Axes
+from robotd.device.axes import Axes, each
 from robotd.device.connection import Connection
-from robotd.device.each_axis import each
 from robotd.device.fieldbus import Fieldbus
 from robotd.errors import ConnectError, NotReady, RobotdError, reason_of
 from robotd.log import get_logger

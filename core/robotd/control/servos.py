@@ -9,9 +9,8 @@ from robotd.control.mobile_base import MobileBase
 from robotd.control.motion_stop import QUICK_STOP_S
 from robotd.control.problem import limit_problems
 from robotd.descriptor import RobotDescriptor
-from robotd.device.axes import Axes
+from robotd.device.axes import Axes, each
 from robotd.device.connection import Connection
-from robotd.device.each_axis import each
 from robotd.device.state import CommandMode
 from robotd.errors import ConnectError, RobotdError, reason_of
 from robotd.log import get_logger

@@ -7,7 +7,7 @@ import numpy as np
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, Clock, MonotonicClock
 from robotd.control.completion import Outcome
-from robotd.control.loop_statistics import LoopStatistics
+from robotd.control.period_timing import LoopStatistics
 from robotd.control.source_slot import SourceSlot
 from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage

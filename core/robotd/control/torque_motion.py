@@ -12,7 +12,7 @@ from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage
 from robotd.device.soft_limits import REACTION_PERIODS
 from robotd.device.speed_scale import SpeedScale
-from robotd.device.stop_requests import StopRequests
+from robotd.device.stops import StopRequests
 from robotd.motion import JointLimits
 from robotd.motion.limits import room_to_stop
 

@@ -4,31 +4,48 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
 from robotd.clock import Clock, wait_until
-from robotd.device.axis_arguments import AxisArguments
 from robotd.device.capabilities import Capability
-from robotd.device.command_effect import CommandEffect
 from robotd.device.connection import Connection
 from robotd.device.drivers import AxisDriver
-from robotd.device.motion_starts import MotionStarts
 from robotd.device.process_image import ProcessImage
 from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import CommandMode, Operation
-from robotd.device.stop_latch import StopLatch
-from robotd.device.stop_requests import StopRequests
-from robotd.errors import DeviceTimeout, NotReady, RobotdError, Unsupported
+from robotd.device.stops import StopLatch, StopRequests
+from robotd.errors import DeviceTimeout, InvalidArgument, NotReady, RobotdError, Unsupported
 from robotd.events import EventKind, EventLog, noted
 from robotd.log import get_logger
 from robotd.motion.limits import AxisLimits, check_jog, check_move
 from robotd.motion.profile import Profile
 
 log = get_logger("axes")
+
+Error = TypeVar("Error", bound=RobotdError)
+
+MIN_RATIO_PART, MAX_RATIO_PART = 1e-6, 2**31 - 1  # of a gear ratio's numerator and denominator
+SHOWN_S = 0.1  # for the image, a period or two behind, to show what a driver has reported
+SAMPLES = 3  # slow feedback periods in which it does
+FIRST_S = 1.0  # for the first values of a device that has begun to communicate
+
+
+def each(axes: Sequence[int], command: Callable[[int], None]) -> Mapping[int, Exception | None]:
+    """Run a one-axis command on every axis; return error or None of each."""
+    results: dict[int, Exception | None] = {}
+    for axis in axes:
+        try:
+            command(axis)
+            results[axis] = None
+        except Exception as error:  # noqa: BLE001 - the caller reports every axis
+            results[axis] = error
+    return results
 
 
 @dataclass(frozen=True)
@@ -56,7 +73,11 @@ class Axes:
 
     Checks go by the process image, which is a period behind the device. So a command returns
     when the image shows what it did, and what needs an idle axis looks at an image that is newer
-    than the last motion command.
+    than the last motion command. Where feedback is slower than the control loop, an image is as new
+    as its values.
+
+    A driver may take its time to begin a motion, and no stop waits for it: stops are counted, and
+    what was stopped meanwhile is stopped again when the driver has begun it.
 
     Args:
         driver: the backend's axes.
@@ -67,7 +88,6 @@ class Axes:
         events: where commands are noted; None: in its own log.
 
     Attributes:
-        arguments: checks that do not depend on the state of the device.
         stop_latch: no motion starts while it is engaged.
         stops: stops that the control loop requests.
         device_limits, feedback_period_s, underrun, stream_buffer_s: of the driver when it was made.
@@ -93,7 +113,6 @@ class Axes:
         self.feedback_period_s = driver.feedback_period_s
         self.underrun, self.stream_buffer_s = driver.underrun, driver.stream_buffer_s
         self.names = tuple(names)
-        self.arguments = AxisArguments(names)
         self.stop_latch = StopLatch(driver.read_only, self._note_repeated_stop)
         self.stops = StopRequests(driver, names)
         self.speed = SpeedScale()
@@ -104,10 +123,11 @@ class Axes:
         self._capabilities = capabilities
         self._backend = backend
         self._clock = clock
-        self._effect = CommandEffect(image, connection, clock, self.feedback_period_s)
+        self._shown_s = max(SHOWN_S, SAMPLES * self.feedback_period_s)
+        self._commanded_ns = 0  # time of the last motion command
+        self._stops = [0] * len(names)  # number of stops of each axis so far
         self._owners: dict[int, str] = {}  # of the axes that are claimed
         self._lock = threading.RLock()
-        self._starts = MotionStarts(driver, self.stop_latch, self._effect, len(names))
 
     def _note_speed(self, scale: float) -> None:
         self.events.add(EventKind.STATE, "speed", f"speed of all motion: {self.speed.text}")
@@ -141,7 +161,40 @@ class Axes:
         """
         self.stop_latch.check_commandable()
         self._connection.require_ready()
-        self.arguments.check_numbers(axes)
+        self.check_numbers(axes)
+
+    def check_numbers(self, axes: Sequence[int]) -> None:
+        """Raise InvalidArgument unless there is an axis, each exists, and none is given twice.
+
+        This check and the following ones do not depend on the state of the device. A caller that
+        takes one request for several axes makes them first, so that a wrong entry rejects the
+        request as a whole. Any thread.
+        """
+        if not axes:
+            raise InvalidArgument("no axis given")
+        for axis in axes:
+            if not 0 <= axis < len(self.names):
+                raise InvalidArgument(f"axis {axis} is outside 0..{len(self.names) - 1}")
+        if len(set(axes)) < len(axes):
+            doubled = min(axis for axis, count in Counter(axes).items() if count > 1)
+            raise InvalidArgument(f"axis {doubled} is given twice")
+
+    def check_command_mode(self, axis: int, mode: int) -> None:
+        """Raise InvalidArgument for a number that is no ``CommandMode``."""
+        if mode not in tuple(CommandMode):
+            raise self._error(InvalidArgument, axis, f"mode {mode} is not 0, 1 or 2")
+
+    def check_polarity(self, axis: int, polarity: int) -> None:
+        """Raise InvalidArgument for another number than 1 and -1."""
+        if polarity not in (1, -1):
+            raise self._error(InvalidArgument, axis, f"polarity {polarity} is not 1 or -1")
+
+    def check_gear_ratio(self, axis: int, numerator: float, denominator: float) -> None:
+        """Raise InvalidArgument for a part that is not within 1e-6 to 2147483647."""
+        for part, value in (("numerator", numerator), ("denominator", denominator)):
+            if not (math.isfinite(value) and MIN_RATIO_PART <= value <= MAX_RATIO_PART):
+                reason = f"gear ratio {part} {value} is outside 1e-06..2147483647"
+                raise self._error(InvalidArgument, axis, reason)
 
     @noted
     def servo(self, axis: int, on: bool) -> None:
@@ -153,58 +206,58 @@ class Axes:
         """
         self.check_axes([axis])
         group = self.servo_group(axis)
-        with self.arguments.naming(axis):
+        with self._naming(axis):
             if not on:
                 self._driver.servo(axis, False, self._connection.settings.servo_timeout_s)
             else:
                 self.stop_latch.check_servos()
-                with self._connection.parameters.scaling_lock:
+                with self._connection.scaling_lock:
                     self._enable(axis, group)
-        self._effect.wait_for(lambda: bool((self.image.servo_on[list(group)] == on).all()))
+        self._wait_for(lambda: bool((self.image.servo_on[list(group)] == on).all()))
 
     @noted
     def clear_alarm(self, axis: int) -> None:
         """Clear the amplifier alarm of one axis; waits until it is gone."""
         self._check_axis(axis)
-        with self.arguments.naming(axis):
+        with self._naming(axis):
             self._driver.clear_alarm(axis, self._connection.settings.servo_timeout_s)
-        self._effect.wait_for(lambda: not self.image.amp_alarm[axis])
+        self._wait_for(lambda: not self.image.amp_alarm[axis])
 
     @noted
     def set_command_mode(self, axis: int, mode: int) -> None:
         """Set position (0), velocity (1) or torque (2) mode of an idle axis."""
         self._check_axis(axis)
-        self.arguments.check_command_mode(axis, mode)
+        self.check_command_mode(axis, mode)
         needs = {
             CommandMode.VELOCITY: Capability.VELOCITY_MODE,
             CommandMode.TORQUE: Capability.TORQUE_MODE,
         }.get(CommandMode(mode))
         self._require(needs, f"{CommandMode(mode).name.lower()} mode")
-        with self._reserved(axis, "the command mode"), self.arguments.naming(axis):
+        with self._reserved(axis, "the command mode"), self._naming(axis):
             self._driver.set_command_mode(axis, CommandMode(mode))
-            self._effect.wait_for(lambda: bool(self.image.mode[axis] == mode))
+            self._wait_for(lambda: bool(self.image.mode[axis] == mode))
 
     @noted
     def set_polarity(self, axis: int, polarity: int) -> None:
         """1 or -1, with the servo off."""
         self._check_axis(axis)
-        self.arguments.check_polarity(axis, polarity)
+        self.check_polarity(axis, polarity)
         self._require(Capability.SCALING, "polarity")
-        with self._connection.parameters.scaling_lock, self.arguments.naming(axis):
+        with self._connection.scaling_lock, self._naming(axis):
             self._check_servo_off(axis, "polarity")
             self._driver.set_polarity(axis, polarity)
-        self._effect.wait_for_next()
+        self._wait_for_newer(self._clock.now_ns())
 
     @noted
     def set_gear_ratio(self, axis: int, numerator: float, denominator: float) -> None:
         """Encoder counts per unit as a fraction, both parts positive, with the servo off."""
         self._check_axis(axis)
-        self.arguments.check_gear_ratio(axis, numerator, denominator)
+        self.check_gear_ratio(axis, numerator, denominator)
         self._require(Capability.SCALING, "gear ratio")
-        with self._connection.parameters.scaling_lock, self.arguments.naming(axis):
+        with self._connection.scaling_lock, self._naming(axis):
             self._check_servo_off(axis, "the gear ratio")
             self._driver.set_gear_ratio(axis, numerator, denominator)
-        self._effect.wait_for_next()
+        self._wait_for_newer(self._clock.now_ns())
 
     @noted
     def home(self, axis: int) -> None:
@@ -212,9 +265,9 @@ class Axes:
         self._check_axis(axis)
         self.stop_latch.check()
         self._require(Capability.HOMING, "homing")
-        with self._reserved(axis, "homing"), self.arguments.naming(axis):
+        with self._reserved(axis, "homing"), self._naming(axis):
             self._driver.home(axis, self._connection.settings.homing_timeout_s)
-            self._effect.wait_for_next()
+            self._wait_for_newer(self._clock.now_ns())
 
     @noted
     def move(self, moves: Sequence[Move], *, relative: bool = False) -> None:
@@ -222,7 +275,7 @@ class Axes:
 
         A relative target counts from the position command. What is stopped meanwhile is not begun.
         """
-        stops = self._starts.stops
+        stops = list(self._stops)
         with self._lock:
             self._check_command([move.axis for move in moves], CommandMode.POSITION)
             scale = self.speed.at_start()
@@ -232,10 +285,10 @@ class Axes:
                     replace(move, target=float(start[move.axis]) + move.target) for move in moves
                 ]
             for move in moves:
-                with self.arguments.naming(move.axis):
+                with self._naming(move.axis):
                     check_move(self.limits[move.axis], move.target, move.profile)
             for move in moves:
-                with self.arguments.naming(move.axis), self._starts.begun(move.axis, stops):
+                with self._naming(move.axis), self._begun(move.axis, stops):
                     self._driver.move(move.axis, move.target, move.profile.scaled(scale))
 
     @noted
@@ -246,17 +299,17 @@ class Axes:
         for which that would be too late is rejected. What is stopped meanwhile does not begin.
         """
         self._require(Capability.VELOCITY_MODE, "velocity mode")
-        stops = self._starts.stops
+        stops = list(self._stops)
         with self._lock:
             self._check_command([jog.axis for jog in jogs], CommandMode.VELOCITY)
             for jog in jogs:
                 position = float(self.image.position[jog.axis])
-                with self.arguments.naming(jog.axis):
+                with self._naming(jog.axis):
                     check_jog(self.limits[jog.axis], position, jog.profile)
             scale = self.speed.at_start() if any(jog.profile.velocity for jog in jogs) else 1.0
             for jog in jogs:
                 self.jog_deceleration[jog.axis] = jog.profile.deceleration
-                with self.arguments.naming(jog.axis), self._starts.begun(jog.axis, stops):
+                with self._naming(jog.axis), self._begun(jog.axis, stops):
                     self._driver.jog(jog.axis, jog.profile.scaled(scale))
 
     @noted
@@ -275,14 +328,14 @@ class Axes:
         Raises DeviceTimeout naming the axes that still move.
         """
         (self.quick_stop if quick else self.stop)(axes)
-        self._effect.wait_for_motion()
+        self.wait_for_motion()
         if not wait_until(lambda: not self._moving(axes), timeout_s, self._clock):
             names = ", ".join(self.names[axis] for axis in self._moving(axes))
             raise DeviceTimeout(f"{names}: not at rest after {timeout_s} s")
 
     def wait_for_motion(self) -> None:
         """Wait for an image that shows the last move or jog, if it was accepted."""
-        self._effect.wait_for_motion()
+        self._wait_for_newer(self._commanded_ns)
 
     @contextmanager
     def kept_at_rest(self, what: str) -> Iterator[None]:
@@ -329,7 +382,7 @@ class Axes:
             for axis in axes:
                 self._check_idle(axis, owner)
             if streams:
-                with self.arguments.naming():
+                with self._naming():
                     self._driver.begin_stream(axes)
             self.hand_over(axes, owner)
         try:
@@ -361,7 +414,7 @@ class Axes:
             reason = f"in use by {self.owner(axis)}"
         else:
             return None
-        return self.arguments.error(NotReady, axis, reason)
+        return self._error(NotReady, axis, reason)
 
     def _end_stream(self, axes: Sequence[int]) -> None:
         """End streaming and wait until the image shows it; log a failure."""
@@ -369,7 +422,7 @@ class Axes:
             self._driver.end_stream(axes)
         except RobotdError as error:
             log.warning("a stream could not be ended", reason=str(error))
-        self._effect.wait_for(lambda: not self._moving(axes))
+        self._wait_for(lambda: not self._moving(axes))
 
     def _enable(self, axis: int, group: Sequence[int]) -> None:
         connection, timeout_s = self._connection, self._connection.settings.servo_timeout_s
@@ -392,11 +445,13 @@ class Axes:
         An axis is enabled at its measured position: at an unknown one it would jump.
         """
         image = self.image
-        self._effect.wait_for_first(lambda: bool(np.isfinite(image.position[list(axes)]).all()))
+        self._wait_for(
+            lambda: bool(np.isfinite(image.position[list(axes)]).all()), at_least_s=FIRST_S
+        )
         for axis in axes:
             if not math.isfinite(image.position[axis]):
                 known = image.fault(axis) or "the device has not reported it"
-                raise self.arguments.error(NotReady, axis, f"position is not known: {known}")
+                raise self._error(NotReady, axis, f"position is not known: {known}")
 
     def _check_command(self, axes: Sequence[int], mode: CommandMode) -> None:
         self.check_axes(axes)
@@ -408,24 +463,24 @@ class Axes:
     def _check_axis(self, axis: int) -> None:
         self.check_axes([axis])
         if owner := self.owner(axis):
-            raise self.arguments.error(NotReady, axis, f"in use by {owner}")
+            raise self._error(NotReady, axis, f"in use by {owner}")
 
     def _check_idle(self, axis: int, what: str) -> None:
-        self._effect.wait_for_motion()
+        self.wait_for_motion()
         operation = Operation(int(self.image.operation[axis]))
         if operation is not Operation.IDLE:
             reason = f"{what} needs an idle axis, this one is in {operation.name.lower()}"
-            raise self.arguments.error(NotReady, axis, reason)
+            raise self._error(NotReady, axis, reason)
 
     def _check_servo_off(self, axis: int, what: str) -> None:
         if self.image.servo_on[axis]:
             reason = f"{what} can change only while the servo is off"
-            raise self.arguments.error(NotReady, axis, reason)
+            raise self._error(NotReady, axis, reason)
 
     def _fault_error(self, axis: int, advice: str = "") -> NotReady:
         if fault := self.image.controller_fault:
             return NotReady(f"{fault}{advice}")
-        return self.arguments.error(NotReady, axis, f"{self.image.fault(axis)}{advice}")
+        return self._error(NotReady, axis, f"{self.image.fault(axis)}{advice}")
 
     def _require(self, capability: Capability | None, feature: str) -> None:
         self.stop_latch.check_commandable()
@@ -435,9 +490,58 @@ class Axes:
     def _stop(self, axes: Sequence[int], stop: Callable[[Sequence[int]], None]) -> None:
         if self._connection.ready:
             self.check_axes(axes)
-            self._starts.note_stop(axes)
-            with self.arguments.naming():
+            for axis in axes:
+                self._stops[axis] += 1
+            with self._naming():
                 stop(axes)
 
     def _moving(self, axes: Sequence[int]) -> list[int]:
         return [axis for axis in axes if self.image.operation[axis] != Operation.IDLE]
+
+    def _wait_for(self, condition: Callable[[], bool], at_least_s: float = 0.0) -> None:
+        """Wait until the image shows ``condition``, by which the next command is judged.
+
+        Not for long, and no longer than the device is ready.
+        """
+        timeout_s = max(at_least_s, self._shown_s)
+        wait_until(lambda: condition() or not self._connection.ready, timeout_s, self._clock)
+
+    def _wait_for_newer(self, time_ns: int) -> None:
+        """Wait for an image that is newer than ``time_ns``."""
+        image, slow = self.image, self.feedback_period_s > 0.0
+        self._wait_for(lambda: (image.fresh_ns if slow else image.stamp_ns) > time_ns)
+
+    @contextmanager
+    def _begun(self, axis: int, stops: Sequence[int]) -> Iterator[None]:
+        """Begin a motion in the block. Raises NotReady after a stop since ``stops``."""
+        self._check_not_stopped(axis, stops)
+        yield
+        self._commanded_ns = self._clock.now_ns()
+        try:
+            self._check_not_stopped(axis, stops)
+        except NotReady:
+            self._driver.stop([axis])
+            raise
+
+    def _check_not_stopped(self, axis: int, stops: Sequence[int]) -> None:
+        self.stop_latch.check()
+        if self._stops[axis] != stops[axis]:
+            raise NotReady("stopped before the motion began")
+
+    def _error(self, kind: type[Error], axis: int, reason: str) -> Error:
+        """Return an error of ``axis``, which its text names."""
+        error = kind(reason, axis=axis)
+        error.axis_name = self.names[axis]
+        return error
+
+    @contextmanager
+    def _naming(self, axis: int | None = None) -> Iterator[None]:
+        """Complete the errors of a driver: the commanded ``axis``, and the axis' name."""
+        try:
+            yield
+        except RobotdError as error:
+            if error.axis is None and not isinstance(error, Unsupported):
+                error.axis = axis
+            if error.axis is not None:
+                error.axis_name = self.names[error.axis]
+            raise

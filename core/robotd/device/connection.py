@@ -3,25 +3,71 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from robotd.descriptor import EngineSettings
+from robotd.descriptor.files import is_file
 from robotd.device.drivers import DeviceDriver
-from robotd.device.parameters_file import ParametersFile
-from robotd.device.readiness import Readiness, ReadyListener
-from robotd.device.startup_step import StartupStep
 from robotd.device.state import ConnectionState
 from robotd.errors import (
     ConnectError,
+    DescriptorError,
     NotReady,
+    OperationError,
     RobotdError,
+    Unsupported,
 )
 from robotd.log import get_logger
 
 log = get_logger("connection")
 
+ReadyListener = Callable[[bool], None]
+
+ANSWER_S = 1.0  # longest wait for a device that another thread is asking for its state
+REPORT_INTERVAL_S = 5.0  # of a start-up step that takes long
 ENDING = "the robot is being shut down: nothing is started or switched on any more"
+
+
+class StartupStep:
+    """Name and duration of the step that a start-up is in. Any thread reads.
+
+    One thread at a time enters ``running``; a step within a step replaces it until it ends.
+    """
+
+    def __init__(self, report_interval_s: float = REPORT_INTERVAL_S) -> None:
+        self._report_interval_s = report_interval_s
+        self._step: tuple[str, float] | None = None
+
+    @property
+    def text(self) -> str:
+        """Describe the running step as "starting communication for 12 s"; or ""."""
+        step = self._step
+        return f"{step[0]} for {time.monotonic() - step[1]:.0f} s" if step else ""
+
+    @contextmanager
+    def running(self, name: str) -> Iterator[None]:
+        """The block is step ``name``; the log has a line for every ``report_interval_s`` of it."""
+        before, self._step = self._step, (name, time.monotonic())
+        ended = threading.Event()
+        reporting = threading.Thread(
+            target=self._report, args=(name, ended), name="robotd-startup-step", daemon=True
+        )
+        reporting.start()
+        try:
+            yield
+        finally:
+            self._step = before
+            ended.set()
+            reporting.join()
+
+    def _report(self, name: str, ended: threading.Event) -> None:
+        passed_s = 0.0
+        while not ended.wait(self._report_interval_s):
+            passed_s += self._report_interval_s
+            log.warning("start-up takes long", step=name, for_s=passed_s)
 
 
 class Connection:
@@ -34,7 +80,12 @@ class Connection:
     Attributes:
         before_stop: called before communication is stopped on purpose: brings motion to rest.
         step: the step that a start-up is in.
-        parameters: parameter file, and the lock of the scale of axes.
+        parameters_file: as above.
+        scaling_lock: held while the scale of axes may change.
+        ready: axes can be commanded: communicating, parameters in force, values fresh.
+            Communication that ``start_communication`` has not brought about does not count.
+        established: True from the end of ``start_communication`` until it is stopped on purpose.
+            While it is, a device that is not ready has been lost.
 
     Args:
         driver: the backend's device, not connected yet.
@@ -53,10 +104,13 @@ class Connection:
         *,
         has_parameters: bool = True,
     ) -> None:
-        self.parameters = ParametersFile(driver, parameters_file, backend, has=has_parameters)
         self.settings = settings
+        self.ready = self.established = False
+        self.scaling_lock = threading.Lock()
         self._driver = driver
         self._backend = backend
+        self.parameters_file, self._has_parameters = parameters_file, has_parameters
+        self._parameters_applied = False  # since the device was opened
         self._lock = threading.RLock()
         self._ending = threading.Event()
         self._closed = False
@@ -66,31 +120,19 @@ class Connection:
         self._hang = ""
         self._start_failure = ""
         self._wanted = False  # communication should run
-        self._readiness = Readiness()
+        self._listeners: list[ReadyListener] = []
+        # One thread at a time: else an older answer of the device could overwrite a newer one.
+        self._ready_lock = threading.RLock()
         self.before_stop: Callable[[], None] = lambda: None  # the robot puts its own stop here
 
     @property
     def state(self) -> ConnectionState:
         """The device's state; UNKNOWN while its values are stale, SHUTDOWN for good at the end."""
-        return self._query()
-
-    def _query(self) -> ConnectionState:
         if self._closed:
             return ConnectionState.SHUTDOWN
         state = self._driver.state()
-        return (
-            ConnectionState.UNKNOWN
-            if self._stale and state is ConnectionState.COMMUNICATING
-            else state
-        )
-
-    @property
-    def ready(self) -> bool:
-        """True while axes can be commanded: communicating, parameters in force, values fresh.
-
-        Communication that ``start_communication`` has not brought about does not count.
-        """
-        return self._readiness.ready
+        stale = self._stale and state is ConnectionState.COMMUNICATING
+        return ConnectionState.UNKNOWN if stale else state
 
     @property
     def ending(self) -> bool:
@@ -100,7 +142,7 @@ class Connection:
     @property
     def commandable(self) -> bool:
         """True while motion may start: ready, and no request to end has come."""
-        return self._readiness.ready and not self._ending.is_set()
+        return self.ready and not self._ending.is_set()
 
     @property
     def rejection(self) -> str:
@@ -113,20 +155,12 @@ class Connection:
     @property
     def reason(self) -> str:
         """Reason for not being ready: the start-up step or the fault; may be ""."""
-        return self.fault if self._readiness.prepared else self.step.text or self.fault
-
-    @property
-    def established(self) -> bool:
-        """True from the end of ``start_communication`` until it is stopped on purpose.
-
-        While it is, a device that is not ready has been lost.
-        """
-        return self._readiness.prepared
+        return self.fault if self.established else self.step.text or self.fault
 
     @property
     def lost(self) -> bool:
         """True while communication should run and axes cannot be commanded."""
-        return self._wanted and not self._readiness.ready and not self._ending.is_set()
+        return self._wanted and not self.ready and not self._ending.is_set()
 
     @property
     def fault(self) -> str:
@@ -134,12 +168,27 @@ class Connection:
         if self._hang:
             return self._hang
         if self.state is ConnectionState.COMMUNICATING:
-            return "" if self._readiness.prepared or self._readiness.ready else self._unprepared()
-        return self._driver_fault() or self._undone_start() or self._stale_reason
+            if self.established or self.ready:
+                return ""
+            if self._start_failure:
+                return f"it communicates although its start failed: {self._start_failure}"
+            return "communication was not started by robotd, so its parameters are not in force"
+        failed = f"the last start failed: {self._start_failure}" if self._start_failure else ""
+        return self.ask_fault() or failed or self._stale_reason
+
+    def ask_fault(self) -> str:
+        """Return the device's own fault, "" for none. The control loop asks no device that hangs.
+
+        A worker asks once before the loop starts, so that one that hangs is known.
+        """
+        try:
+            return self._driver.fault()
+        except Exception as error:  # noqa: BLE001 - of a plugin; the state itself is known
+            return f"{type(error).__name__}: {error}"
 
     def require_ready(self) -> None:
         """Raise NotReady, with the reason, unless axes can be commanded."""
-        if not self._readiness.ready:
+        if not self.ready:
             raise NotReady(self.rejection)
 
     def require_alive(self) -> None:
@@ -149,7 +198,9 @@ class Connection:
 
     def on_ready(self, listener: ReadyListener) -> None:
         """Call ``listener(ready)`` now and on every change, from the thread that causes it."""
-        self._readiness.add(listener)
+        with self._ready_lock:
+            self._listeners.append(listener)
+            listener(self.ready)
 
     def start(self) -> None:
         """The whole start-up: open with retries, scan, start communication.
@@ -191,7 +242,7 @@ class Connection:
                 self._start_failure = str(error)
                 raise
             self._start_failure = ""
-            self.parameters.forget()
+            self._parameters_applied = False
             log.info("device open", backend=self._backend)
 
     def close(self) -> None:
@@ -228,7 +279,9 @@ class Connection:
             self._wanted = True
             if self._driver.state() is ConnectionState.IDLE:
                 raise NotReady("device is not open")
-            self.parameters.check()
+            path = self.parameters_file
+            if path is not None and self._has_parameters and not is_file(path):
+                raise DescriptorError("parameter file does not exist", path=path)
             try:
                 self._begin_communication()
                 self._start_failure = ""
@@ -250,7 +303,7 @@ class Connection:
                     self._end_communication()
                     log.info("communication stopped")
             finally:
-                self._readiness.prepared, self._wanted, self._start_failure = False, False, ""
+                self.established, self._wanted, self._start_failure = False, False, ""
                 self.update_ready()
 
     def scan_network(self) -> str:
@@ -266,14 +319,25 @@ class Connection:
         Returns the driver's note: what the file leaves out, "" where that is nothing. Raises
         what ``DeviceDriver.load_parameters`` does.
         """
-        self.parameters.require(path)
+        self._require_parameters()
+        if not is_file(path):
+            raise OperationError(f"parameter file {path} does not exist, or is no file")
         with self._lock:
             self.require_ready()
-            return self.parameters.load(path)
+            return self._load_parameters(path)
+
+    def apply_parameters(self) -> None:
+        """Load the descriptor's file, once after each opening. Part of ``start_communication``."""
+        with self._lock:
+            path = self.parameters_file
+            if path is not None and self._has_parameters and not self._parameters_applied:
+                with self.step.running("loading parameters"):
+                    self._load_parameters(path)
+                self._parameters_applied = True
 
     def dump_parameters(self, axis: int) -> str:
         """The parameters of one axis in force, as text for people."""
-        self.parameters.require()
+        self._require_parameters()
         return self._driver.dump_parameters(axis)
 
     def abort_start(self) -> None:
@@ -306,68 +370,73 @@ class Connection:
         A cycle that goes on after all says by ``set_stale`` how old the values are.
         """
         self._stale, self._hang = True, reason
-        self._readiness.withdraw()
+        self._set_ready(False)  # without the lock: its holder may hang
 
     def update_ready(self) -> ConnectionState:
-        """Recompute ``ready`` from the device's state, which is returned."""
-        return self._readiness.update(self._query)
+        """Recompute ``ready`` from the device's state, which is returned.
+
+        UNKNOWN, without effect, when another thread gets no answer.
+        """
+        if not self._ready_lock.acquire(timeout=ANSWER_S):
+            return ConnectionState.UNKNOWN
+        try:
+            state = self.state
+            self._set_ready(state is ConnectionState.COMMUNICATING and self.established)
+            return state
+        finally:
+            self._ready_lock.release()
+
+    def _set_ready(self, ready: bool) -> None:
+        """Call the listeners on a change; what one raises is logged."""
+        if ready is self.ready:
+            return
+        self.ready = ready
+        for listener in self._listeners:
+            try:
+                listener(ready)
+            except Exception:
+                log.exception("a listener of the engine failed", ready=ready)
 
     def _begin_communication(self) -> None:
         before = self._driver.state()
-        if self._readiness.prepared and before is ConnectionState.COMMUNICATING:
+        if self.established and before is ConnectionState.COMMUNICATING:
             return
-        self._readiness.prepared = False
+        self.established = False
         try:
             if before is not ConnectionState.COMMUNICATING:
                 if self._driver.parameters_before_communication:
-                    self._apply_parameters()
+                    self.apply_parameters()
                 with self.step.running("starting communication"):
                     self._driver.start_communication(self.settings.communication_timeout_s)
             self.require_alive()
-            self._apply_parameters()
+            self.apply_parameters()
         except Exception:
             # A device that partly communicated, or for other programs, goes on as before.
             if before is ConnectionState.RUNNING:
-                self._undo_start()
+                try:
+                    self._driver.stop_communication(self.settings.communication_timeout_s)
+                except RobotdError as error:
+                    log.error("the failed start could not be undone", reason=str(error))
             raise
-        self._readiness.prepared = True
+        self.established = True
 
-    def _apply_parameters(self) -> None:
-        if self.parameters.due:
-            with self.step.running("loading parameters"):
-                self.parameters.apply()
+    def _load_parameters(self, path: Path) -> str:
+        """Load a file, all of it or nothing; return the driver's note, may be ""."""
+        with self.scaling_lock:
+            note = self._driver.load_parameters(path) or ""  # None of a driver that has none
+        if note:
+            log.warning("parameters loaded", file=str(path), note=note)
+        else:
+            log.info("parameters loaded", file=str(path))
+        return note
 
-    def _undo_start(self) -> None:
-        try:
-            self._driver.stop_communication(self.settings.communication_timeout_s)
-        except RobotdError as error:
-            log.error("the failed start could not be undone", reason=str(error))
-
-    def ask_fault(self) -> None:
-        """Ask the device for its fault once, so that one that hangs is known.
-
-        Worker, before the control loop starts.
-        """
-        self._driver_fault()
+    def _require_parameters(self) -> None:
+        if not self._has_parameters:
+            raise Unsupported("parameter files", self._backend)
 
     def _end_communication(self) -> None:
         try:
             self.before_stop()
         finally:
-            self._readiness.prepared = False
+            self.established = False
             self._driver.stop_communication(self.settings.communication_timeout_s)
-
-    def _driver_fault(self) -> str:
-        try:
-            return self._driver.fault()
-        except Exception as error:  # noqa: BLE001 - of a plugin; the state itself is known
-            return f"{type(error).__name__}: {error}"
-
-    def _undone_start(self) -> str:
-        return f"the last start failed: {self._start_failure}" if self._start_failure else ""
-
-    def _unprepared(self) -> str:
-        """Explain a device that communicates and is not ready."""
-        if self._start_failure:
-            return f"it communicates although its start failed: {self._start_failure}"
-        return "communication was not started by robotd, so its parameters are not in force"

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import IntEnum
 
-from robotd.control.loop_statistics import LoopReport
+from robotd.control.period_timing import LoopReport
 from robotd.device.bus_status import BusNode, BusState, BusStatus
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, ConnectionState, Operation

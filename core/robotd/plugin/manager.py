@@ -24,7 +24,6 @@ from robotd.errors import PluginError, RobotdError, unknown_name
 from robotd.plugin.call_timeout import CallTimeout, call_with_timeout
 from robotd.plugin.driver_set import Drivers
 from robotd.plugin.hookspecs import API_VERSION, BackendInfo, DeviceContext, RobotdHooks
-from robotd.plugin.known_backends import not_installed
 from robotd.plugin.registry import NodeRegistry, RobotRegistry
 
 BACKENDS = "robotd.backends"
@@ -33,6 +32,15 @@ IMPORT_BUDGET_S = 30.0
 HOOK_BUDGET_S = 10.0
 
 _HOOK_OF = {Capability.IO: "robotd_io", Capability.FIELDBUS: "robotd_fieldbus"}
+
+_NOT_INSTALLED = {
+    "wmx": (
+        "backend 'wmx' (WMX3 motion engine with its EtherCAT master) is not installed:"
+        " pip install ./plugins/wmx, on the machine that has the WMX3 SDK (docs/how-to/wmx.md);"
+        " 'robotd wmx doctor' shows what is missing on this machine"
+    )
+}
+"""Backends that are distributed separately, for those who do not have them installed."""
 
 Answer = TypeVar("Answer")
 
@@ -237,7 +245,7 @@ def find_backend(name: str) -> tuple[PluginOrigin, EntryPoint]:
     found = discover()
     matches = [(origin, entry) for origin, entry in found if origin.name == name]
     if not matches:
-        if text := not_installed(name):
+        if text := _NOT_INSTALLED.get(name):
             raise PluginError(text)
         known = sorted({origin.name for origin, _ in found})
         raise PluginError(unknown_name("backend", name, known))

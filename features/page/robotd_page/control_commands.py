@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from robotd.device.axes import each
 from robotd.device.capabilities import Capability
-from robotd.device.each_axis import each
 from robotd.errors import ConnectError, Unsupported, reason_of
 from robotd.robot import Robot
 from robotd_scenario import FAULTS, Fault, FaultSchedule, validate_fault

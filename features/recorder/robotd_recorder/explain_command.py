@@ -13,8 +13,7 @@ from robotd.cli.options import FILE, log_options
 from robotd.errors import OperationError
 from robotd.log import escaped
 from robotd.number_argument import parse_integer
-from robotd.plugin.code_table import CodeTable, load_code_tables
-from robotd.plugin.own_codes import GOAL_RESULTS
+from robotd.plugin.code_table import GOAL_RESULTS, CodeTable, load_code_tables
 
 if TYPE_CHECKING:  # it needs NumPy
     from robotd_recording.recording_reader import Recording

@@ -53,7 +53,7 @@ class AxisSources:
 
     def admit(self, commands: Sequence[tuple[int, bool]]) -> None:
         """Admit axes, each with True where its command asks for motion; raises RobotdError."""
-        self._axes.arguments.check_numbers([axis for axis, _ in commands])
+        self._axes.check_numbers([axis for axis, _ in commands])
         for axis, moves in commands:
             self._sources[axis].admit(moves=moves)
 
@@ -83,7 +83,7 @@ class AxisMotion:
     def move(self, message: Any, sent_ns: int) -> None:
         """Start the moves of an AxisPose."""
         moves = axis_conversions.moves(message)
-        self._axes.arguments.check_numbers([move.axis for move in moves])
+        self._axes.check_numbers([move.axis for move in moves])
         self._positions.admit([(move.axis, self._is_elsewhere(move)) for move in moves])
         self._axes.move(moves)
 

@@ -65,7 +65,7 @@ class BaseController(Node):
         self._base = robot.base
         self._base.configure(settings.drive)
         if settings.parameters_file:
-            robot.connection.parameters.path = settings.parameters_file
+            robot.connection.parameters_file = settings.parameters_file
         self._take_commands(host, settings, robot)
         self._publish_state(settings, robot)
         publish_description(self, settings.description)

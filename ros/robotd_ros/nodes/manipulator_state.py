@@ -39,7 +39,7 @@ class ManipulatorState(Node):
             robot.gripper.configure(settings.open_m, settings.closed_m)
         topics = JointStateTopics(self, robot, settings)
         if settings.parameters_file:
-            robot.connection.parameters.path = settings.parameters_file
+            robot.connection.parameters_file = settings.parameters_file
         publish_description(self, settings.description)
         robot.control_loop.every(settings.rate_hz, "joint states", topics.publish)
         self.rates_hz = dict.fromkeys(topics.topics, float(settings.rate_hz))

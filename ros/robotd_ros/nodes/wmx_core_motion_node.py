@@ -13,7 +13,7 @@ from std_msgs.msg import Header
 from wmx_ros2_message.msg import AxisPose, AxisState, AxisVelocity
 from wmx_ros2_message.srv import GetWmxParams, LoadWmxParams, SetAxis, SetAxisGearRatio
 
-from robotd.device.each_axis import each
+from robotd.device.axes import each
 from robotd.device.process_image import ProcessImage
 from robotd.errors import InvalidArgument
 from robotd.robot import Robot
@@ -94,8 +94,8 @@ class WmxCoreMotionNode(Node):
         axes = self._axes
         for name, fields, check, command in (
             ("set_on", ("data",), axis_conversions.check_flag, self._set_on),
-            ("set_mode", ("data",), axes.arguments.check_command_mode, axes.set_command_mode),
-            ("set_polarity", ("data",), axes.arguments.check_polarity, axes.set_polarity),
+            ("set_mode", ("data",), axes.check_command_mode, axes.set_command_mode),
+            ("set_polarity", ("data",), axes.check_polarity, axes.set_polarity),
             ("clear_alarm", (), None, axes.clear_alarm),
             ("homing", (), None, axes.home),
         ):
@@ -103,7 +103,7 @@ class WmxCoreMotionNode(Node):
             handler = self._axis_handler(fields, check, command, note)
             add_service(self, host, SetAxis, f"wmx/axis/{name}", handler)
         handler = self._axis_handler(
-            ("numerator", "denominator"), axes.arguments.check_gear_ratio, axes.set_gear_ratio
+            ("numerator", "denominator"), axes.check_gear_ratio, axes.set_gear_ratio
         )
         add_service(self, host, SetAxisGearRatio, "wmx/axis/set_gear_ratio", handler)
 
@@ -155,7 +155,7 @@ class WmxCoreMotionNode(Node):
 
     def _get_parameters(self, request: Any, response: Any) -> str:
         axes = list(request.index) or list(range(len(self._axes)))
-        self._axes.arguments.check_numbers(axes)
+        self._axes.check_numbers(axes)
         response.params_dump = [
             line
             for axis in axes

@@ -15,7 +15,7 @@ from wmx_ros2_message.srv import (
     EcatStartHotconnect,
 )
 
-from robotd.device.object_text import object_bytes, object_text
+from robotd.device.fieldbus import object_bytes, object_text
 from robotd.errors import InvalidArgument
 from robotd.robot import Robot
 from robotd_ros.host import RosHost

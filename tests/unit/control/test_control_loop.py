@@ -12,8 +12,7 @@ import pytest
 from structlog.testing import capture_logs
 from tests.fakes import FakeAxes, FakeClock, FakeDevice
 
-from robotd.control.control_loop import ControlLoop
-from robotd.control.device_loss import DeviceLoss
+from robotd.control.control_loop import ControlLoop, DeviceLoss
 from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.descriptor import EngineSettings
 from robotd.device.connection import Connection

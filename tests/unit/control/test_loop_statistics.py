@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-
-from robotd.control.loop_statistics import WINDOW, LoopStatistics
+from robotd.control.period_timing import WINDOW, LoopStatistics
 
 
 def test_before_the_first_period_there_are_no_figures() -> None:

@@ -92,7 +92,7 @@ def test_a_jog_ends_within_its_limit_although_its_position_is_old(robot: Robot) 
 def test_a_command_waits_for_values_that_are_newer_than_itself(robot: Robot) -> None:
     robot.step(1)
     began_ns = robot.clock.now_ns()
-    robot.axes._effect.wait_for_next()
+    robot.axes._wait_for_newer(robot.clock.now_ns())
     assert robot.image.fresh_ns > began_ns
     assert robot.clock.now_ns() - began_ns <= 10 * MS
 

@@ -19,7 +19,7 @@ from robotd.control.torque_motion import TorqueMotion
 from robotd.control.torque_stream import TorqueStreams
 from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import CommandMode, Operation
-from robotd.device.stop_requests import StopRequests
+from robotd.device.stops import StopRequests
 from robotd.errors import InvalidArgument, NotReady, Unsupported
 from robotd.motion import JointLimits
 

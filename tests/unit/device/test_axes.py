@@ -20,9 +20,8 @@ from tests.unit.device.harness import (
     rejected,
 )
 
-from robotd.device.axes import Axes, Jog, Move
+from robotd.device.axes import Axes, Jog, Move, each
 from robotd.device.capabilities import Capability
-from robotd.device.each_axis import each
 from robotd.device.state import CommandMode, Operation
 from robotd.errors import (
     DeviceTimeout,
@@ -161,10 +160,10 @@ def test_axis_numbers_are_in_range_and_unique_or_rejected(
 ) -> None:
     axes = harness.axes
     if index and len(set(index)) == len(index) and set(index) <= set(range(len(axes))):
-        axes.arguments.check_numbers(index)
+        axes.check_numbers(index)
     else:
         with pytest.raises(InvalidArgument, match="axis"):
-            axes.arguments.check_numbers(index)
+            axes.check_numbers(index)
 
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, math.inf, 2.0**31])

@@ -11,8 +11,7 @@ from structlog.testing import capture_logs
 from tests.fakes import FakeDevice
 from tests.unit.device.harness import call_names, make_connection
 
-from robotd.device.connection import Connection
-from robotd.device.startup_step import StartupStep
+from robotd.device.connection import Connection, StartupStep
 from robotd.device.state import ConnectionState
 from robotd.errors import (
     ConnectError,

@@ -113,7 +113,7 @@ def test_parameters_wait_for_a_servo_that_is_being_switched_on(
     engine = make_connection(device)
     engine.start()
     loading = threading.Thread(target=engine.load_parameters, args=(parameters,))
-    with engine.parameters.scaling_lock:
+    with engine.scaling_lock:
         loading.start()
         loading.join(0.1)
         assert loading.is_alive()

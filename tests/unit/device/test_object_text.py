@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from robotd.device.object_text import object_text
+from robotd.device.fieldbus import object_text
 
 
 @pytest.mark.parametrize(

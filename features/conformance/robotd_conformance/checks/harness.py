@@ -123,11 +123,9 @@ class Harness:
 
     def open(self) -> None:
         """Open the device alone, and load what it needs before communication."""
-        device, parameters = self.drivers.device, self.robot.connection.parameters
-        device.open()
-        parameters.forget()
-        if device.parameters_before_communication and parameters.due:
-            parameters.apply()
+        self.robot.connection.open()
+        if self.drivers.device.parameters_before_communication:
+            self.robot.connection.apply_parameters()
 
     def start(self, *, enable: bool = True) -> None:
         """Open, communicate, and switch every axis on (or leave them as they are).
