@@ -6,9 +6,9 @@ import math
 from collections.abc import Callable, Iterator
 
 import pytest
-from robotd.control.period_timing import LoopReport
 from tests.fakes import FakeClock
 
+from robotd.control.period_timing import LoopReport
 from robotd.device.bus_status import BusNode, BusState, BusStatus
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, ConnectionState
