@@ -177,9 +177,9 @@ class Connection:
         return self.ask_fault() or failed or self._stale_reason
 
     def ask_fault(self) -> str:
-        """Return the device's own fault, "" for none. The control loop asks no device that hangs.
+        """Return the device's own fault; "" for none.
 
-        A worker asks once before the loop starts, so that one that hangs is known.
+        A worker asks once before the control loop starts: that asks no device that hangs.
         """
         try:
             return self._driver.fault()

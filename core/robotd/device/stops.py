@@ -16,7 +16,7 @@ StopListener = Callable[[str], None]
 
 
 class StopLatch:
-    """Reason why no motion may start: read-only axes, a stop until its reset, or a lifecycle.
+    """Reason why no motion may start: read-only axes, a stop, or a lifecycle.
 
     Any thread. Commands check it before they start motion; ``MotionStop`` ends what runs.
 

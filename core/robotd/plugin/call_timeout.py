@@ -20,7 +20,10 @@ class CallTimeout(Exception):
 
 
 class _CallThread(threading.Thread):
-    """Runs one call after the other. One that hangs is missing among the idle until it returns."""
+    """Runs one call after the other.
+
+    A thread that hangs is not among the idle ones until its call returns.
+    """
 
     idle: list[_CallThread] = []  # noqa: RUF012 - of the process; appended and popped atomically
 
