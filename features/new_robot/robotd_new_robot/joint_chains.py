@@ -39,9 +39,10 @@ def propose_groups(
         chain_of[joint.name] = chain
     if len(chains) < 2:
         return {}
-    names = [_name(chain) for chain in chains]
-    clash = len({*names, *(joint.name for joint in joints)}) < len(names) + len(joints)
-    if clash or not all(map(NAME.fullmatch, names)):
+    names = [_name([joint.name for joint in chain]) for chain in chains]
+    if not _usable(names, joints):  # joints such as joint_1, whose links say more
+        names = [_name([joint.child for joint in chain]) for chain in chains]
+    if not _usable(names, joints):
         names = [f"group{number}" for number in range(1, len(chains) + 1)]
     return {name: tuple(chain) for name, chain in zip(names, chains, strict=True)}
 
@@ -57,11 +58,16 @@ def _carrier(urdf: UrdfRobot, joint: UrdfJoint, joints: Sequence[UrdfJoint]) -> 
     return None
 
 
-def _name(chain: Sequence[UrdfJoint]) -> str:
+def _usable(names: Sequence[str], joints: Sequence[UrdfJoint]) -> bool:
+    """Return True for legal names that differ from each other and from the joints."""
+    clash = len({*names, *(joint.name for joint in joints)}) < len(names) + len(joints)
+    return not clash and all(map(NAME.fullmatch, names))
+
+
+def _name(names: Sequence[str]) -> str:
     """Return the common beginning of the names, without ``joint`` and numbers; may be empty."""
-    names = [joint.name for joint in chain]
     columns = zip(*names, strict=False)
     common = "".join(column[0] for column in takewhile(lambda each: len({*each}) == 1, columns))
-    if len(chain) > 1 and "_" in common:
+    if len(names) > 1 and "_" in common:
         common = common[: common.rindex("_")]
     return _GENERIC.sub("", common)

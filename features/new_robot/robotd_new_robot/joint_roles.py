@@ -42,7 +42,6 @@ class Choices:
         speeds: of joints, rad/s or m/s; for those that have none in the URDF, or less.
         limits: lower and upper of joints, rad or m.
         passive: joints that no axis moves.
-        srdf: MoveIt's groups and passive joints; None without a file.
     """
 
     wheels: tuple[str, ...] = ()
@@ -54,7 +53,6 @@ class Choices:
     speeds: Mapping[str, float] = field(default_factory=dict)
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     passive: tuple[str, ...] = ()
-    srdf: Path | None = None
 
     def renamed(self, names: Mapping[str, str]) -> Choices:
         """Return the choices with other names of joints."""

@@ -204,6 +204,17 @@ def test_missing_meshes_are_counted(make: Make) -> None:
     assert "2 of 2 meshes not found (package://arm/a.stl, b.stl)" in output
 
 
+def test_groups_are_named_by_their_links_where_joints_say_nothing(make: Make) -> None:
+    body = "".join(
+        joint(f"joint_{3 * side + at}", f"{arm}_{at - 1}" if at else "base", f"{arm}_{at}")
+        for side, arm in enumerate(["left_arm", "right_arm"])
+        for at in range(3)
+    )
+    robot, _ = make(body)
+    assert list(robot.groups) == ["left_arm", "right_arm"]
+    move(robot)
+
+
 XACRO = """<robot name="it" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="base"/>
 <xacro:arg name="reach" default="1"/><xacro:include filename="$(find parts)/arm.xacro"/>
 <xacro:arm upper="$(arg reach)"/></robot>"""
