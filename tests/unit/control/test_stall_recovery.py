@@ -162,3 +162,19 @@ def assert_ended_well(harness: Harness, execution: TrajectoryExecution) -> None:
     else:
         last = harness.setpoints.rows[-1]
         assert last[1] == pytest.approx(execution.trajectory.final_position, abs=1e-5)
+
+
+@pytest.mark.parametrize("stall_s", [0.006, 0.012, 0.03, 0.1])
+def test_a_stop_after_a_stall_ends_when_the_joints_stand(harness: Harness, stall_s: float) -> None:
+    """The rest of the way back to the path, too slow to be seen, does not delay the result."""
+    drives = Drives(harness)
+    with harness.goal(*SWING, seconds=SWING_S) as execution:
+        drives.run(0.4)
+        drives.stall(stall_s)
+        drives.run(0.004)
+        execution.cancel()
+        drives.finish(execution)
+    assert execution.outcome is Outcome.CANCELED
+    moving = (np.abs(drives.velocity) > execution._stopped_velocity).any(axis=1)
+    assert (len(moving) - np.flatnonzero(moving)[-1]) * TICK_S < 0.03
+    assert np.abs(np.diff(drives.velocity, axis=0)).max() < 0.1, "no joint jumps"
