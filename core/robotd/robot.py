@@ -12,9 +12,8 @@ from pathlib import Path
 
 from robotd.clock import Clock, MonotonicClock
 from robotd.clock.simulated import PacedClock, SimulatedClock, SteppedClock
-from robotd.control.axis_limits import axis_names
+from robotd.control.axis_limits import axis_names, fit_device
 from robotd.control.control_loop import ControlLoop
-from robotd.control.device_fit import fit_device
 from robotd.control.joint_group import JointGroups
 from robotd.control.joint_stream import JointStreams
 from robotd.control.mobile_base import MobileBase

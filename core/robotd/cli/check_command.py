@@ -12,7 +12,7 @@ from robotd.cli.exit_codes import ExitCode
 from robotd.cli.installed import check_backend_overrides, load_installed
 from robotd.cli.options import log_options, robot_options
 from robotd.cli.urdf_check import check_urdf, urdf_warnings
-from robotd.control.device_fit import fit_device
+from robotd.control.axis_limits import fit_device
 from robotd.control.joint_group import ON_DEVICE
 from robotd.descriptor import Override, RobotDescriptor, load_robot_descriptor
 from robotd.device.capabilities import Capability

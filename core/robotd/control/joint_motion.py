@@ -14,8 +14,7 @@ from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, Clock, wait_until
 from robotd.clock.simulated import held
 from robotd.control.completion import Outcome
-from robotd.control.setpoint_source import SetpointSource
-from robotd.control.source_slot import PREEMPTED, SourceSlot
+from robotd.control.source_slot import PREEMPTED, SetpointSource, SourceSlot
 from robotd.device.axes import Axes
 from robotd.device.state import CommandMode
 from robotd.errors import NotReady, RobotdError

@@ -9,7 +9,7 @@ import numpy as np
 
 from robotd.arrays import FloatArray, IntArray
 from robotd.clock import NANOSECONDS
-from robotd.control.setpoint_source import SetpointSource
+from robotd.control.source_slot import SetpointSource
 from robotd.control.stall_recovery import after_stall
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation

@@ -20,8 +20,7 @@ from robotd.control.completion import Outcome
 from robotd.control.open_stream import chosen_timeout
 from robotd.control.rearming import CommandSource, Rearming
 from robotd.control.source_slot import SourceSlot
-from robotd.control.twist_command import TwistCommand
-from robotd.control.wheel_motion import OWNER, SteeredMotion, WheelMotion
+from robotd.control.wheel_motion import OWNER, SteeredMotion, TwistCommand, WheelMotion
 from robotd.descriptor import DriveSettings, TricycleDrive
 from robotd.device.axes import Axes
 from robotd.device.process_image import ProcessImage

@@ -12,7 +12,7 @@ import numpy as np
 from robotd.arrays import FloatArray, IntArray
 from robotd.control.completion import Outcome
 from robotd.control.rearming import CommandSource
-from robotd.control.setpoint_source import SetpointSource
+from robotd.control.source_slot import SetpointSource
 from robotd.errors import InvalidArgument, NotReady
 from robotd.log import get_logger
 

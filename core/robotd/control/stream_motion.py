@@ -11,7 +11,7 @@ from robotd.arrays import FloatArray, IntArray
 from robotd.clock import NANOSECONDS
 from robotd.control.completion import Outcome
 from robotd.control.joint_source import JointSource, Phase
-from robotd.control.setpoint_source import SetpointSource
+from robotd.control.source_slot import SetpointSource
 from robotd.control.stall_recovery import StallRecovery
 from robotd.control.stream_setpoints import StreamCommand, StreamMode, StreamSetpoints
 from robotd.device.process_image import ProcessImage

@@ -10,7 +10,7 @@ from robotd.control.command_return import CommandReturn
 from robotd.control.completion import Outcome
 from robotd.control.joint_source import Phase
 from robotd.control.path_rate import PathRate, scale
-from robotd.control.setpoint_source import SetpointSource
+from robotd.control.source_slot import SetpointSource
 from robotd.control.stall_recovery import StallRecovery, after_stall
 from robotd.control.trajectory_execution import PlannedGoal, TrajectoryExecution
 from robotd.device.process_image import ProcessImage

@@ -9,8 +9,8 @@ import math
 from dataclasses import dataclass
 
 from robotd.errors import InvalidArgument
-from robotd.motion.digits import distinct
 from robotd.motion.profile import Profile
+from robotd.motion.rejection import distinct
 
 MEASURED_MARGIN = {"rad": 0.01, "m": 0.001}  # the default goal tolerances
 MIN_RATE = 1e-9  # lower bound of speeds and ramps; smaller values overflow drive integers

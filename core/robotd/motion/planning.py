@@ -10,12 +10,17 @@ from robotd.arrays import FloatArray
 from robotd.descriptor.model import TrajectorySettings
 from robotd.motion.extremes import PathPeaks
 from robotd.motion.joints import JointLimits, MotionState
-from robotd.motion.knots import check_end, merge_close, merge_note
 from robotd.motion.path import PathBuilder
-from robotd.motion.path_limits import acceleration_notes, check_path_limits
+from robotd.motion.path_checks import (
+    acceleration_notes,
+    check_end,
+    check_path_limits,
+    merge_close,
+    merge_note,
+)
+from robotd.motion.path_ends import with_run_out
 from robotd.motion.rejection import RejectionCode, TrajectoryRejected, reject
 from robotd.motion.request import TrajectoryRequest, arrange
-from robotd.motion.run_out import with_run_out
 from robotd.motion.trajectory import Trajectory
 
 

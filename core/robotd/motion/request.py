@@ -11,9 +11,8 @@ import numpy as np
 from robotd.arrays import FloatArray
 from robotd.descriptor.model import TrajectorySettings
 from robotd.errors import unknown_name
-from robotd.motion.digits import distinct
 from robotd.motion.joints import JointLimits, MotionState
-from robotd.motion.rejection import reject, reject_joints
+from robotd.motion.rejection import distinct, reject, reject_joints
 
 # Range of a ROS duration. Also keeps the powers of a time difference finite.
 MAX_TIME_S = 2.0**31

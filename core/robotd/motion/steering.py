@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from robotd.motion.planar import PlanarTwist
-from robotd.motion.tricycle import STRAIGHT_M_S, SteeredWheels
+from robotd.motion.wheels import STRAIGHT_M_S, SteeredWheels
 
 ARRIVED_RAD = 1e-9
 WAIT_RAD = 0.3  # missing part of the angle at which the driven wheel stands

@@ -10,9 +10,8 @@ import numpy as np
 
 from robotd.arrays import FloatArray
 from robotd.descriptor.model import TrajectorySettings
-from robotd.motion.digits import distinct
 from robotd.motion.joints import JointLimits
-from robotd.motion.rejection import reject, reject_joints
+from robotd.motion.rejection import distinct, reject, reject_joints
 
 _UNIT_SUFFIX = {"position": "", "velocity": "/s"}
 

@@ -17,7 +17,7 @@ from robotd.control.joint_group import JointGroup
 from robotd.control.joint_stream import JointStream
 from robotd.errors import InvalidArgument, NotReady, RobotdError, unknown_name
 from robotd.events import noted, sent_by
-from robotd.motion.stoppable_velocity import stoppable_velocity
+from robotd.motion.stopping import stoppable_velocity
 from robotd.robot import Robot
 from robotd_page.control_commands import Finite, Message, Seen
 

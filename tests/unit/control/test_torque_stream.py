@@ -15,8 +15,7 @@ from robotd.clock import NANOSECONDS, MonotonicClock
 from robotd.control.completion import Outcome
 from robotd.control.joint_motion import JointMotion
 from robotd.control.joint_source import REST_TIMEOUT_S
-from robotd.control.torque_motion import TorqueMotion
-from robotd.control.torque_stream import TorqueStreams
+from robotd.control.torque_stream import TorqueMotion, TorqueStreams
 from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import CommandMode, Operation
 from robotd.device.stops import StopRequests

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robotd.motion.dead_reckoning import Odometry
-from robotd.motion.diff_drive import TwoSidedWheels
 from robotd.motion.planar import ORIGIN, ZERO_TWIST, PlanarTwist, Pose, along_arc
+from robotd.motion.wheels import TwoSidedWheels
 
 BAYMAX = TwoSidedWheels(0.09, separation=0.55)
 

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from robotd.descriptor import TrajectorySettings
 from robotd.errors import InvalidArgument
 from robotd.motion import AxisLimits, JointLimits, JointTolerance, Tolerances, check_move
-from robotd.motion.digits import distinct
 from robotd.motion.profile import Profile
+from robotd.motion.rejection import distinct
 
 
 @given(st.floats(allow_nan=False), st.floats(allow_nan=False))

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robotd.motion.dead_reckoning import Odometry
-from robotd.motion.mecanum import MecanumWheels
 from robotd.motion.planar import ORIGIN, ZERO_TWIST, PlanarTwist, Pose
+from robotd.motion.wheels import MecanumWheels
 
 speeds = st.floats(-10.0, 10.0)
 twists = st.builds(PlanarTwist, speeds, speeds, speeds)

@@ -10,7 +10,7 @@ from tests.unit.motion.helpers import NAMES, at_rest, limits, peaks_of, planned,
 from tests.unit.motion.profiles import time_optimal
 
 from robotd.motion import Interpolation, MotionState, TrajectoryRejected, TrajectoryRequest
-from robotd.motion.blend import ACCELERATION_SHARE
+from robotd.motion.path_ends import ACCELERATION_SHARE
 
 VELOCITY, ACCELERATION = 3.14, 12.57
 JOINTS = limits(position=7.0, velocity=VELOCITY, acceleration=ACCELERATION)

@@ -7,7 +7,7 @@ import pytest
 
 from robotd.motion import JointLimits
 from robotd.motion.limiter import SetpointLimiter
-from robotd.motion.stoppable_velocity import stoppable_velocity
+from robotd.motion.stopping import stoppable_velocity
 
 PERIOD_S = 0.001
 

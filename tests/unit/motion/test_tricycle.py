@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from robotd.motion.dead_reckoning import Odometry
 from robotd.motion.planar import ORIGIN, PlanarTwist, Pose
 from robotd.motion.steering import SteeringFollower, SteeringLimits
-from robotd.motion.tricycle import SteeredWheels
+from robotd.motion.wheels import SteeredWheels
 
 RIGHT_ANGLE = math.pi / 2
 PERIOD_S = 0.005

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robotd.motion.mecanum import MecanumWheels
 from robotd.motion.planar import ZERO_TWIST, PlanarTwist
 from robotd.motion.twist_limits import RampLimits, TwistLimiter, TwistLimits
+from robotd.motion.wheels import MecanumWheels
 
 PERIOD_S = 0.01
 ROUNDING = 1e-9
