@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 from collections.abc import Callable
@@ -35,6 +36,10 @@ class _CallThread(threading.Thread):
         while (call := self.calls.get()) is not None:
             call()
             del call  # an idle thread keeps no driver alive
+
+
+# A forked process has none of the threads: a call that waited for one would time out.
+os.register_at_fork(after_in_child=_CallThread.idle.clear)
 
 
 def call_with_timeout(budget_s: float, call: Callable[[], Result], name: str) -> Result:

@@ -111,3 +111,18 @@ def test_idle_threads_end() -> None:
     thread = call_with_timeout(5.0, threading.current_thread, "work")
     end_idle_threads()
     assert not thread.is_alive()
+
+
+def test_a_forked_process_waits_for_no_thread_of_its_parent() -> None:
+    program = (
+        "import os\n"
+        "from robotd.plugin.call_timeout import call_with_timeout\n"
+        "call_with_timeout(5.0, int, 'work')\n"
+        "child = os.fork()\n"
+        "if not child: os._exit(call_with_timeout(5.0, lambda: 7, 'work'))\n"
+        "print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.stdout == "7\n", done.stderr
