@@ -76,6 +76,8 @@ def test_axes_in_motion_stop_when_the_device_ends(fresh: Harness, end: End, velo
     fresh.pass_time(LOOK_S)
     went = np.abs(read_shafts(fresh, injector) - first)
     assert went.max() <= SETTLED_RAD, "an axis goes on without its device"
+    if fresh.robot.descriptor.parameters_file is not None:
+        return  # what a position means may have ended with the device
     limit = np.abs(fresh.speeds(SHARE)) * COASTS_S / 2 + SETTLED_RAD
     assert (np.abs(first - before) <= limit).all(), "an axis went on without its device"
 
