@@ -60,6 +60,7 @@ from robotd.plugin.hookspecs import (
     DeviceContext,
     hookimpl,
 )
+from robotd.plugin.parameter_reader import ParameterReader, no_parameters
 from robotd.plugin.registry import NodeRegistry, RobotRegistry
 from robotd.realtime import request_realtime
 
@@ -99,6 +100,7 @@ __all__ = [
     "ObjectNumber",
     "Operation",
     "OperationError",
+    "ParameterReader",
     "PluginError",
     "ProcessImage",
     "Profile",
@@ -113,6 +115,7 @@ __all__ = [
     "get_logger",
     "hookimpl",
     "load_robot_descriptor",
+    "no_parameters",
     "object_bytes",
     "object_text",
     "profile_to_position",

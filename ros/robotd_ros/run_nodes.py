@@ -14,16 +14,10 @@ from robotd_page.page_topics import PageTopics
 from robotd_ros.diagnostics.diagnostics_publisher import Diagnostics
 from robotd_ros.host import RosHost
 from robotd_ros.middleware import check_overrides
-from robotd_ros.node_registry import (
-    BUILT_IN,
-    OPERATOR_NODE,
-    SIMULATION_NODE,
-    known_nodes,
-    make_node,
-    select_nodes,
-)
+from robotd_ros.node_registry import OPERATOR_NODE, SIMULATION_NODE, make_node
 from robotd_ros.nodes.operator_node import OperatorNode
 from robotd_ros.nodes.rosout_topic import RosoutTopic
+from robotd_ros.plugin import BUILT_IN, built_in_nodes
 from robotd_ros.senders import Senders
 
 if TYPE_CHECKING:
@@ -54,7 +48,8 @@ def run_nodes(
     host.yield_to_control_loop = robot.control_loop.yield_to_control_loop
     # No client could stop it by ROS any more.
     host.on_hang = lambda reason: robot.servos.bring_to_rest()
-    chosen = select_nodes(names, registry)
+    registry = registry or built_in_nodes()
+    chosen = registry.select(names)
     nodes = [make_node(name, info, robot, host) for name, info in chosen.items()]
     operator = OperatorNode(robot, host, recorder)
     nodes.append(operator)
@@ -64,7 +59,7 @@ def run_nodes(
 
         nodes.append(SimulationNode(robot, host, nodes, faults))
     added = {OPERATOR_NODE, SIMULATION_NODE}
-    check_overrides(nodes, {*BUILT_IN, *added}, {*known_nodes(registry), *added}, host.args)
+    check_overrides(nodes, {*BUILT_IN, *added}, {*registry.nodes, *added}, host.args)
     for node in nodes:
         host.add_node(node)
     with ExitStack() as stack:

@@ -23,12 +23,8 @@ from robotd.stop_signals import stop_signals
 from robotd_ros.endpoints import ServeReport, report_of
 from robotd_ros.host import RosHost
 from robotd_ros.middleware import check_remapping, exit_after, remove_leftovers, use_profiles
-from robotd_ros.node_registry import (
-    OPERATOR_NODE,
-    SIMULATION_NODE,
-    known_nodes,
-    select_nodes,
-)
+from robotd_ros.node_registry import OPERATOR_NODE, SIMULATION_NODE
+from robotd_ros.plugin import built_in_nodes
 from robotd_ros.robot_lifecycle import RobotLifecycle
 from robotd_ros.run_nodes import run_nodes
 
@@ -95,7 +91,7 @@ def serve(
         robot: not started.
         node_names: nodes to make; one that ``enables_servos`` switches them on.
         ros_args: from ``--ros-args`` on.
-        registry: nodes that plugins bring.
+        registry: nodes that can be named; None: the built-in ones.
         served: called when the nodes are served, before the robot starts.
         ready: called when the robot has started.
         ended: called when the robot is shut down, with the error that ``serve`` is going to raise;
@@ -112,9 +108,10 @@ def serve(
         RobotdError: the robot did not start, and no ``wmx_engine_node`` is there to start it
             by hand; it is shut down again.
     """
-    chosen = list(select_nodes(node_names, registry).values())
+    registry = registry or built_in_nodes()
+    chosen = list(registry.select(node_names).values())
     own = (OPERATOR_NODE, SIMULATION_NODE)
-    known = {*known_nodes(registry), *own}
+    known = {*registry.nodes, *own}
     ros_args = check_remapping({*node_names, *own}, known, ros_args)
     use_profiles()
     _limit_heaps()

@@ -17,7 +17,8 @@ from rclpy.node import Node
 from robotd.robot import Robot
 from robotd_ros.endpoints import ServeReport, report_of
 from robotd_ros.host import RosHost
-from robotd_ros.node_registry import BUILT_IN, make_node
+from robotd_ros.node_registry import make_node
+from robotd_ros.plugin import BUILT_IN
 
 
 @contextmanager

@@ -16,7 +16,7 @@ import pytest
 from lxml import etree
 
 from robotd.descriptor import load_robot_descriptor
-from robotd_ros.node_registry import BUILT_IN
+from robotd_ros.plugin import BUILT_IN
 
 ROOT = Path(__file__).parents[2]
 AMENT = ROOT / "ros" / "ament"

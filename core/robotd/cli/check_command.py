@@ -19,8 +19,6 @@ from robotd.device.capabilities import Capability
 from robotd.errors import DescriptorError, PluginError, Unsupported
 from robotd.plugin.hookspecs import DeviceContext
 from robotd.plugin.manager import Backend, load_backend
-from robotd_ros.node_registry import BUILT_IN
-from robotd_ros.node_settings import check_node_parameters
 from robotd_wmx_parameters import parameter_warnings, read_wmx_parameters
 
 
@@ -48,7 +46,7 @@ def check_robot(
         _check_files(report, descriptor)
         nodes = ", ".join(descriptor.nodes) or "none"
         report.run(f"nodes {nodes}", lambda: installed.check_nodes(descriptor))
-        report.run("ROS parameters", lambda: check_node_parameters(descriptor, BUILT_IN))
+        report.run("ROS parameters", lambda: installed.nodes.check_parameters(descriptor))
     name = backend or (descriptor and descriptor.backend)
     plugin = report.run(f"backend {name}", lambda: load_backend(name)) if name else None
     if descriptor is not None and plugin is not None:

@@ -16,7 +16,6 @@ from robotd.descriptor import (
 from robotd.errors import DescriptorError
 from robotd.plugin.manager import PluginOrigin, load_plugins, register_all
 from robotd.plugin.registry import NodeRegistry
-from robotd_ros.node_registry import select_nodes
 
 
 @dataclass(frozen=True)
@@ -25,7 +24,7 @@ class Installed:
 
     Attributes:
         search_path: folders of robots, robotd's own first.
-        nodes: nodes of plugins, in addition to the built-in ones.
+        nodes: built-in nodes and those of plugins.
         failures: plugins that failed to load, with the reason.
     """
 
@@ -40,14 +39,7 @@ class Installed:
 
     def check_nodes(self, descriptor: RobotDescriptor) -> None:
         """Raise DescriptorError, with every unknown name, unless all nodes exist."""
-        problems = []
-        for name in descriptor.nodes:
-            try:
-                select_nodes([name], self.nodes)
-            except DescriptorError as error:
-                problems.append(error)
-        if problems:
-            raise DescriptorError.join(problems)
+        self.nodes.select(descriptor.nodes)
 
 
 def load_installed() -> Installed:

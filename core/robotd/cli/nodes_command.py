@@ -9,7 +9,6 @@ import click
 from robotd.cli.installed import load_installed
 from robotd.cli.layout import columns
 from robotd.cli.options import as_json, log_options
-from robotd_ros.node_registry import known_nodes
 
 
 @click.command("nodes")
@@ -21,7 +20,7 @@ def nodes(*, as_json: bool) -> None:
     installed.warn()
     rows = [
         {"name": name, "summary": info.summary, "factory": info.factory}
-        for name, info in known_nodes(installed.nodes).items()
+        for name, info in installed.nodes.nodes.items()
     ]
     if as_json:
         click.echo(json.dumps(rows, indent=2))

@@ -275,9 +275,9 @@ def load_plugins() -> tuple[list[Plugin], dict[PluginOrigin, str]]:
 
 
 def register_all(plugins: Iterable[Plugin]) -> tuple[RobotRegistry, NodeRegistry]:
-    """Collect robots and nodes of ``plugins``."""
+    """Collect robots and nodes of ``plugins``, robotd's own first."""
     robots, nodes = RobotRegistry(), NodeRegistry()
-    for plugin in plugins:
+    for plugin in sorted(plugins, key=lambda plugin: plugin.origin.distribution != "robotd"):
         plugin.call("robotd_register_robots", registry=robots)
         plugin.call("robotd_register_nodes", registry=nodes)
     return robots, nodes

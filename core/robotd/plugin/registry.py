@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 
-from robotd.errors import PluginError
+from robotd.descriptor import RobotDescriptor
+from robotd.errors import DescriptorError, PluginError, RobotdError, unknown_name
+from robotd.plugin.parameter_reader import ParameterReader
+
+_BUILT_IN = "robotd_ros."  # begins the factories of built-in nodes
 
 
 @dataclass
@@ -32,17 +38,21 @@ class NodeInfo:
         enables_servos: with this node, joints and wheels are switched on at start.
         keeps_failed_start: clients of this node can repeat a failed start, so that the process
             goes on after one.
+        parameters: ``package.module:name`` of a function that reads the node's parameters, called
+            as ``read(reader, descriptor)`` with a ``ParameterReader``; ``robotd check`` imports
+            it without ROS. "": the parameters are not checked.
     """
 
     factory: str
     summary: str
     enables_servos: bool = False
     keeps_failed_start: bool = False
+    parameters: str = ""
 
 
 @dataclass
 class NodeRegistry:
-    """ROS nodes of plugins by name; imported only when a robot wants them."""
+    """ROS nodes by name, built-in and of plugins; imported only when a robot wants them."""
 
     nodes: dict[str, NodeInfo] = field(default_factory=dict)
 
@@ -54,12 +64,60 @@ class NodeRegistry:
         summary: str = "",
         enables_servos: bool = False,
         keeps_failed_start: bool = False,
+        parameters: str = "",
     ) -> None:
         """Register a node. The arguments are those of ``NodeInfo``.
 
         An empty summary becomes the module's name. Raises PluginError when the name is taken.
         """
         if known := self.nodes.get(name):
+            others = [made for made in (known.factory, factory) if not made.startswith(_BUILT_IN)]
+            if len(others) == 1:
+                raise PluginError(f"node {name!r} of {others[0]} has the name of a built-in node")
             raise PluginError(f"node {name!r} is registered twice: {known.factory} and {factory}")
         summary = summary or f"by {factory.partition(':')[0]}"
-        self.nodes[name] = NodeInfo(factory, summary, enables_servos, keeps_failed_start)
+        self.nodes[name] = NodeInfo(
+            factory, summary, enables_servos, keeps_failed_start, parameters
+        )
+
+    def select(self, names: Iterable[str]) -> dict[str, NodeInfo]:
+        """Return the nodes with these names, in this order.
+
+        Raises DescriptorError, with the nearest name, for every node that does not exist.
+        """
+        names = list(names)
+        problems = [
+            DescriptorError(unknown_name("node", name, self.nodes), key="nodes")
+            for name in names
+            if name not in self.nodes
+        ]
+        if problems:
+            raise DescriptorError.join(problems)
+        return {name: self.nodes[name] for name in names}
+
+    def check_parameters(self, descriptor: RobotDescriptor) -> None:
+        """Check ``ros_parameters`` of those of the robot's nodes that bring a reader.
+
+        Raises:
+            DescriptorError: all missing, unknown and wrong parameters, with file and line.
+            PluginError: a reader cannot be imported or fails.
+        """
+        problems: list[DescriptorError] = []
+        for name in descriptor.nodes:
+            info = self.nodes.get(name)
+            if info is None or not info.parameters:
+                continue
+            reader = ParameterReader(name, descriptor)
+            module, _, function = info.parameters.partition(":")
+            try:
+                getattr(import_module(module), function)(reader, descriptor)
+            except DescriptorError as error:
+                problems.append(error)
+            except RobotdError:
+                raise
+            except Exception as error:
+                what = f"parameters of node {name!r} cannot be read by {info.parameters}"
+                raise PluginError(f"{what}: {type(error).__name__}: {error}") from error
+            problems += reader.problems()
+        if problems:
+            raise DescriptorError.join(problems)

@@ -20,7 +20,7 @@ from robotd_ros.client.motion_client import Arm, Ending, move
 from robotd_ros.client.ros_client import RosClient
 from robotd_ros.host import RosHost
 from robotd_ros.middleware import use_profiles
-from robotd_ros.node_registry import select_nodes
+from robotd_ros.plugin import built_in_nodes
 from robotd_ros.run_nodes import run_nodes
 from robotd_scenario import FaultSchedule, Scenario, load_scenario, validate_fault
 from robotd_scenario.expectations import standing
@@ -184,7 +184,7 @@ def robot_under_test(
     robot = Robot(descriptor, load_backend(plan.backend), clock)
     faults = FaultSchedule(robot, plan.faults)
     names = descriptor.nodes if nodes is None else nodes
-    enable = any(info.enables_servos for info in select_nodes(names).values())
+    enable = any(info.enables_servos for info in built_in_nodes().select(names).values())
     use_profiles()
     with RosHost(domain_id=domain_id) as host, run_nodes(robot, names, host, faults=faults):
         under_test = RobotUnderTest(robot, clock, faults, domain_id)

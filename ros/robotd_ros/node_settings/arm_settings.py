@@ -14,8 +14,8 @@ from robotd.descriptor.group_parameters import (
     default_action,
     group_prefixes,
 )
+from robotd.plugin.parameter_reader import ParameterReader
 from robotd_ros.node_settings.constraint_settings import read_constraints
-from robotd_ros.node_settings.parameter_reader import ParameterReader
 
 FILE_MEANING = "parameter file; empty: the robot's"
 

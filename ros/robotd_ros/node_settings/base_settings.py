@@ -13,9 +13,9 @@ from robotd.descriptor import (
     TwoSidedDrive,
 )
 from robotd.errors import DescriptorError
+from robotd.plugin.parameter_reader import ParameterReader
 from robotd_ros.node_settings.arm_settings import FILE_MEANING
 from robotd_ros.node_settings.device_settings import read_frame_prefix
-from robotd_ros.node_settings.parameter_reader import ParameterReader
 
 RATE_HZ = 10
 LIMITED_TOPIC = "~/cmd_vel_out"

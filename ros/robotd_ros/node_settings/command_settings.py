@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from robotd.descriptor import RobotDescriptor
 from robotd.descriptor.group_parameters import group_prefixes
-from robotd_ros.node_settings.parameter_reader import ParameterReader
+from robotd.plugin.parameter_reader import ParameterReader
 
 STATE_HZ = 50
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from robotd.descriptor import RobotDescriptor
 from robotd.descriptor.joint_settings import JointSettings, JointType
-from robotd_ros.node_settings.parameter_reader import ParameterReader
+from robotd.plugin.parameter_reader import ParameterReader
 
 GOAL_TIME = "constraints.goal_time"  # s after the end to reach the goal; 0: without an end
 END_VELOCITY = "allow_nonzero_velocity_at_trajectory_end"

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from robotd.control.axis_limits import axis_limits, axis_names
 from robotd.descriptor import RobotDescriptor
-from robotd_ros.node_settings.parameter_reader import ParameterReader, wrong_frame
+from robotd.plugin.parameter_reader import ParameterReader, wrong_frame
 
 TRANSFORM_RATE_HZ = 50.0
 

@@ -15,6 +15,7 @@ from std_srvs.srv import Trigger
 from robotd.descriptor import RobotDescriptor
 from robotd.errors import DescriptorError, InvalidArgument
 from robotd.motion.planar import Pose
+from robotd.plugin.parameter_reader import ParameterReader
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
 from robotd_ros.middleware import TypeMismatchCheck
@@ -24,7 +25,6 @@ from robotd_ros.node_settings.base_settings import (
     read_mecanum_drive,
     read_tricycle,
 )
-from robotd_ros.node_settings.parameter_reader import ParameterReader
 from robotd_ros.nodes.command_subscription import add_command_subscription
 from robotd_ros.nodes.latched_topics import publish_description
 from robotd_ros.nodes.node_parameters import read_settings

@@ -12,9 +12,9 @@ from rclpy.node import Node
 from rclpy.validate_full_topic_name import validate_full_topic_name
 
 from robotd.descriptor import RobotDescriptor
+from robotd.plugin.parameter_reader import ParameterReader, WrongType
 from robotd_export.export_input import ExportInput
 from robotd_ros.middleware import overrides_of, remapped_action
-from robotd_ros.node_settings.parameter_reader import ParameterReader, WrongType
 
 Settings = TypeVar("Settings")
 

@@ -310,6 +310,45 @@ def test_a_value_for_a_backend_that_is_not_in_use_is_rejected(robotd: Robotd) ->
     assert "--set: backends.canopen.sdo_timeout_s: the backend in use is 'sim'" in result.output
 
 
+LIGHTS = """
+    from robotd.api import hookimpl
+
+    @hookimpl
+    def robotd_register_nodes(registry):
+        registry.add("lights", "no_ros_here:Lights", parameters=__name__ + ":read_lights")
+
+    def read_lights(reader, descriptor):
+        {read}
+"""
+
+
+def test_wrong_parameters_of_a_plugins_node_are_reported_with_file_and_line(
+    robotd: Robotd, edit: Edit, install: Install
+) -> None:
+    read = 'reader.integer("brightness", 50, (0, 100), "in percent")'
+    install("lights", LIGHTS.replace("{read}", read), group=PLUGINS)
+    section = "  lights:\n    brightness: 101\n    colour: red\n"
+    path = edit("robot.yaml", "ros_parameters:\n", f"ros_parameters:\n{section}")
+    edit("robot.yaml", "\nnodes:\n", "\nnodes:\n  - lights\n")
+    line = path.read_text("utf-8").splitlines().index("    brightness: 101") + 1
+    result = robotd("check", "--robot", str(path))
+    assert result.exit_code == ExitCode.CONFIGURATION
+    assert f"{path}:{line}: lights.brightness: 101 is outside 0 to 100" in result.stdout
+    assert f"{path}:{line + 1}: lights.colour: the node has no such parameter" in result.stdout
+    assert result.stdout.splitlines()[-1] == "2 problems"
+
+
+def test_a_reader_of_parameters_that_fails_is_the_plugins_error(
+    robotd: Robotd, edit: Edit, install: Install
+) -> None:
+    install("lights", LIGHTS.replace("{read}", "1 / 0"), group=PLUGINS)
+    path = edit("robot.yaml", "\nnodes:\n", "\nnodes:\n  - lights\n")
+    result = robotd("check", "--robot", str(path))
+    assert result.exit_code == ExitCode.PLUGIN
+    assert "parameters of node 'lights' cannot be read by plugin_acme:read_lights" in result.stdout
+    assert "ZeroDivisionError" in result.stdout
+
+
 def test_missing_unknown_and_wrong_ros_parameters_are_reported_at_once(
     robotd: Robotd, edit: Edit
 ) -> None:

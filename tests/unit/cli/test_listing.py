@@ -120,6 +120,7 @@ def test_a_backend_that_logs_while_it_loads_does_not_spoil_the_json(
 def test_nodes_are_listed_those_of_plugins_too(robotd: Robotd, robots_of_a_plugin: Path) -> None:
     listed = rows(robotd("nodes", "--json"))
     assert listed["lights"]["factory"] == "acme.lights:Lights"
+    assert [*listed][-1] == "lights"  # those of robotd come first
     assert {"wmx_engine_node", "manipulator_state"} <= set(listed)
     assert all(row["summary"] for row in listed.values())
     assert "wmx_io_node" in robotd("nodes").stdout

@@ -41,6 +41,10 @@ def wrong_frame(name: str) -> str:
     return "it has a space" if re.search(r"\s", name) else ""
 
 
+def no_parameters(reader: ParameterReader, descriptor: RobotDescriptor) -> None:
+    """Declare nothing: any parameter in the descriptor is a mistake."""
+
+
 class ParameterReader:
     """Reads the parameters of one node from the robot's descriptor, without ROS.
 
