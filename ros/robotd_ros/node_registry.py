@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
 OPERATOR_NODE = "robotd"  # made beside the others of every robot
 IDENTITY = f"{OPERATOR_NODE}/robot"  # std_msgs/String: which robot answers, as JSON
-SIMULATION_NODE = "robotd_sim"  # made beside the others on a simulation that can fail
 
 
 def make_node(name: str, info: NodeInfo, robot: Robot, host: RosHost) -> Any:  # an rclpy.node.Node

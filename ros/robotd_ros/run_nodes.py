@@ -2,27 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import Any
 
 from rclpy.node import Node
 
+from robotd.feature import installed_features, load_function
 from robotd.plugin.registry import NodeRegistry
 from robotd.robot import Robot
-from robotd_page.page_topics import PageTopics
 from robotd_ros.diagnostics.diagnostics_publisher import Diagnostics
 from robotd_ros.host import RosHost
 from robotd_ros.middleware import check_overrides
-from robotd_ros.node_registry import OPERATOR_NODE, SIMULATION_NODE, make_node
+from robotd_ros.node_registry import OPERATOR_NODE, make_node
 from robotd_ros.nodes.operator_node import OperatorNode
 from robotd_ros.nodes.rosout_topic import RosoutTopic
 from robotd_ros.plugin import BUILT_IN, built_in_nodes
 from robotd_ros.senders import Senders
 
-if TYPE_CHECKING:
-    from robotd_recorder.recorder import Recorder
-    from robotd_scenario import FaultSchedule
+
+@dataclass(frozen=True)
+class NodeContext:
+    """Argument of a feature that adds nodes, services or topics. Main thread.
+
+    Attributes:
+        robot: not started.
+        host: serves the nodes.
+        operator: node ``robotd``, which services and topics of a feature belong to.
+        nodes: all nodes so far.
+        node_names: of the robot's nodes.
+    """
+
+    robot: Robot
+    host: RosHost
+    operator: Node
+    nodes: Sequence[Node]
+    node_names: Sequence[str]
 
 
 @contextmanager
@@ -31,16 +47,14 @@ def run_nodes(
     names: Sequence[str],
     host: RosHost,
     registry: NodeRegistry | None = None,
-    faults: FaultSchedule | None = None,
-    recorder: Recorder | None = None,
+    parts: Mapping[str, Any] | None = None,
 ) -> Iterator[list[Node]]:
     """Serve the nodes of a robot that is not started; they end with the host.
 
     Args:
         robot, names, registry: as for ``serve``.
         host: started.
-        faults: of a simulation; with it there is the node ``robotd_sim``.
-        recorder: with it the node ``robotd`` has its services, and the topics of a remote page.
+        parts: running features by name, see ``FeatureHost``; None: none.
 
     Raises:
         DescriptorError, PluginError: a node or a parameter is wrong.
@@ -51,20 +65,24 @@ def run_nodes(
     registry = registry or built_in_nodes()
     chosen = registry.select(names)
     nodes = [make_node(name, info, robot, host) for name, info in chosen.items()]
-    operator = OperatorNode(robot, host, recorder)
+    parts = parts or {}
+    operator = OperatorNode(robot, host, [*parts])
     nodes.append(operator)
     host.senders = Senders(operator)
-    if faults is not None:
-        from robotd_scenario.simulation_node import SimulationNode
-
-        nodes.append(SimulationNode(robot, host, nodes, faults))
-    added = {OPERATOR_NODE, SIMULATION_NODE}
-    check_overrides(nodes, {*BUILT_IN, *added}, {*registry.nodes, *added}, host.args)
-    for node in nodes:
-        host.add_node(node)
     with ExitStack() as stack:
+        for name, feature in installed_features().items():
+            if feature.nodes and (part := parts.get(name)) is not None:
+                context = NodeContext(robot, host, operator, nodes, [*chosen])
+                nodes += stack.enter_context(load_function(feature.nodes)(context, part)) or []
+        added = own_nodes()
+        check_overrides(nodes, {*BUILT_IN, *added}, {*registry.nodes, *added}, host.args)
+        for node in nodes:
+            host.add_node(node)
         stack.enter_context(RosoutTopic(operator))
         stack.enter_context(Diagnostics(nodes, robot))
-        if recorder is not None:
-            stack.enter_context(PageTopics(operator, recorder.tap, [*chosen]))
         yield nodes
+
+
+def own_nodes() -> set[str]:
+    """Return the names of nodes that are made beside those of the robot."""
+    return {OPERATOR_NODE}.union(*(each.node_names for each in installed_features().values()))

@@ -8,12 +8,12 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from types import FrameType
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from robotd.errors import RobotdError
 from robotd.log import get_logger
@@ -23,16 +23,13 @@ from robotd.stop_signals import stop_signals
 from robotd_ros.endpoints import ServeReport, report_of
 from robotd_ros.host import RosHost
 from robotd_ros.middleware import check_remapping, exit_after, remove_leftovers, use_profiles
-from robotd_ros.node_registry import OPERATOR_NODE, SIMULATION_NODE
 from robotd_ros.plugin import built_in_nodes
 from robotd_ros.robot_lifecycle import RobotLifecycle
-from robotd_ros.run_nodes import run_nodes
+from robotd_ros.run_nodes import own_nodes, run_nodes
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-    from robotd_recorder.recorder import Recorder
-    from robotd_scenario import FaultSchedule
 
 log = get_logger("serve")
 
@@ -79,8 +76,7 @@ def serve(
     served: Callable[[ServeReport], None] | None = None,
     ready: Callable[[], None] | None = None,
     ended: Callable[[Exception | None], int] | None = None,
-    faults: FaultSchedule | None = None,
-    recorder: Recorder | None = None,
+    parts: Mapping[str, Any] | None = None,
 ) -> int:
     """Make the nodes, start the robot, and serve until a stop signal. Main thread only.
 
@@ -97,8 +93,7 @@ def serve(
         ended: called when the robot is shut down, with the error that ``serve`` is going to raise;
             returns the exit status of the process. From then on the process ends after
             ``TEAR_DOWN_S`` with that status even where the middleware hangs. None: no limit.
-        faults: of a simulation; with it there is the node ``robotd_sim``.
-        recorder: with it the node ``robotd`` has its services.
+        parts: running features by name.
 
     Returns:
         0 after an orderly stop.
@@ -110,7 +105,7 @@ def serve(
     """
     registry = registry or built_in_nodes()
     chosen = list(registry.select(node_names).values())
-    own = (OPERATOR_NODE, SIMULATION_NODE)
+    own = own_nodes()
     known = {*registry.nodes, *own}
     ros_args = check_remapping({*node_names, *own}, known, ros_args)
     use_profiles()
@@ -121,7 +116,7 @@ def serve(
     with (
         _stop_signals(events),
         RosHost(ros_args) as host,
-        run_nodes(robot, node_names, host, registry, faults, recorder) as nodes,
+        run_nodes(robot, node_names, host, registry, parts) as nodes,
     ):
         if served is not None:
             served(report_of(nodes))

@@ -23,7 +23,7 @@ from robotd.descriptor.model import (
     RobotDescriptor,
     TrajectorySettings,
 )
-from robotd.descriptor.overrides import Override, parse_override
+from robotd.descriptor.overrides import Override, override, parse_override
 
 __all__ = [
     "CycleSettings",
@@ -45,6 +45,7 @@ __all__ = [
     "default_search_path",
     "list_robots",
     "load_robot_descriptor",
+    "override",
     "parse_override",
     "validate_section",
 ]

@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from robotd.descriptor.files import beside, is_file, is_folder
 from robotd.descriptor.model import RobotDescriptor
@@ -17,6 +17,7 @@ from robotd.descriptor.overrides import FIXED_KEYS, Override, overridden
 from robotd.descriptor.problems import Model, join, problems_of, validate
 from robotd.descriptor.source import Node, merge, read_yaml
 from robotd.errors import DescriptorError, unknown_name
+from robotd.feature import installed_features
 
 FILE_NAME = "robot.yaml"
 MAX_EXTENDS = 8
@@ -129,12 +130,28 @@ def _check(
     tree = _overlaid(tree, variant, problems)
     tree = overridden(tree, overrides)
     tree = _with_files(tree, problems)
+    settings, own = _feature_settings(tree, problems)
     try:
-        descriptor = RobotDescriptor.model_validate(tree.plain()).of(tree, variant)
+        descriptor = RobotDescriptor.model_validate(own).of(tree, variant, settings)
     except ValidationError as error:
         problems.extend(problems_of(RobotDescriptor, error, tree, ()))
         return None
     return descriptor if len(problems) == before else None
+
+
+def _feature_settings(
+    tree: Node, problems: list[DescriptorError]
+) -> tuple[dict[type[BaseModel], BaseModel], dict[str, Any]]:
+    """Return the settings of features by their models, and the other keys."""
+    settings: dict[type[BaseModel], BaseModel] = {}
+    own = tree.plain()
+    for feature in installed_features().values():
+        values = {key: own.pop(key) for key in feature.keys if key in own}
+        try:
+            settings[feature.settings] = feature.settings.model_validate(values)
+        except ValidationError as error:
+            problems.extend(problems_of(feature.settings, error, tree, ()))
+    return settings, own
 
 
 def _overlaid(tree: Node, variant: str | None, problems: list[DescriptorError]) -> Node:

@@ -7,11 +7,11 @@ tables of the robots' README are made from them.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr
+from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, PrivateAttr
 
 from robotd.descriptor.drive_settings import Drive, DriveSettings
 from robotd.descriptor.group_settings import ALL_JOINTS, GroupSettings, group_problems
@@ -52,6 +52,8 @@ def _ros_value(value: Any) -> Any:
 def _empty_if_null(value: Any) -> Any:
     return {} if value is None else value
 
+
+Settings = TypeVar("Settings", bound=BaseModel)
 
 RosValue = Annotated[Any, AfterValidator(_ros_value)]
 Options = Annotated[dict[str, Any], BeforeValidator(_empty_if_null)]
@@ -137,29 +139,6 @@ class TrajectorySettings(Section):
     stopped_velocity_m_s: Positive = Field(0.005, description="The same of a prismatic joint.")
 
 
-class RecorderSettings(Section):
-    """Flight recorder: the last seconds of everything, saved when something goes wrong."""
-
-    enabled: bool = Field(True, description="False: no recording, and no memory for it.")
-    seconds: float = Field(
-        30.0, ge=5, le=600, description="Time before a fault, within 24 MiB of memory."
-    )
-    after_s: float = Field(2.0, ge=0, le=30, description="Time recorded after a fault.")
-    folder: File | None = Field(
-        None,
-        description="Folder of the recordings; null: `robotd/recordings` in "
-        "`$XDG_STATE_HOME`, which is `~/.local/state` by default.",
-    )
-    keep_files: int = Field(20, ge=1, le=10000, description="Recordings to keep, newest first.")
-    keep_mib: float = Field(500.0, ge=10, description="Size of all recordings to keep, MiB.")
-    split_mib: float = Field(
-        1024.0, ge=1, description="Size at which a continuous recording begins a new file, MiB."
-    )
-    split_s: float = Field(
-        3600.0, ge=1, description="Time after which a continuous recording begins a new file."
-    )
-
-
 def _count_axes(data: dict[str, Any]) -> int:
     drive: DriveSettings | None = data.get("drive")
     axes = [joint.axis for joint in data.get("joints", ())]
@@ -227,18 +206,6 @@ class RobotDescriptor(Section):
         TrajectorySettings(), description="Rules for trajectories."
     )
     stream: StreamSettings = Field(StreamSettings(), description="Streams and jogs.")
-    recorder: RecorderSettings = Field(RecorderSettings(), description="Flight recorder of faults.")
-    page: int | None = Field(
-        None,
-        ge=1,
-        le=65535,
-        description="Port of the live page on the loopback interface; null: not served.",
-    )
-    page_control: bool = Field(
-        False,
-        description="The live page can control the robot, with the token that is printed at "
-        "each start; false: it only reads.",
-    )
     nodes: tuple[str, ...] = Field(
         (), strict=False, description="ROS nodes that are started, by name."
     )
@@ -257,11 +224,22 @@ class RobotDescriptor(Section):
 
     _tree: Node | None = PrivateAttr(None)
     _variant: str | None = PrivateAttr(None)
+    _settings: Mapping[type[BaseModel], BaseModel] = PrivateAttr(default_factory=dict)
 
-    def of(self, tree: Node, variant: str | None) -> Self:
-        """Set its origin, the merged tree and the applied variant; return itself."""
-        self._tree, self._variant = tree, variant
+    def of(
+        self,
+        tree: Node,
+        variant: str | None,
+        settings: Mapping[type[BaseModel], BaseModel] | None = None,
+    ) -> Self:
+        """Set its origin: merged tree, applied variant, settings of features; return itself."""
+        self._tree, self._variant, self._settings = tree, variant, settings or {}
         return self
+
+    def settings(self, model: type[Settings]) -> Settings:
+        """Return the settings of a feature, by its model; the defaults where there are none."""
+        found = self._settings.get(model)
+        return found if isinstance(found, model) else model()
 
     @property
     def tree(self) -> Node | None:

@@ -54,6 +54,12 @@ def parse_override(text: str) -> Override:
     return Override(keys, node)
 
 
+def override(key: str, value: object) -> Override:
+    """Return the override of a dotted key by a number, truth value, text or path."""
+    plain = str(value) if isinstance(value, Path) else value
+    return Override(tuple(key.split(".")), Node(plain, ORIGIN, None))
+
+
 def overridden(tree: Node, overrides: Sequence[Override]) -> Node:
     """Return ``tree`` with each override in place; ``tree`` itself is not changed.
 

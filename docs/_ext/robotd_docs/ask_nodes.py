@@ -51,7 +51,7 @@ def running(robot: str, variant: str | None, ros_args: tuple[str, ...]) -> Itera
     arguments = ["--ros-args", *ros_args] if ros_args else []
     with own_domain() as domain, RosHost(arguments, domain_id=domain) as host:
         faults = FaultSchedule(made, ())
-        with run_nodes(made, descriptor.nodes, host, faults=faults) as nodes:
+        with run_nodes(made, descriptor.nodes, host, parts={"scenario": faults}) as nodes:
             yield nodes
 
 

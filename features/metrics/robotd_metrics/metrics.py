@@ -8,7 +8,7 @@ import threading
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 from wsgiref.simple_server import WSGIRequestHandler, make_server
 
 import numpy as np
@@ -31,7 +31,6 @@ from robotd.errors import OperationError
 from robotd.events import OWN_PROCESS, EventKind
 from robotd.local_ports import MAX_CONNECTIONS, rejection
 from robotd.observation.tap import Tap
-from robotd_recorder.flight_recorder import FlightRecorder
 
 if TYPE_CHECKING:
     from wsgiref.types import StartResponse, WSGIApplication, WSGIEnvironment
@@ -45,6 +44,13 @@ MAX_LABELS = 64  # different values of a label; further ones are counted as "oth
 BUS_COUNTERS = ("lost_frames", "timeouts", "late_cycles")
 
 
+class SavedRecordings(Protocol):
+    """Counts of a flight recorder: files saved, and lost."""
+
+    saved: int
+    failed: int
+
+
 class Metrics:
     """Collector of one robot's metrics, for a registry of prometheus_client.
 
@@ -53,10 +59,10 @@ class Metrics:
 
     Args:
         tap: source of the counts.
-        flight: its recordings are counted.
+        flight: its recordings are counted; None: there are none.
     """
 
-    def __init__(self, tap: Tap, flight: FlightRecorder) -> None:
+    def __init__(self, tap: Tap, flight: SavedRecordings | None) -> None:
         self._tap, self._flight = tap, flight
         self._robot = tap.robot
         self._cursor = self._event_cursor = 0
@@ -137,7 +143,8 @@ class Metrics:
         yield _labelled(
             CounterMetricFamily, "robotd_faults", "Alarms and lost drives.", "axis", self._faults
         )
-        saved = {"saved": self._flight.saved, "lost": self._flight.failed}
+        flight = self._flight
+        saved = {"saved": flight.saved if flight else 0, "lost": flight.failed if flight else 0}
         yield _labelled(
             CounterMetricFamily, "robotd_recordings", "Flight recordings.", "outcome", saved
         )
@@ -234,7 +241,7 @@ class _RequestHandler(WSGIRequestHandler):
         """Log nothing."""
 
 
-def registry(tap: Tap, flight: FlightRecorder) -> CollectorRegistry:
+def registry(tap: Tap, flight: SavedRecordings | None) -> CollectorRegistry:
     """Return a registry of the robot's and the process's metrics; before the tap starts."""
     made = CollectorRegistry()
     ProcessCollector(registry=made)

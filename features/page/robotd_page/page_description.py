@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-import socket
 from collections.abc import Mapping, Sequence
-from importlib.metadata import version
 from typing import Any
 
 from robotd.clock.simulated import PacedClock
 from robotd.descriptor import RobotDescriptor
-from robotd.device.capabilities import Capability
 from robotd.device.gripper import Gripper
 from robotd.observation.io_sampler import MAX_IO_BYTES
+from robotd.observation.robot_identity import identity
 from robotd.observation.tap import Tap
 from robotd.robot import Robot
 
@@ -57,21 +55,6 @@ def describe(
         "meshes": dict(meshes),
         "urdf_file": str(descriptor.urdf.absolute()) if descriptor.urdf else "",
         "has_control": has_control,
-    }
-
-
-def identity(robot: Robot, namespace: str) -> dict[str, Any]:
-    """Return what distinguishes this robot from others; ``namespace`` is that of its nodes."""
-    descriptor = robot.descriptor
-    return {
-        "robot": descriptor.name,
-        "summary": descriptor.summary,
-        "variant": descriptor.variant or "",
-        "backend": robot.backend.name,
-        "version": version("robotd"),
-        "namespace": namespace,
-        "computer": socket.gethostname(),
-        "simulated": Capability.SIMULATED in robot.capabilities,
     }
 
 

@@ -54,7 +54,7 @@ class PageServer:
     Args:
         source: robots that are shown.
         port: on the loopback interface; 0: any free one.
-        metrics: text of the metrics; None: not served.
+        metrics: returns the text of the metrics, None where there are none; None: not served.
         control: takes the commands of pages that have its token; None: the page is read-only.
         max_viewers: number of viewers at a time.
         heartbeat_s: interval of the pings to viewers.
@@ -70,7 +70,7 @@ class PageServer:
         self,
         source: PageSource,
         port: int,
-        metrics: Callable[[], bytes] | None = None,
+        metrics: Callable[[], bytes | None] | None = None,
         *,
         control: PageControl | None = None,
         max_viewers: int = MAX_VIEWERS,
@@ -206,11 +206,12 @@ class PageServer:
         return web.Response(body=file.read_bytes(), content_type=content_type, charset="utf-8")
 
     async def _answer_metrics(self, request: web.Request) -> web.StreamResponse:
-        if self._metrics is None:
+        metrics = self._metrics() if self._metrics else None
+        if metrics is None:
             text = "robotd: metrics need prometheus_client: pip install 'robotd[metrics]'\n"
             return web.Response(status=503, text=text)
         content_type = "text/plain; version=0.0.4; charset=utf-8"
-        return web.Response(body=self._metrics(), headers={"Content-Type": content_type})
+        return web.Response(body=metrics, headers={"Content-Type": content_type})
 
     async def _answer_mesh(self, request: web.Request) -> web.StreamResponse:
         file = self._source.file(request.path)

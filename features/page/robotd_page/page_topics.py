@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Self
 
 from rclpy.node import Node
@@ -24,6 +25,7 @@ from robotd_page.page_messages import (
 )
 from robotd_ros.nodes.latched_topics import publish_if_alive
 from robotd_ros.qos import LATCHED
+from robotd_ros.run_nodes import NodeContext
 
 log = get_logger("page")
 
@@ -31,6 +33,13 @@ SILENT_PERIOD_S = 0.5  # between two checks for subscribers
 RATE_HZ = 15.0  # half of the page inside the process: a sample costs more
 CHANGES_TICKS = 2  # of ``RATE_HZ``: state, events, and a look for subscribers
 STATE_TICKS = 14  # the state is repeated, as a sign of life
+
+
+@contextmanager
+def add_topics(context: NodeContext, tap: Tap) -> Iterator[None]:
+    """Publish what a page in another process shows, while the nodes run."""
+    with PageTopics(context.operator, tap, context.node_names):
+        yield
 
 
 class PageTopics:

@@ -77,7 +77,7 @@ class RemoteRobots:
             for name, listener in sorted(self._found.items())
             if listener.newest is not None
             for told in [_read(listener.newest.data)]
-            if told.get("has_page", True)
+            if "page" in told.get("features", ())
         ]
         for name, feed in list(self._feeds.items()):
             if feed.is_watched and name not in self._subscribed:

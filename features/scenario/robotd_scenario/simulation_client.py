@@ -8,7 +8,7 @@ from typing import Any
 from std_srvs.srv import SetBool
 
 from robotd_ros.client.ros_client import RosClient
-from robotd_ros.node_registry import SIMULATION_NODE
+from robotd_scenario.feature import SIMULATION_NODE
 from robotd_scenario.simulation_node import STEP_TIMEOUT_S
 
 

@@ -6,7 +6,8 @@ those of the period, exactly, whatever the topic costs.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from rcl_interfaces.srv import SetParametersAtomically
@@ -23,13 +24,20 @@ from robotd.errors import InvalidArgument
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
 from robotd_ros.middleware import HotPublisher
-from robotd_ros.node_registry import SIMULATION_NODE
+from robotd_ros.run_nodes import NodeContext
 from robotd_ros.services import add_service, named_values
 from robotd_scenario import FaultSchedule, nested, validate_fault
+from robotd_scenario.feature import SIMULATION_NODE
 
 CLOCK_RATE_HZ = 500.0  # in simulated time
 MAX_STEPS = 1_000_000
 STEP_TIMEOUT_S = 60.0  # real time
+
+
+@contextmanager
+def add_simulation_node(context: NodeContext, faults: FaultSchedule) -> Iterator[list[Node]]:
+    """Make the node of a simulation; it ends with the host."""
+    yield [SimulationNode(context.robot, context.host, context.nodes, faults)]
 
 
 class SimulationNode(Node):

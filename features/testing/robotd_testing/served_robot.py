@@ -186,7 +186,10 @@ def robot_under_test(
     names = descriptor.nodes if nodes is None else nodes
     enable = any(info.enables_servos for info in built_in_nodes().select(names).values())
     use_profiles()
-    with RosHost(domain_id=domain_id) as host, run_nodes(robot, names, host, faults=faults):
+    with (
+        RosHost(domain_id=domain_id) as host,
+        run_nodes(robot, names, host, parts={"scenario": faults}),
+    ):
         under_test = RobotUnderTest(robot, clock, faults, domain_id)
         try:
             robot.start(enable=enable)

@@ -5,19 +5,19 @@ from __future__ import annotations
 import json
 import math
 import threading
+from collections.abc import Sequence
 from typing import Any
 
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from std_msgs.msg import Empty, Float64, String
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import Trigger
 
 from robotd.device.process_image import ProcessImage
 from robotd.errors import InvalidArgument, RobotdError
+from robotd.observation.robot_identity import identity
 from robotd.robot import Robot
-from robotd_page.page_description import identity
-from robotd_recorder.recorder import Recorder
 from robotd_ros.host import RosHost
 from robotd_ros.node_registry import IDENTITY, OPERATOR_NODE
 from robotd_ros.node_settings.device_settings import read_frame_prefix
@@ -34,7 +34,7 @@ SPEED_TIMEOUT_S = 1.0  # age at which a message that raises the speed is dropped
 
 
 class OperatorNode(Node):
-    """Services for the operator of a robot: recovery, stop, speed, recordings, and named I/O.
+    """Services for the operator of a robot: recovery, stop, speed, and named I/O.
 
     Latched topics have what they changed: ``~/stopped`` the reason of a stop, ``~/speed``,
     ``~/recovery`` the report of the present or last recovery, ``~/owners`` the axes that have one,
@@ -43,10 +43,10 @@ class OperatorNode(Node):
     Args:
         robot: of the operator.
         host: its workers answer.
-        recorder: None: there are no services for recordings.
+        features: names of those that run.
     """
 
-    def __init__(self, robot: Robot, host: RosHost, recorder: Recorder | None = None) -> None:
+    def __init__(self, robot: Robot, host: RosHost, features: Sequence[str] = ()) -> None:
         super().__init__(OPERATOR_NODE, context=host.context)
         self._robot = robot
         self._recovery_lock = threading.Lock()
@@ -59,7 +59,7 @@ class OperatorNode(Node):
         self._problems_topic = self.create_publisher(String, "~/problems", LATCHED)
         self._recovery_topic.publish(String())
         self._robot_topic = self.create_publisher(String, IDENTITY, LATCHED)
-        told = {**identity(robot, self.get_namespace()), "has_page": recorder is not None}
+        told = {**identity(robot, self.get_namespace()), "features": [*features]}
         self._robot_topic.publish(String(data=json.dumps(told)))
         for service_type, name, handler, urgent in (
             (Trigger, "stop", self._stop, True),
@@ -87,10 +87,6 @@ class OperatorNode(Node):
         robot.control_loop.every(rate_hz, "owners", self._publish_owners, first=True)
         robot.control_loop.every(rate_hz, "problems", self._publish_problems, first=True)
         self._io = NamedIo(self, robot, host)
-        if recorder is not None:
-            self._recorder = recorder
-            add_service(self, host, Trigger, "~/snapshot", self._save_snapshot)
-            add_service(self, host, SetBool, "~/record", self._record)
         parameters = Parameters(self, robot.descriptor)
         self._tool = ToolPoseTopic(self, robot, read_frame_prefix(parameters))
         parameters.done()
@@ -170,13 +166,3 @@ class OperatorNode(Node):
         if text != self._shown.get(topic):
             self._shown[topic] = text
             publish_if_alive(topic, String(data=text))
-
-    def _save_snapshot(self, request: Any, response: Any) -> str:
-        return str(self._recorder.flight.snapshot("requested by a client"))
-
-    def _record(self, request: Any, response: Any) -> str:
-        if request.data:
-            self._recorder.continuous.start()
-            return "recording"
-        report = self._recorder.continuous.stop()
-        return f"{report.path} ({report.size_bytes / 2**20:.1f} MiB)"

@@ -4,41 +4,22 @@ import socket
 import sys
 from contextlib import closing
 from pathlib import Path
-from typing import Any
 from urllib.request import urlopen
 
-import click
 import pytest
 from structlog.testing import capture_logs
 
-from robotd.cli.run_command import RunOptions, _observed, _page_text
 from robotd.clock.simulated import SteppedClock
 from robotd.descriptor import load_robot_descriptor, parse_override
-from robotd.errors import OperationError
+from robotd.errors import InvalidArgument, OperationError
+from robotd.feature_host import open_features
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
 
-NOTHING: dict[str, Any] = dict.fromkeys(
-    ("variant", "backend", "nodes", "rate_hz", "report", "time_scale", "scenario", "record")
-)
 
-
-def options(page: int | None, folder: Path, page_control: bool | None = None) -> RunOptions:
-    return RunOptions(
-        robot="cr3a",
-        **NOTHING,
-        overrides=(),
-        record_dir=folder,
-        metrics=None,
-        foxglove=None,
-        page=page,
-        page_control=page_control,
-        ros_args=(),
-    )
-
-
-def robot(*overrides: str) -> Robot:
-    descriptor = load_robot_descriptor("cr3a", overrides=[*map(parse_override, overrides)])
+def robot(folder: Path, *overrides: str) -> Robot:
+    values = [f"recorder.folder={folder}", *overrides]
+    descriptor = load_robot_descriptor("cr3a", overrides=[*map(parse_override, values)])
     return Robot(descriptor, load_backend("sim"), SteppedClock())
 
 
@@ -51,7 +32,7 @@ def free_port() -> int:
 def test_the_descriptor_serves_a_page(tmp_path: Path) -> None:
     port = free_port()
     with (
-        _observed(robot(f"page={port}"), ["a_node"], options(None, tmp_path), None),
+        open_features(robot(tmp_path, f"page={port}"), ["a_node"]),
         urlopen(f"http://127.0.0.1:{port}/metrics", timeout=30) as answer,
     ):
         assert b"robotd_ready 0.0" in answer.read()
@@ -59,35 +40,28 @@ def test_the_descriptor_serves_a_page(tmp_path: Path) -> None:
         socket.create_connection(("127.0.0.1", port), 5)
 
 
-def test_the_option_wins_and_works_without_the_recorder(tmp_path: Path) -> None:
+def test_the_page_works_without_the_recorder(tmp_path: Path) -> None:
     port = free_port()
-    made = robot("page=9", "recorder.enabled=false")
-    with _observed(made, [], options(port, tmp_path), None) as observation:
-        assert observation.recorder is not None
-        assert observation.page == f"http://127.0.0.1:{port}/"
+    lines: list[str] = []
+    made = robot(tmp_path, f"page={port}", "recorder.enabled=false")
+    with open_features(made, say=lines.append) as features:
+        assert "recorder" not in features.parts
+        for each in features.on_ready:
+            each()
+        assert lines == [f"page http://127.0.0.1:{port}/"]
         urlopen(f"http://127.0.0.1:{port}/metrics", timeout=30).close()
 
 
-@pytest.mark.parametrize(
-    ("in_file", "option", "has_control"),
-    [
-        ("false", None, False),
-        ("false", True, True),
-        ("true", None, True),
-        ("true", False, False),
-    ],
-)
-def test_control_is_off_unless_the_option_or_the_descriptor_asks_for_it(
-    tmp_path: Path, in_file: str, option: bool | None, has_control: bool
-) -> None:
-    made = robot(f"page_control={in_file}")
-    with (
-        capture_logs() as lines,
-        _observed(made, [], options(0, tmp_path, option), None) as observation,
-    ):
-        address, _, token = observation.page.partition("#token=")
+@pytest.mark.parametrize("has_control", [False, True])
+def test_control_is_off_unless_it_is_asked_for(tmp_path: Path, has_control: bool) -> None:
+    shown: list[str] = []
+    made = robot(tmp_path, "page=0", *(["page_control=true"] if has_control else []))
+    with capture_logs() as lines, open_features(made, say=shown.append) as features:
+        for each in features.on_ready:
+            each()
+        address, _, token = shown[0].removeprefix("page ").split()[0].partition("#token=")
         assert bool(token) is has_control
-        assert ("keep it to yourself" in _page_text(observation.page)) is has_control
+        assert ("keep it to yourself" in shown[0]) is has_control
         log = str(lines)
         assert address in log
         assert not token or token not in log
@@ -95,8 +69,8 @@ def test_control_is_off_unless_the_option_or_the_descriptor_asks_for_it(
 
 def test_control_needs_a_page(tmp_path: Path) -> None:
     with (
-        pytest.raises(click.UsageError, match="--page-control needs --page PORT"),
-        _observed(robot(), [], options(None, tmp_path, True), None),
+        pytest.raises(InvalidArgument, match="page_control needs a page: --page PORT"),
+        open_features(robot(tmp_path, "page_control=true")),
     ):
         pass
 
@@ -107,6 +81,6 @@ def test_without_aiohttp_the_error_says_how_to_get_it(
     monkeypatch.setitem(sys.modules, "robotd_page.page_server", None)
     with (
         pytest.raises(OperationError, match=r"pip install 'robotd\[page\]'"),
-        _observed(robot(), [], options(0, tmp_path), None),
+        open_features(robot(tmp_path, "page=0")),
     ):
         pass

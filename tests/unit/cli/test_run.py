@@ -56,11 +56,10 @@ class Server:
         served: Any,
         ready: Any,
         ended: Any,
-        faults: Any,
-        recorder: Any = None,
+        parts: Any,
     ) -> int:
         self.robot, self.nodes, self.ros_args = robot, tuple(nodes), list(ros_args)
-        self.registry, self.faults = registry, faults
+        self.registry, self.faults = registry, parts.get("scenario")
         if self.before:
             raise self.before
         served(REPORT)

@@ -1,0 +1,41 @@
+"""Names for authors of features, which run beside a robot.
+
+A feature, such as a page or a recorder, is a ``Feature`` in the entry-point group
+``robotd.features``. It observes the robot through ``FeatureHost.tap``, the last seconds of its
+frames and events, and may command it as any program does. ``examples/csv_feature`` is a whole one.
+"""
+
+from robotd.control.problem import Problem, ProblemKind
+from robotd.descriptor.section import Section
+from robotd.device.process_image import FLAGS, NUMBERS, VALUES, ProcessImage
+from robotd.errors import InvalidArgument, OperationError, RobotdError
+from robotd.events import Event, EventKind, Level
+from robotd.feature import Feature, FeatureOption
+from robotd.feature_host import FeatureHost
+from robotd.health.robot_health import Health
+from robotd.observation.frame_ring import Frames
+from robotd.observation.tap import Tap
+from robotd.robot import Robot
+
+__all__ = [
+    "FLAGS",
+    "NUMBERS",
+    "VALUES",
+    "Event",
+    "EventKind",
+    "Feature",
+    "FeatureHost",
+    "FeatureOption",
+    "Frames",
+    "Health",
+    "InvalidArgument",
+    "Level",
+    "OperationError",
+    "Problem",
+    "ProblemKind",
+    "ProcessImage",
+    "Robot",
+    "RobotdError",
+    "Section",
+    "Tap",
+]

@@ -1,0 +1,27 @@
+"""``robotd features``: list the installed features."""
+
+from __future__ import annotations
+
+import click
+
+from robotd.cli.listing import print_rows
+from robotd.cli.options import as_json, log_options
+from robotd.feature import installed_features
+
+
+@click.command("features")
+@as_json
+@log_options
+def features(*, as_json: bool) -> None:
+    """List the features that run beside a robot."""
+    rows = [
+        {
+            "name": name,
+            "summary": feature.summary,
+            "keys": list(feature.keys),
+            "options": [option.flag for option in feature.options],
+            "problem": None,
+        }
+        for name, feature in installed_features().items()
+    ]
+    print_rows(rows, ("keys", "options"), as_json=as_json)

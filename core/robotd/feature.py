@@ -1,0 +1,120 @@
+"""Features: parts that run beside a robot, of this repository and of others alike.
+
+A feature is an object in the entry-point group ``robotd.features``:
+``recorder = "robotd_recorder.feature:FEATURE"``. It has keys in the robot's file, options of
+``robotd run`` that set them, and a function that runs it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
+from importlib import import_module
+from importlib.metadata import entry_points
+from typing import Any
+
+from pydantic import BaseModel
+
+from robotd.log import get_logger
+
+FEATURES = "robotd.features"
+
+log = get_logger("features")
+
+
+@dataclass(frozen=True)
+class FeatureOption:
+    """Option of ``robotd run``, short for ``--set KEY=VALUE``.
+
+    Attributes:
+        flag: as click takes it: ``--page``, or ``--page-control/--no-page-control``.
+        key: key of the robot's file, dotted.
+        help: one sentence.
+        metavar: name of the value in the help; "" for a flag without one.
+        type: type of click that parses the value; None for a flag without one.
+    """
+
+    flag: str
+    key: str
+    help: str
+    metavar: str = ""
+    type: Any = None
+
+
+@dataclass(frozen=True)
+class Feature:
+    """Part that runs beside a robot.
+
+    Attributes:
+        summary: one line for ``robotd features``.
+        settings: model whose fields are keys at the top level of the robot's file, all with a
+            default; ``robot.descriptor.settings(model)`` returns its values.
+        options: of ``robotd run``.
+        open: ``package.module:function``, called as ``function(host: FeatureHost)`` before the
+            robot starts. It returns a context manager that is left after the robot has shut down;
+            its value is the running part, None where the robot does not want it.
+        prepare: ``package.module:function``, called as ``function(descriptor, backend)`` before
+            the robot is made; it returns the descriptor to be used. "": none.
+        nodes: ``package.module:function``, called as ``function(context: NodeContext, part)``
+            where ROS nodes run and the part is not None. It returns a context manager, whose value
+            is a list of further nodes or None. "": none.
+        node_names: names of the nodes that ``nodes`` may add.
+        after: names of features that are opened before this one, as far as they are installed.
+    """
+
+    summary: str
+    settings: type[BaseModel]
+    open: str
+    options: tuple[FeatureOption, ...] = ()
+    prepare: str = ""
+    nodes: str = ""
+    node_names: tuple[str, ...] = ()
+    after: tuple[str, ...] = ()
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Keys of the robot's file that belong to it."""
+        return tuple(self.settings.model_fields)
+
+
+@cache
+def installed_features() -> dict[str, Feature]:
+    """Return the features by name, in the order in which they are opened.
+
+    One that cannot be imported is left out, with a warning in the log: its keys and options are
+    unknown then. Any thread.
+    """
+    found = dict(sorted(_loaded()))
+    order = TopologicalSorter({name: found.keys() & {*each.after} for name, each in found.items()})
+    try:
+        return {name: found[name] for name in order.static_order()}
+    except CycleError as error:
+        log.warning("features wait for each other", features=error.args[1])
+        return found
+
+
+def load_function(reference: str) -> Callable[..., Any]:
+    """Import the function of ``package.module:function``."""
+    module, _, name = reference.partition(":")
+    function: Callable[..., Any] = getattr(import_module(module), name)
+    return function
+
+
+def _loaded() -> Iterator[tuple[str, Feature]]:
+    keys: dict[str, str] = {}
+    for entry in entry_points(group=FEATURES):
+        try:
+            feature = entry.load()
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - of a third party
+            reason = f"{type(error).__name__}: {error}"
+            log.warning("a feature cannot be imported", feature=entry.name, reason=reason)
+            continue
+        if not isinstance(feature, Feature):
+            log.warning("an entry point is no feature", feature=entry.name, found=entry.value)
+        elif taken := [key for key in feature.keys if keys.get(key, entry.name) != entry.name]:
+            log.warning("a key belongs to two features", feature=entry.name, key=taken[0])
+        else:
+            keys |= dict.fromkeys(feature.keys, entry.name)
+            yield entry.name, feature

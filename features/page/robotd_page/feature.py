@@ -1,0 +1,80 @@
+"""The page as a feature: served here, or for pages in other processes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from robotd.cli.options import PORT
+from robotd.errors import InvalidArgument, OperationError
+from robotd.feature import Feature, FeatureOption
+from robotd_page.settings import PageKeys
+
+if TYPE_CHECKING:
+    from robotd.feature_host import FeatureHost
+    from robotd.observation.tap import Tap
+
+FEATURE = Feature(
+    summary="live page of the robot in a browser",
+    settings=PageKeys,
+    open="robotd_page.feature:open_page",
+    nodes="robotd_page.page_topics:add_topics",
+    options=(
+        FeatureOption(
+            "--page",
+            "page",
+            "Serve the live page at http://127.0.0.1:PORT; 0: any free port, which the log names.",
+            "PORT",
+            PORT,
+        ),
+        FeatureOption(
+            "--page-control/--no-page-control",
+            "page_control",
+            "Let the page jog and command the robot, with a token that is printed at the start.",
+        ),
+    ),
+    after=("recorder", "foxglove", "scenario"),
+)
+
+
+@contextmanager
+def open_page(host: FeatureHost) -> Iterator[Tap | None]:
+    """Serve the page where a port is given.
+
+    The value is what pages in other processes are fed from: None for a robot that nothing observes.
+    """
+    keys = host.robot.descriptor.settings(PageKeys)
+    if keys.page is None:
+        if keys.page_control:
+            text = "page_control needs a page: --page PORT, or page: in the robot's file"
+            raise InvalidArgument(text)
+        yield host.tap() if host.is_observed else None
+        return
+    try:
+        from robotd_page.control_server import PageControl
+        from robotd_page.page_server import PageServer
+        from robotd_page.robot_source import RobotSource
+    except ImportError as error:
+        raise OperationError("the page needs aiohttp: pip install 'robotd[page]'") from error
+    host.requested.add("metrics")
+    tap = host.tap()
+    control = PageControl(host.robot, host.parts.get("scenario")) if keys.page_control else None
+    source = RobotSource(
+        tap, host.node_names, has_control=control is not None, namespace=host.namespace
+    )
+
+    def metrics() -> bytes | None:
+        text = host.parts.get("metrics")
+        return text() if text else None
+
+    with PageServer(source, keys.page, metrics, control=control) as page:
+        address = control.address(page.url) if control else page.url
+        host.on_ready.append(lambda: host.say(page_text(address)))
+        yield tap
+
+
+def page_text(address: str) -> str:
+    """Return the line about the page, with the token, which no log may have."""
+    controls = " moves the robot: keep it to yourself" if "#" in address else ""
+    return f"page {address}{controls}"

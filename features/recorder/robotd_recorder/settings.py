@@ -1,0 +1,40 @@
+"""Keys of the recorder in a robot's file."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from robotd.descriptor.section import File, Section
+
+
+class RecorderSettings(Section):
+    """Flight recorder: the last seconds of everything, saved when something goes wrong."""
+
+    enabled: bool = Field(True, description="False: no recording, and no memory for it.")
+    seconds: float = Field(
+        30.0, ge=5, le=600, description="Time before a fault, within 24 MiB of memory."
+    )
+    after_s: float = Field(2.0, ge=0, le=30, description="Time recorded after a fault.")
+    folder: File | None = Field(
+        None,
+        description="Folder of the recordings; null: `robotd/recordings` in "
+        "`$XDG_STATE_HOME`, which is `~/.local/state` by default.",
+    )
+    keep_files: int = Field(20, ge=1, le=10000, description="Recordings to keep, newest first.")
+    keep_mib: float = Field(500.0, ge=10, description="Size of all recordings to keep, MiB.")
+    split_mib: float = Field(
+        1024.0, ge=1, description="Size at which a continuous recording begins a new file, MiB."
+    )
+    split_s: float = Field(
+        3600.0, ge=1, description="Time after which a continuous recording begins a new file."
+    )
+
+
+class RecorderKeys(Section):
+    """Keys at the top of the file."""
+
+    recorder: RecorderSettings = Field(RecorderSettings(), description="Flight recorder of faults.")
+    record: File | None = Field(
+        None,
+        description="Folder of a continuous recording of everything, as MCAP files; null: none.",
+    )

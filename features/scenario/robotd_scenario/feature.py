@@ -1,0 +1,82 @@
+"""Scenarios as a feature: faults of a simulation, at their time or on request."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import click
+from pydantic import Field
+
+from robotd.cli.options import FILE
+from robotd.clock import MonotonicClock
+from robotd.descriptor import RobotDescriptor
+from robotd.descriptor.section import File, Section
+from robotd.device.capabilities import Capability
+from robotd.feature import Feature, FeatureOption
+from robotd.plugin.manager import Backend
+
+if TYPE_CHECKING:
+    from robotd.feature_host import FeatureHost
+    from robotd_scenario.fault_schedule import FaultSchedule
+
+SIMULATION_NODE = "robotd_sim"
+
+
+class ScenarioKeys(Section):
+    """Keys at the top of a robot's file."""
+
+    scenario: File | None = Field(
+        None, description="Simulation: file of the faults that are injected; null: none."
+    )
+
+
+FEATURE = Feature(
+    summary="faults of a simulation, from a file or on request",
+    settings=ScenarioKeys,
+    open="robotd_scenario.feature:open_scenario",
+    prepare="robotd_scenario.feature:prepare_robot",
+    nodes="robotd_scenario.simulation_node:add_simulation_node",
+    node_names=(SIMULATION_NODE,),
+    options=(
+        FeatureOption(
+            "--scenario",
+            "scenario",
+            "Simulation: inject the faults defined in FILE.",
+            "FILE",
+            FILE,
+        ),
+    ),
+)
+
+
+def prepare_robot(descriptor: RobotDescriptor, backend: Backend) -> RobotDescriptor:
+    """Return the descriptor with the options of its scenario.
+
+    Raises click.BadParameter: the backend is not simulated; DescriptorError: the file is wrong.
+    """
+    file = descriptor.settings(ScenarioKeys).scenario
+    if file is None:
+        return descriptor
+    if Capability.SIMULATED not in backend.capabilities:
+        text = f"the backend {backend.name} is not simulated"
+        raise click.BadParameter(text, param_hint="'--scenario'")
+    from robotd_scenario.scenario_model import load_scenario
+
+    return load_scenario(file).lay_over(descriptor)
+
+
+@contextmanager
+def open_scenario(host: FeatureHost) -> Iterator[FaultSchedule | None]:
+    """Make the fault schedule of a robot that has a scenario or simulated time."""
+    file = host.robot.descriptor.settings(ScenarioKeys).scenario
+    if file is None and isinstance(host.robot.clock, MonotonicClock):
+        yield None
+        return
+    from robotd_scenario.fault_schedule import FaultSchedule
+    from robotd_scenario.scenario_model import load_scenario
+
+    faults = FaultSchedule(host.robot, load_scenario(file).faults if file else ())
+    host.on_ready.append(faults.begin)
+    yield faults
