@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 from rclpy.action import get_action_server_names_and_types_by_node
 from rclpy.node import Node
+
+from robotd.cli.start_summary import ServeReport, Topic
 
 # Every node has these.
 _COMMON_TOPICS = ("/rosout", "/parameter_events", "/clock")
@@ -19,25 +20,6 @@ _COMMON_SERVICES = (
     "set_parameters",
     "set_parameters_atomically",
 )
-
-
-@dataclass(frozen=True)
-class Topic:
-    """A topic that is published or subscribed; ``rate_hz`` None where there is no fixed rate."""
-
-    name: str
-    type: str
-    rate_hz: float | None = None
-
-
-@dataclass(frozen=True)
-class ServeReport:
-    """The surface of all nodes: resolved names, sorted, without what every node has."""
-
-    nodes: tuple[str, ...]
-    topics: tuple[Topic, ...]
-    services: tuple[str, ...]
-    actions: tuple[str, ...]
 
 
 def report_of(nodes: Iterable[Node]) -> ServeReport:

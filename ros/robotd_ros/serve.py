@@ -15,12 +15,13 @@ from queue import Empty, SimpleQueue
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from robotd.cli.start_summary import ServeReport
 from robotd.errors import RobotdError
 from robotd.log import get_logger
 from robotd.plugin.registry import NodeInfo, NodeRegistry
 from robotd.robot import Robot
 from robotd.stop_signals import stop_signals
-from robotd_ros.endpoints import ServeReport, report_of
+from robotd_ros.endpoints import report_of
 from robotd_ros.host import RosHost
 from robotd_ros.middleware import check_remapping, exit_after, remove_leftovers, use_profiles
 from robotd_ros.plugin import built_in_nodes

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib.metadata import entry_points
 from typing import Any
 
 import click
@@ -19,7 +20,12 @@ from robotd.device.capabilities import Capability
 from robotd.errors import DescriptorError, PluginError, Unsupported
 from robotd.plugin.hookspecs import DeviceContext
 from robotd.plugin.manager import Backend, load_backend
-from robotd_wmx_parameters import parameter_warnings, read_wmx_parameters
+
+CHECKS = "robotd.checks"
+"""Entry-point group of further checks: functions that take the descriptor.
+
+Each yields a name and a function without arguments, which returns warnings or raises RobotdError.
+"""
 
 
 @click.command("check")
@@ -55,15 +61,10 @@ def check_robot(
 
 
 def _check_files(report: CheckReport, descriptor: RobotDescriptor) -> None:
-    parameters, urdf, axes = descriptor.parameters_file, descriptor.urdf, descriptor.axes
-    if parameters is not None:
-        found = report.run(
-            f"parameters {parameters.name}", lambda: read_wmx_parameters(parameters, axes)
-        )
-        if found is not None:
-            if missing := found.missing_summary(axes):
-                report.warn(f"parameters {parameters.name}: {missing}")
-            for warning in parameter_warnings(found, descriptor):
+    urdf = descriptor.urdf
+    for entry in entry_points(group=CHECKS):
+        for what, check_one in entry.load()(descriptor):
+            for warning in report.run(what, check_one) or ():
                 report.warn(warning)
     if urdf is not None:
         model = report.run(f"urdf {urdf.name}", lambda: check_urdf(urdf, descriptor))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -21,7 +21,7 @@ from robotd.cli.options import (
     robot_options,
 )
 from robotd.cli.preflight import import_ros, process_age_s
-from robotd.cli.start_summary import SIMULATED, start_summary
+from robotd.cli.start_summary import SIMULATED, ServeReport, start_summary
 from robotd.cli.time_scale import time_scale
 from robotd.cli.timing_report import reserve_report, write_report
 from robotd.clock import Clock, MonotonicClock
@@ -42,10 +42,6 @@ from robotd.plugin.manager import Backend, PluginOrigin, load_backend
 from robotd.plugin.registry import NodeRegistry
 from robotd.realtime import request_niceness, request_time_slice
 from robotd.robot import Robot
-
-if TYPE_CHECKING:
-    from robotd_ros.endpoints import ServeReport
-
 
 FEATURE_OVERRIDES = "robotd.feature_overrides"
 TIME_SLICE_S = 1e-4  # the shortest: goals and services are answered sooner

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator
+from dataclasses import dataclass
 from getpass import getuser
 from importlib.metadata import version
-from typing import TYPE_CHECKING
 
 from robotd.cli.layout import columns, field, heading, warning
 from robotd.cli.preflight import realtime_permitted
@@ -17,10 +17,26 @@ from robotd.motion.limits import AxisLimits
 from robotd.plugin.manager import PluginOrigin
 from robotd.robot import Robot
 
-if TYPE_CHECKING:  # it needs rclpy
-    from robotd_ros.endpoints import ServeReport
-
 SIMULATED = "simulated"  # the capability of a backend without hardware
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic that is published or subscribed; ``rate_hz`` None where there is no fixed rate."""
+
+    name: str
+    type: str
+    rate_hz: float | None = None
+
+
+@dataclass(frozen=True)
+class ServeReport:
+    """The surface of all nodes: resolved names, sorted, without what every node has."""
+
+    nodes: tuple[str, ...]
+    topics: tuple[Topic, ...]
+    services: tuple[str, ...]
+    actions: tuple[str, ...]
 
 
 def start_summary(robot: Robot, origin: PluginOrigin, report: ServeReport) -> str:

@@ -12,7 +12,7 @@ from robotd.cli.installed import load_installed
 from robotd.cli.options import log_options, which_robot
 from robotd.descriptor import Override, load_robot_descriptor
 from robotd_export.export_input import ExportInput
-from robotd_export.targets import EXPORTS
+from robotd_export.targets import export_function, export_targets
 
 
 def namespace(ctx: click.Context, option: click.Parameter, value: str) -> str:
@@ -25,7 +25,7 @@ def namespace(ctx: click.Context, option: click.Parameter, value: str) -> str:
 
 
 @click.command("export")
-@click.argument("target", type=click.Choice([*EXPORTS]))
+@click.argument("target", type=click.Choice(export_targets()))
 @which_robot
 @click.option(
     "--namespace",
@@ -55,7 +55,7 @@ def export(
     installed = load_installed()
     installed.warn()
     descriptor = load_robot_descriptor(robot, variant, installed.search_path, overrides)
-    text = EXPORTS[target](ExportInput(descriptor, namespace))
+    text = export_function(target)(ExportInput(descriptor, namespace))
     try:
         output.write(text)  # the file is opened here, so that a rejection leaves it alone
     except click.FileError as error:

@@ -1,18 +1,31 @@
-"""Targets of exports; imported by the command, not by a robot that is being served."""
+"""Targets of exports: functions in the entry-point group ``robotd.exports``, by the target's name.
+
+Each takes an ``ExportInput`` and returns the text; it raises DescriptorError where the robot has
+nothing for the target. A function is imported when its target is asked for.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from importlib.metadata import entry_points
 
+from robotd.errors import PluginError
 from robotd_export.export_input import ExportInput
-from robotd_export.isaac import topic_map
-from robotd_export.moveit import move_group_parameters
-from robotd_export.nav2 import navigation_parameters
 
-EXPORTS: Mapping[str, Callable[[ExportInput], str]] = {
-    "moveit": move_group_parameters,
-    "nav2": navigation_parameters,
-    "isaac": topic_map,
-    "urdf": ExportInput.urdf,
-}
-"""Export functions by target. Each raises DescriptorError where it does not apply."""
+EXPORTS = "robotd.exports"
+
+
+def export_targets() -> list[str]:
+    """Return the names of all targets; imports none."""
+    return sorted({entry.name for entry in entry_points(group=EXPORTS)})
+
+
+def export_function(target: str) -> Callable[[ExportInput], str]:
+    """Import the function of a target. Raises PluginError where it cannot be imported."""
+    entry = next(iter(entry_points(group=EXPORTS, name=target)))
+    try:
+        function: Callable[[ExportInput], str] = entry.load()
+    except (Exception, SystemExit) as error:
+        text = f"export {target!r} ({entry.value}) cannot be imported: {error}"
+        raise PluginError(text) from error
+    return function

@@ -12,8 +12,8 @@ from rclpy.node import Node
 from rclpy.validate_full_topic_name import validate_full_topic_name
 
 from robotd.descriptor import RobotDescriptor
+from robotd.descriptor.urdf import read_urdf_text
 from robotd.plugin.parameter_reader import ParameterReader, WrongType
-from robotd_export.export_input import ExportInput
 from robotd_ros.middleware import overrides_of, remapped_action
 
 Settings = TypeVar("Settings")
@@ -58,7 +58,8 @@ class Parameters(ParameterReader):
 
     def _own_description(self) -> str:
         """Return the robot's URDF. Raises DescriptorError where it cannot be read."""
-        return ExportInput(self._descriptor).urdf() if self._descriptor.urdf else ""
+        path = self._descriptor.urdf
+        return read_urdf_text(path) if path else ""
 
     def _given(self, name: str) -> bool:
         return name in overrides_of(self._node) or super()._given(name)

@@ -17,9 +17,11 @@ from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
 from robotd_export.export_input import ExportInput
 from robotd_export.nav2 import twist_limits
-from robotd_export.targets import EXPORTS
+from robotd_export.targets import export_function, export_targets
 
 ACTION = "movensys_manipulator_arm_controller/follow_joint_trajectory"
+
+EXPORTS = {target: export_function(target) for target in export_targets()}
 
 
 def changed(descriptor: RobotDescriptor, node: str, **parameters: Any) -> ExportInput:
