@@ -90,6 +90,7 @@ class RunOptions:
         variant, backend, nodes, rate_hz: None leaves the descriptor's own.
         overrides: values that replace those of the robot's file.
         report: file for the loop timing, written after an orderly stop; None: not written.
+        verbose: print the long summary.
         time_scale: simulated seconds per second, infinity: as fast as possible; None: real time.
         ros_args: from ``--ros-args`` on, for rclpy.
     """
@@ -101,6 +102,7 @@ class RunOptions:
     overrides: Sequence[Override]
     rate_hz: float | None
     report: Path | None
+    verbose: bool
     time_scale: float | None
     ros_args: Sequence[str]
 
@@ -122,6 +124,9 @@ class RunOptions:
     metavar="FILE",
     type=FILE,
     help="Write the timing of the last periods there, as JSON, when stopped.",
+)
+@click.option(
+    "--verbose", is_flag=True, help="Print joints, nodes, topics and actions at the start."
 )
 @time_scale
 @log_options
@@ -181,7 +186,7 @@ def _serve(
     def served(report: ServeReport) -> None:
         nonlocal is_served
         is_served = True
-        _say(start_summary(robot, origin, report))
+        _say(start_summary(robot, origin, report, verbose=options.verbose))
 
     def ready() -> None:
         for each in features.on_ready:

@@ -39,11 +39,58 @@ class ServeReport:
     actions: tuple[str, ...]
 
 
-def start_summary(robot: Robot, origin: PluginOrigin, report: ServeReport) -> str:
-    """Return the start-up summary, about thirty lines."""
-    fields = (*_robot(robot, origin), *_axes(robot), *_ros(report), *_missing(robot))
+def start_summary(
+    robot: Robot, origin: PluginOrigin, report: ServeReport, *, verbose: bool = False
+) -> str:
+    """Return the start-up summary: about ten lines, with ``verbose`` about sixty."""
+    if verbose:
+        fields = (*_robot(robot, origin), *_axes(robot), *_ros(report), *_missing(robot))
+    else:
+        fields = (*_short(robot), *_counts(report), *_missing(robot), *_commands(robot, report))
     title = heading(f"robotd {version('robotd')}: {robot.descriptor.name} on {robot.backend.name}")
     return "\n".join((title, *fields, ""))
+
+
+def _short(robot: Robot) -> Iterator[str]:
+    descriptor = robot.descriptor
+    yield field("robot", descriptor.summary or descriptor.name)
+    if descriptor.variant:
+        yield field("variant", descriptor.variant)
+    yield field("backend", f"{robot.backend.name}: {robot.backend.info.summary}")
+    yield from _simulated(robot)
+
+
+def _simulated(robot: Robot) -> Iterator[str]:
+    if SIMULATED in robot.backend.capabilities:
+        yield field("", [warning("SIMULATED: no hardware is connected, nothing real moves")])
+    if isinstance(robot.clock, PacedClock):
+        scale = robot.clock.scale
+        speed = "as fast as it goes" if math.isinf(scale) else f"{scale:g} times real time"
+        yield field("time", f"simulated, {speed}; on /clock")
+
+
+def _counts(report: ServeReport) -> Iterator[str]:
+    counts = [
+        f"{len(found)} {what}"
+        for found, what in (
+            (report.nodes, "nodes"),
+            (report.topics, "topics"),
+            (report.services, "services"),
+            (report.actions, "actions"),
+        )
+    ]
+    yield field("ROS", f"{', '.join(counts)}; --verbose lists them")
+
+
+def _commands(robot: Robot, report: ServeReport) -> Iterator[str]:
+    """Yield what to type in a second terminal."""
+    namespaces = {name.rpartition("/")[0] for name in report.nodes if name.endswith("/robotd")}
+    namespace = next(iter(namespaces), "")
+    where = f" --ros-args -r __ns:={namespace}" if namespace else ""
+    joints = robot.descriptor.joints
+    step = "0.01" if joints and joints[0].unit == "m" else "0.1"
+    move = [f"robotd jog {joints[0].name} {step}{where}"] if joints else []
+    yield field("try", [f"robotd status{where}", *move, f"robotd stop{where}"])
 
 
 def _robot(robot: Robot, origin: PluginOrigin) -> Iterator[str]:
@@ -57,12 +104,7 @@ def _robot(robot: Robot, origin: PluginOrigin) -> Iterator[str]:
         yield field("variant", f"{descriptor.variant or 'none'}{also}")
     origin_text = f"{origin.distribution} {origin.version}"
     yield field("backend", f"{backend.name}: {backend.info.summary} (from {origin_text})")
-    if SIMULATED in backend.capabilities:
-        yield field("", [warning("SIMULATED: no hardware is connected, nothing real moves")])
-    if isinstance(robot.clock, PacedClock):
-        scale = robot.clock.scale
-        speed = "as fast as it goes" if math.isinf(scale) else f"{scale:g} times real time"
-        yield field("time", f"simulated, {speed}; on /clock")
+    yield from _simulated(robot)
 
 
 def _axes(robot: Robot) -> Iterator[str]:

@@ -217,7 +217,7 @@ def test_a_report_that_cannot_be_written_is_told_before_ros_is_touched(
 
 
 def test_the_page_tells_everything(robotd: Robotd, server: Server) -> None:
-    page = robotd("--robot", "cr3a").stdout
+    page = robotd("--robot", "cr3a", "--verbose").stdout
     assert "\x1b" not in page
     for text in (
         "cr3a on sim",
@@ -238,8 +238,27 @@ def test_the_page_tells_everything(robotd: Robotd, server: Server) -> None:
     assert re.search(r"^ready after \d+\.\d s, stop with Ctrl-C$", page, re.MULTILINE)
 
 
+def test_the_first_output_is_short_and_says_what_to_type(
+    robotd: Robotd, server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("robotd.cli.start_summary.realtime_permitted", lambda priority: True)
+    lines = robotd("--robot", "cr3a").stdout.splitlines()
+    assert len(lines) <= 12
+    for text in (
+        "cr3a on sim",
+        "Dobot CR3A",
+        "SIMULATED",
+        "--verbose lists them",
+        "robotd status",
+        "robotd jog joint1 0.1",
+        "robotd stop",
+    ):
+        assert any(text in line for line in lines), text
+    assert not any("jog" in line for line in robotd("--robot", "baymax").stdout.splitlines())
+
+
 def test_a_robot_without_joints_is_told_so(robotd: Robotd, server: Server) -> None:
-    page = robotd("--robot", "standalone").stdout
+    page = robotd("--robot", "standalone", "--verbose").stdout
     assert "no servo is switched on at start" in page
     assert re.search(r"axes +2, 0 to 1$", page, re.MULTILINE)
 
@@ -256,7 +275,7 @@ def test_a_robot_without_joints_is_told_so(robotd: Robotd, server: Server) -> No
 def test_the_wheels_of_a_base_are_told(
     robotd: Robotd, server: Server, robot: str, wheels: str
 ) -> None:
-    page = robotd("--robot", robot).stdout
+    page = robotd("--robot", robot, "--verbose").stdout
     assert wheels in page
     assert re.search(r"at most [\d.]+ m/s and [\d.]+ rad/s", page)
 
