@@ -31,8 +31,11 @@ SOURCES = (
 )
 ELSEWHERE = (
     "features/commissioning/robotd_commissioning",
+    "features/conformance/robotd_conformance",
+    "features/foxglove/robotd_foxglove",
     "features/page/robotd_page",
     "ros/robotd_ros",
+    "features/scenario/robotd_scenario",
     "features/testing/robotd_testing",
     "plugins/canopen",
     "plugins/ethercat",

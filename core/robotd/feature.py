@@ -7,7 +7,7 @@ A feature is an object in the entry-point group ``robotd.features``:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
@@ -17,11 +17,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from robotd.log import get_logger
-
 FEATURES = "robotd.features"
-
-log = get_logger("features")
 
 
 @dataclass(frozen=True)
@@ -81,18 +77,21 @@ class Feature:
 
 @cache
 def installed_features() -> dict[str, Feature]:
-    """Return the features by name, in the order in which they are opened.
+    """Return the features by name, in the order in which they are opened. Any thread.
 
-    One that cannot be imported is left out, with a warning in the log: its keys and options are
-    unknown then. Any thread.
+    One of ``feature_failures`` is left out: its keys and options are unknown.
     """
-    found = dict(sorted(_loaded()))
+    found = {name: each for name, each in sorted(_loaded().items()) if isinstance(each, Feature)}
     order = TopologicalSorter({name: found.keys() & {*each.after} for name, each in found.items()})
     try:
         return {name: found[name] for name in order.static_order()}
-    except CycleError as error:
-        log.warning("features wait for each other", features=error.args[1])
+    except CycleError:  # no order suits them all
         return found
+
+
+def feature_failures() -> dict[str, str]:
+    """Return why features cannot be used, by their names. Any thread."""
+    return {name: each for name, each in _loaded().items() if isinstance(each, str)}
 
 
 def load_function(reference: str) -> Callable[..., Any]:
@@ -102,19 +101,22 @@ def load_function(reference: str) -> Callable[..., Any]:
     return function
 
 
-def _loaded() -> Iterator[tuple[str, Feature]]:
+@cache
+def _loaded() -> dict[str, Feature | str]:
+    """Return each feature, or why it cannot be used."""
+    loaded: dict[str, Feature | str] = {}
     keys: dict[str, str] = {}
     for entry in entry_points(group=FEATURES):
         try:
             feature = entry.load()
         except (Exception, SystemExit) as error:  # noqa: BLE001 - of a third party
-            reason = f"{type(error).__name__}: {error}"
-            log.warning("a feature cannot be imported", feature=entry.name, reason=reason)
+            loaded[entry.name] = f"cannot be imported: {type(error).__name__}: {error}"
             continue
         if not isinstance(feature, Feature):
-            log.warning("an entry point is no feature", feature=entry.name, found=entry.value)
+            loaded[entry.name] = f"{entry.value} is no Feature"
         elif taken := [key for key in feature.keys if keys.get(key, entry.name) != entry.name]:
-            log.warning("a key belongs to two features", feature=entry.name, key=taken[0])
+            loaded[entry.name] = f"its key {taken[0]!r} belongs to the feature {keys[taken[0]]!r}"
         else:
             keys |= dict.fromkeys(feature.keys, entry.name)
-            yield entry.name, feature
+            loaded[entry.name] = feature
+    return loaded

@@ -115,10 +115,10 @@ def log_message(event: Event, time_ns: int) -> bytes:
     return writer.payload()
 
 
-def read_log_message(data: bytes, time_ns: int) -> Event:
-    """Return the event of ``log_message`` at monotonic ``time_ns``. Raises ValueError."""
+def read_log_message(data: bytes, offset_ns: int) -> Event:
+    """Return the event of ``log_message``, its time without ``offset_ns``. Raises ValueError."""
     reader = CdrReader(data)
-    reader.time_ns()
+    time_ns = reader.time_ns() - offset_ns
     number = int(reader.number("B"))
     kind, _, subject = reader.string().partition("/")
     text, sender, details = reader.string(), reader.string(), reader.string()

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import click
 
-from robotd.cli.listing import print_rows
+from robotd.cli.listing import Row, print_rows
 from robotd.cli.options import as_json, log_options
-from robotd.feature import installed_features
+from robotd.feature import feature_failures, installed_features
 
 
 @click.command("features")
@@ -14,7 +14,7 @@ from robotd.feature import installed_features
 @log_options
 def features(*, as_json: bool) -> None:
     """List the features that run beside a robot."""
-    rows = [
+    rows: list[Row] = [
         {
             "name": name,
             "summary": feature.summary,
@@ -23,5 +23,9 @@ def features(*, as_json: bool) -> None:
             "problem": None,
         }
         for name, feature in installed_features().items()
+    ]
+    rows += [
+        {"name": name, "summary": "", "keys": [], "options": [], "problem": reason}
+        for name, reason in feature_failures().items()
     ]
     print_rows(rows, ("keys", "options"), as_json=as_json)

@@ -14,6 +14,7 @@ import click
 from robotd.cli.exit_codes import ExitCode, RosUnavailable, exit_code
 from robotd.cli.group import ros_args
 from robotd.cli.installed import Installed, check_backend_overrides, load_installed
+from robotd.cli.layout import warn
 from robotd.cli.options import (
     FILE,
     log_options,
@@ -34,7 +35,7 @@ from robotd.descriptor import (
     parse_override,
 )
 from robotd.errors import InvalidArgument, OperationError, unknown_name
-from robotd.feature import installed_features, load_function
+from robotd.feature import feature_failures, installed_features, load_function
 from robotd.feature_host import FeatureHost, open_features
 from robotd.log import lossy
 from robotd.number_argument import NumberRange
@@ -50,6 +51,12 @@ RATE_HZ = NumberRange(10, 2000)  # the limits of cycle.rate_hz in a descriptor
 
 class RunCommand(click.Command):
     """``robotd run`` with the options of the installed features."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse the options; features that cannot be used are told first."""
+        for name, reason in feature_failures().items():
+            warn(f"feature {name!r}: {reason}")
+        return super().parse_args(ctx, args)
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         """Return the own options, then those of the features, then ``--help``."""

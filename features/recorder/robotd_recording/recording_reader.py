@@ -127,7 +127,13 @@ def _read(path: Path, stream: IO[bytes]) -> Recording:
         path,
         origin,
         _frames(origin, messages),
-        tuple(read_log_message(data, time_ns) for time_ns, data in messages[topics.EVENTS]),
+        tuple(
+            # By their own time: those that are older than the file are logged at its start.
+            sorted(
+                (read_log_message(data, origin.offset_ns) for _, data in messages[topics.EVENTS]),
+                key=lambda event: event.time_ns,
+            )
+        ),
         tuple((t, read_trajectory_message(data)) for t, data in messages[topics.GOALS]),
         tuple((t, read_octets_message(data)) for t, data in messages[INPUTS]),
         tuple((t, read_octets_message(data)) for t, data in messages[OUTPUTS]),

@@ -136,6 +136,7 @@ class RecordingWriter:
         self._last_due_ns = self._last_stamp_ns = 0
         self._last_states = b""
         self._states_ns = 0
+        self._began_ns: int | None = None  # time of the first frame
         self._writer: Writer = Writer(
             stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD
         )
@@ -148,6 +149,11 @@ class RecordingWriter:
         self._description = string_message(urdf) if urdf else b""  # until the first message
 
     @property
+    def has_begun(self) -> bool:
+        """It has frames."""
+        return self._began_ns is not None
+
+    @property
     def size_bytes(self) -> int:
         """Size of the file so far, without the last chunk."""
         return self._stream.tell()
@@ -157,6 +163,8 @@ class RecordingWriter:
         if len(frames) == 0:
             return
         start = frames["start_ns"]
+        if self._began_ns is None:
+            self._began_ns = int(start[0])
         stamps = frames["stamp_ns"]
         known = (stamps > 0) & (stamps != np.concatenate(([self._last_stamp_ns], stamps[:-1])))
         due = frames["due_ns"]
@@ -195,13 +203,18 @@ class RecordingWriter:
             self.message(name, time_ns, named_values(time_ns + self._offset_ns, content))
 
     def message(self, topic: str, time_ns: int, data: bytes) -> None:
-        """Add a message that is encoded already."""
-        log_time = time_ns + self._offset_ns
+        """Add a message that is encoded already.
+
+        What is older than the first frame, as an input that has not changed since, is logged at
+        the time of that frame: players begin with motion. It is published at its own time.
+        """
+        published = time_ns + self._offset_ns
+        log_time = max(time_ns, self._began_ns or time_ns) + self._offset_ns
         if self._description:
             # At the time of the first message: an earlier one would prolong the recording.
             description, self._description = self._description, b""
             self._writer.add_message(self._channels[DESCRIPTION], log_time, description, log_time)
-        self._writer.add_message(self._channels[topic], log_time, data, log_time)
+        self._writer.add_message(self._channels[topic], log_time, data, published)
 
     def flush(self) -> None:
         """Hand the complete chunks to the operating system."""

@@ -15,7 +15,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from time import monotonic
 
-from robotd.events import Event
+from robotd.events import Event, EventKind
 from robotd.observation.frame_ring import FrameMemory
 from robotd.observation.io_sampler import Sample
 from robotd.realtime import request_niceness
@@ -26,6 +26,7 @@ POLL_INTERVAL_S = 0.1
 FLUSH_INTERVAL_S = 0.5
 BLOCK_FRAMES = 250  # encoded at once
 NICENESS = 10
+LATCHED_EVENTS = frozenset({EventKind.STATE, EventKind.STOP})
 
 
 @dataclass(frozen=True)
@@ -96,6 +97,11 @@ class Recorder:
         self._path = self._file = Path()
         self._writer: RecordingWriter | None = None
         self._began_s = self._flushed_s = 0.0
+        # Newest of each sample, and of the events that hold until the next: a new file begins
+        # with them.
+        self._samples: dict[str, Sample] = {}
+        self._events: dict[tuple[EventKind, str], Event] = {}
+        self._lacks_latched = False
 
     @property
     def report(self) -> Report:
@@ -111,10 +117,19 @@ class Recorder:
             frames, self._cursor, lost = self._memory.since(self._cursor, BLOCK_FRAMES)
             self._lost += lost
             writer.frames(frames)
+        if self._lacks_latched and writer.has_begun:
+            self._lacks_latched = False
+            for latched in self._events.values():
+                writer.event(latched)
+            for value in self._samples.values():
+                writer.sample(value)
         for event in batch.events:
             writer.event(event)
+            if event.kind in LATCHED_EVENTS:
+                self._events[event.kind, event.subject] = event
         for sample in batch.samples:
             writer.sample(sample)
+            self._samples[sample[1]] = sample
         now_s = monotonic()
         if now_s - self._flushed_s >= FLUSH_INTERVAL_S:
             writer.flush()
@@ -146,6 +161,7 @@ class Recorder:
             self._file = self._path.with_suffix(PARTIAL) if is_one else self._path
             self._writer = create_recording(self._file, job.info, job.urdf)
             self._began_s = monotonic()
+            self._lacks_latched = True
         return self._writer
 
     def _is_full(self, writer: RecordingWriter, now_s: float) -> bool:
