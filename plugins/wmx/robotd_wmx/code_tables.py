@@ -6,9 +6,8 @@ import csv
 from collections.abc import Iterator
 from importlib.resources import files
 
-from robotd_cia402.code_tables import drive_remedy
-
 from robotd.api import CodeTable
+from robotd_cia402.code_tables import drive_remedy
 from robotd_wmx.al_status import TEXTS
 from robotd_wmx.remedies import AL_REMEDIES, REMEDIES
 

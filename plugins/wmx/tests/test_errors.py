@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from robotd_cia402.code_tables import drive_remedy
 
 from robotd.errors import ConnectError, DeviceTimeout, InvalidArgument, NotReady, OperationError
+from robotd_cia402.code_tables import drive_remedy
 from robotd_wmx._native import CallError
 from robotd_wmx.al_status import TEXTS
 from robotd_wmx.code_tables import AL_STATUS, DRIVE_ALARMS, WMX_ERRORS
