@@ -61,3 +61,36 @@ def test_commands_name_the_robot_that_they_reach_where_two_run(
             told = robotd(domain, "/left", *arguments).stderr
             assert "robot: cr3a in /left, backend sim" in told, arguments
             assert "/right" not in told
+
+
+def test_the_robots_of_the_domain_are_listed_and_named_where_one_is_missed(
+    domain: int, left: RobotProcess
+) -> None:
+    robots = json.loads(robotd(domain, "/", "list", "--json").stdout)
+    assert [(each["robot"], each["namespace"]) for each in robots] == [("cr3a", "/left")]
+    assert robots[0]["simulated"] is True
+    assert "SIMULATED" in robotd(domain, "/", "list").stdout
+    command = [sys.executable, "-m", "robotd", "stop", "--timeout", "2"]
+    variables = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    missed = subprocess.run(
+        command, env=os.environ | variables, capture_output=True, text=True, check=False
+    )
+    assert missed.returncode != 0
+    assert "cr3a in /left, backend sim" in missed.stderr
+    assert "--ros-args -r __ns:=/left" in missed.stderr
+
+
+def test_numbers_in_another_unit_are_rejected_with_what_to_give(
+    domain: int, left: RobotProcess
+) -> None:
+    def told(*words: str) -> str:
+        command = [sys.executable, "-m", "robotd", *words, "--ros-args", "-r", "__ns:=/left"]
+        variables = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+        done = subprocess.run(
+            command, env=os.environ | variables, capture_output=True, text=True, check=False
+        )
+        assert done.returncode != 0
+        return done.stderr
+
+    assert "0.3 is in percent: give 30 for 30 %" in told("speed", "0.3")
+    assert "positions are rad: --deg takes degrees" in told("move", "joint1=30")

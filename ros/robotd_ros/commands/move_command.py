@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import click
 
-from robotd.cli.exit_codes import ExitCode
+from robotd.cli.exit_codes import ExitCode, Rejected
 from robotd.cli.preflight import import_ros
 from robotd.cli.progress import Progress
 from robotd.number_argument import NumberRange, parse_number
@@ -18,6 +18,8 @@ from robotd_ros.commands.robot_client import (
     print_addressed_robots,
     robot_client,
 )
+
+TURN = 2.0 * math.pi
 
 
 def parse_targets(
@@ -82,6 +84,15 @@ def move(
             for joint, value in targets.items()
         }
         progress = Progress(tuple(targets), time_s, degrees=turning)
-        code, reason = carry_out(client, arm, positions, time_s, progress.show)
+        try:
+            code, reason = carry_out(client, arm, positions, time_s, progress.show)
+        except Rejected as error:
+            looks_like_degrees = any(
+                abs(value) > TURN
+                for joint, value in positions.items()
+                if arm.units.get(joint) != "m"
+            )
+            advice = "; positions are rad: --deg takes degrees" if looks_like_degrees else ""
+            raise Rejected(f"{error}{advice}") from error
         progress.end()
     return tell(code, reason)

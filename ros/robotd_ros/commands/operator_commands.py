@@ -69,8 +69,16 @@ def reset(client: RosClient) -> object:
     return import_ros("robotd_ros.client.operator_client").reset(client)
 
 
+def percentage(ctx: click.Context, argument: click.Parameter, percent: float) -> float:
+    """Reject what is meant as a part of 1, such as 0.3."""
+    if 0.0 < percent < 1.0:
+        text = f"{percent:g} is in percent: give {100 * percent:g} for {100 * percent:g} %"
+        raise click.BadParameter(f"{text}, and at least 1")
+    return percent
+
+
 @click.command("speed", epilog=ROS_EPILOG)
-@click.argument("percent", type=NumberRange(0, 100))
+@click.argument("percent", type=NumberRange(0, 100), callback=percentage)
 @asks_robot
 def speed(client: RosClient, percent: float) -> object:
     """Set the speed of all motion of the running robot, 0 to 100 %.

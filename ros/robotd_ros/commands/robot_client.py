@@ -13,7 +13,7 @@ from robotd.cli.exit_codes import ExitCode, Rejected, RosUnavailable
 from robotd.cli.group import ros_args
 from robotd.cli.options import Command, log_options
 from robotd.cli.preflight import import_ros
-from robotd.errors import OperationError
+from robotd.errors import DeviceTimeout, OperationError
 from robotd.number_argument import NumberRange
 
 if TYPE_CHECKING:  # it needs rclpy
@@ -51,10 +51,25 @@ def robot_client(timeout_s: float, *, searches: bool = False) -> Iterator[RosCli
         raise RosUnavailable(str(error)) from error
     try:
         yield client
+    except DeviceTimeout as error:
+        raise DeviceTimeout(f"{error}{_running_robots(client)}") from error
     except OperationError as error:
         raise Rejected(str(error)) from error
     finally:
         client.close()
+
+
+def _running_robots(client: RosClient) -> str:
+    """Return which robots run, and how to choose one; "" where none does."""
+    robots = import_ros("robotd_ros.client.robot_identity").find_robots(client)
+    own = client.node.get_namespace()
+    lines = [
+        f"{robot.text} runs here, and does not offer this"
+        if robot.namespace == own
+        else f"{robot.text} runs: add --ros-args -r __ns:={robot.namespace}"
+        for robot in robots
+    ]
+    return "".join(f"\n  {line}" for line in lines)
 
 
 def print_addressed_robots(client: RosClient) -> None:
