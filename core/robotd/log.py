@@ -1,6 +1,8 @@
 """Logging with structlog: console lines, or one JSON object per line.
 
-Logs go to standard error; standard output is for the output of commands.
+Logs go to standard error; standard output is for the output of commands. In a program that uses
+robotd as a library and does not call ``configure_logging``, lines go to the loggers ``robotd.*`` of
+``logging``: without a handler of the program, warnings and errors reach standard error.
 """
 
 from __future__ import annotations
@@ -203,3 +205,25 @@ def _line(event_dict: EventDict) -> LogLine:
 def get_logger(name: str) -> FilteringBoundLogger:
     """Return a logger whose lines carry ``component=name``. Any thread may use it."""
     return cast(FilteringBoundLogger, structlog.get_logger(component=name))
+
+
+def _to_standard_logging(logger: Any, method: str, fields: EventDict) -> EventDict:
+    exc_info = fields.get("exc_info")
+    line = _line(fields)
+    standard = logging.getLogger(f"robotd.{line.component}")
+    standard.log(logging.getLevelName(line.level.upper()), "%s", line.text, exc_info=exc_info)
+    raise structlog.DropEvent
+
+
+if not structlog.is_configured():
+    structlog.configure(
+        processors=[
+            structlog.contextvars.merge_contextvars,
+            structlog.processors.add_log_level,
+            _escape,
+            _pass_on,
+            _to_standard_logging,
+        ],
+        wrapper_class=structlog.make_filtering_bound_logger(logging.DEBUG),
+        cache_logger_on_first_use=False,
+    )

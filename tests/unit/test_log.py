@@ -6,6 +6,8 @@ import io
 import json
 import logging
 import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TextIO
@@ -103,3 +105,27 @@ def test_a_library_cannot_flood_the_log() -> None:
     assert line["level"] == "warning"  # an error saves a recording
     assert line["reason"].startswith("ValueError(")
     assert "exception" not in line
+
+
+def test_a_library_logs_through_the_standard_library_and_is_quiet() -> None:
+    program = """
+import logging
+from robotd.log import get_logger
+log = get_logger("loop")
+log.info("hidden")
+log.warning("shown", axis=1)
+logging.basicConfig(level=logging.INFO, format="%(name)s %(levelname)s %(message)s", force=True)
+log.info("taken", axis=2)
+try:
+    1 / 0
+except ZeroDivisionError:
+    log.exception("failed")
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == ""
+    first, second, *rest = done.stderr.splitlines()
+    assert (first, second) == ("shown axis=1", "robotd.loop INFO taken axis=2")
+    assert rest[0] == "robotd.loop ERROR failed"
+    assert rest[-1] == "ZeroDivisionError: division by zero"
