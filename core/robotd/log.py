@@ -32,6 +32,7 @@ class LogFormat(StrEnum):
 
 
 FOREIGN_PERIOD_S = 10.0
+OWN_LOGGERS = "robotd."
 MAX_FOREIGN_CHARACTERS = 300
 # Control characters but tab and newline, and those that reorder or separate lines.
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
@@ -127,6 +128,8 @@ class _ForeignLogs(logging.Handler):
         self._hidden: Counter[str] = Counter()
 
     def emit(self, record: logging.LogRecord) -> None:
+        if record.name.startswith(OWN_LOGGERS):
+            return
         name, now_s = record.name, time.monotonic()
         if now_s < self._next_s.get(name, 0.0):
             self._hidden[name] += 1
@@ -210,7 +213,7 @@ def get_logger(name: str) -> FilteringBoundLogger:
 def _to_standard_logging(logger: Any, method: str, fields: EventDict) -> EventDict:
     exc_info = fields.get("exc_info")
     line = _line(fields)
-    standard = logging.getLogger(f"robotd.{line.component}")
+    standard = logging.getLogger(f"{OWN_LOGGERS}{line.component}")
     standard.log(logging.getLevelName(line.level.upper()), "%s", line.text, exc_info=exc_info)
     raise structlog.DropEvent
 

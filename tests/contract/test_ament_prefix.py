@@ -79,7 +79,8 @@ def test_an_executable_is_its_node_on_a_robot_that_has_it(name: str) -> None:
 @pytest.mark.ros
 def test_an_executable_serves_until_its_signal(prefix: Path) -> None:
     environment = os.environ | {"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"}
-    command = [prefix / "lib" / "robotd" / "wmx_io_node", "--ros-args", "-r", "__ns:=/cell"]
+    command = [prefix / "lib" / "robotd" / "wmx_io_node", "--verbose"]
+    command += ["--ros-args", "-r", "__ns:=/cell"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
         assert process.stdout
         lines = []

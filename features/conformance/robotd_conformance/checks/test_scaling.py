@@ -19,6 +19,9 @@ TURN = 2.0 * np.pi
 def test_homing_again_makes_the_new_position_zero(fresh: Harness) -> None:
     fresh.require_rescaling()
     last = fresh.count - 1
+    limits = fresh.robot.axes.limits[last]
+    if not limits.lower < 0.0 < limits.upper:
+        pytest.skip("the new position would be outside the limits of the last axis")
     for share in (0.5, -0.3):
         fresh.move_all(share)
         fresh.rest()
