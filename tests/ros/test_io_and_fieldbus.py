@@ -83,8 +83,8 @@ def test_register_read(client: Client) -> None:
 @pytest.mark.parametrize(
     ("fields", "reason"),
     [
-        ({"master_id": 3}, "master 3"),
-        ({"slave_id": 40}, "slave 40"),
+        ({"master_id": 3}, "bus 3"),
+        ({"slave_id": 40}, "node 40"),
         ({"length": 0}, "length 0"),
         ({"reg_address": 0xFFF, "length": 2}, "outside 0x0000..0x0fff"),
     ],
@@ -104,4 +104,4 @@ def test_statistics_and_hot_connect(client: Client) -> None:
         assert client.call(service_type, f"/wmx/ecat/{name}", master_id=0).success
         response = client.call(service_type, f"/wmx/ecat/{name}", master_id=5)
         assert not response.success
-        assert "master 5" in response.message
+        assert "bus 5" in response.message

@@ -46,7 +46,7 @@ def press(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RobotProcess]:
     folder = tmp_path_factory.mktemp("press")
     (folder / "press.urdf").write_text(PRESS, encoding="utf-8")
     robotd(0, "new-robot", "press", "--urdf", "press.urdf", folder=folder)
-    with RobotProcess(robot=str(folder / "press" / "robot.yaml")) as process:
+    with RobotProcess("--verbose", robot=str(folder / "press" / "robot.yaml")) as process:
         process.wait_ready()
         yield process
 

@@ -14,7 +14,7 @@ log = get_logger("watchdog")
 HANG_S = 1.0  # a busy computer may delay a period by tenths of a second: that is no hang
 SIMULATED_HANG_S = 5.0  # nothing real moves: late detection, but no dependence on the computer
 CHECKS = 4  # per time limit of a piece of work
-OURS = {"robotd", "rclpy", *sys.stdlib_module_names}  # not packages of plugins
+OURS = {"robotd", "robotd_ros", "rclpy", *sys.stdlib_module_names}  # not packages of plugins
 
 
 def place_of(thread: threading.Thread | None) -> str:
@@ -26,7 +26,7 @@ def place_of(thread: threading.Thread | None) -> str:
         calls.append((module, f"{module}: {frame.f_code.co_qualname}, line {frame.f_lineno}"))
         frame = frame.f_back
     foreign = [text for module, text in calls if module.partition(".")[0] not in OURS]
-    own = [text for module, text in calls if module.partition(".")[0] == "robotd"]
+    own = [text for module, text in calls if module.partition(".")[0] in ("robotd", "robotd_ros")]
     return foreign[-1] if foreign else own[0] if own else ""
 
 
