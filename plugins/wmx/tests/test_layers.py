@@ -1,4 +1,4 @@
-"""Imports of the backend: the plugin API, and no other backend."""
+"""Imports of the backend: the plugin API and libraries, and no other backend."""
 
 from __future__ import annotations
 
@@ -29,6 +29,7 @@ def test_only_the_plugin_api_is_imported(module: object) -> None:
     ours = {name for name in imported if top[name].startswith("robotd")}
     assert {name for name in ours if top[name] != "robotd_wmx"} <= {
         "robotd.api",
+        "robotd_cia402.code_tables",
         "robotd_wmx_parameters",
     }
 
