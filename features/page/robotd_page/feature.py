@@ -6,14 +6,34 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from pydantic import Field
+
 from robotd.cli.options import PORT
+from robotd.descriptor.section import Section
 from robotd.errors import InvalidArgument, OperationError
 from robotd.feature import Feature, FeatureOption
-from robotd_page.settings import PageKeys
 
 if TYPE_CHECKING:
     from robotd.feature_host import FeatureHost
     from robotd.observation.tap import Tap
+
+
+class PageKeys(Section):
+    """Keys at the top of the file."""
+
+    page: int | None = Field(
+        None,
+        ge=0,
+        le=65535,
+        description="Port of the live page on the loopback interface; 0: any free one; null: "
+        "not served.",
+    )
+    page_control: bool = Field(
+        False,
+        description="The live page can control the robot, with the token that is printed at "
+        "each start; false: it only reads.",
+    )
+
 
 FEATURE = Feature(
     summary="live page of the robot in a browser",

@@ -1,8 +1,44 @@
 """The recorder as a feature."""
 
+from pydantic import Field
+
 from robotd.cli.options import FOLDER
+from robotd.descriptor.section import File, Section
 from robotd.feature import Feature, FeatureOption
-from robotd_recorder.settings import RecorderKeys
+
+
+class RecorderSettings(Section):
+    """Flight recorder: the last seconds of everything, saved when something goes wrong."""
+
+    enabled: bool = Field(True, description="False: no recording, and no memory for it.")
+    seconds: float = Field(
+        30.0, ge=5, le=600, description="Time before a fault, within 24 MiB of memory."
+    )
+    after_s: float = Field(2.0, ge=0, le=30, description="Time recorded after a fault.")
+    folder: File | None = Field(
+        None,
+        description="Folder of the recordings; null: `robotd/recordings` in "
+        "`$XDG_STATE_HOME`, which is `~/.local/state` by default.",
+    )
+    keep_files: int = Field(20, ge=1, le=10000, description="Recordings to keep, newest first.")
+    keep_mib: float = Field(500.0, ge=10, description="Size of all recordings to keep, MiB.")
+    split_mib: float = Field(
+        1024.0, ge=1, description="Size at which a continuous recording begins a new file, MiB."
+    )
+    split_s: float = Field(
+        3600.0, ge=1, description="Time after which a continuous recording begins a new file."
+    )
+
+
+class RecorderKeys(Section):
+    """Keys at the top of the file."""
+
+    recorder: RecorderSettings = Field(RecorderSettings(), description="Flight recorder of faults.")
+    record: File | None = Field(
+        None,
+        description="Folder of a continuous recording of everything, as MCAP files; null: none.",
+    )
+
 
 FEATURE = Feature(
     summary="the last seconds of everything, saved after a fault, and continuous recordings",

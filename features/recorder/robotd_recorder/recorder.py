@@ -11,8 +11,8 @@ from robotd.feature_host import FeatureHost
 from robotd.observation.tap import Tap
 from robotd.robot import Robot
 from robotd_recorder.continuous_recorder import ContinuousRecorder
+from robotd_recorder.feature import RecorderKeys, RecorderSettings
 from robotd_recorder.flight_recorder import FlightRecorder
-from robotd_recorder.settings import RecorderKeys, RecorderSettings
 from robotd_recording.recording_folder import RecordingFolder, default_folder
 
 MIB = 2**20
