@@ -7,11 +7,9 @@ A feature is an object in the entry-point group ``robotd.features``:
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
-from importlib import import_module
 from importlib.metadata import entry_points
 from typing import Any
 
@@ -92,13 +90,6 @@ def installed_features() -> dict[str, Feature]:
 def feature_failures() -> dict[str, str]:
     """Return why features cannot be used, by their names. Any thread."""
     return {name: each for name, each in _loaded().items() if isinstance(each, str)}
-
-
-def load_function(reference: str) -> Callable[..., Any]:
-    """Import the function of ``package.module:function``."""
-    module, _, name = reference.partition(":")
-    function: Callable[..., Any] = getattr(import_module(module), name)
-    return function
 
 
 @cache

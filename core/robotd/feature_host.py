@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from pkgutil import resolve_name
 from typing import Any
 
 from robotd.errors import PluginError, RobotdError
-from robotd.feature import installed_features, load_function
+from robotd.feature import installed_features
 from robotd.local_ports import reserve_files
 from robotd.observation.tap import Tap
 from robotd.robot import Robot
@@ -74,7 +75,7 @@ def open_features(
     with ExitStack() as stack:
         for name, feature in installed_features().items():
             try:
-                part = stack.enter_context(load_function(feature.open)(host))
+                part = stack.enter_context(resolve_name(feature.open)(host))
             except (RobotdError, OSError):
                 raise
             except Exception as error:

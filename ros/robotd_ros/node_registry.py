@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from importlib import import_module
+from pkgutil import resolve_name
 from traceback import walk_tb
 from typing import TYPE_CHECKING, Any
 
@@ -26,9 +26,8 @@ def make_node(name: str, info: NodeInfo, robot: Robot, host: RosHost) -> Any:  #
     """
     from rclpy._rclpy_pybind11 import RCLError
 
-    module, _, attribute = info.factory.partition(":")
     try:
-        return getattr(import_module(module), attribute)(robot, host)
+        return resolve_name(info.factory)(robot, host)
     except RobotdError:
         raise
     except RCLError as error:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from pkgutil import resolve_name
 from typing import Any
 
 from rclpy.node import Node
 
-from robotd.feature import installed_features, load_function
+from robotd.feature import installed_features
 from robotd.plugin.registry import NodeRegistry
 from robotd.robot import Robot
 from robotd_ros.diagnostics.diagnostics_publisher import Diagnostics
@@ -73,7 +74,7 @@ def run_nodes(
         for name, feature in installed_features().items():
             if feature.nodes and (part := parts.get(name)) is not None:
                 context = NodeContext(robot, host, operator, nodes, [*chosen])
-                nodes += stack.enter_context(load_function(feature.nodes)(context, part)) or []
+                nodes += stack.enter_context(resolve_name(feature.nodes)(context, part)) or []
         added = own_nodes()
         check_overrides(nodes, {*BUILT_IN, *added}, {*registry.nodes, *added}, host.args)
         for node in nodes:

@@ -12,6 +12,7 @@ from robotd.cli.check_report import CheckReport
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.installed import check_backend_overrides, load_installed
 from robotd.cli.options import log_options, robot_options
+from robotd.cli.plugin_commands import load_entry
 from robotd.cli.urdf_check import check_urdf, urdf_warnings
 from robotd.control.axis_limits import fit_device
 from robotd.control.joint_group import ON_DEVICE
@@ -63,7 +64,12 @@ def check_robot(
 def _check_files(report: CheckReport, descriptor: RobotDescriptor) -> None:
     urdf = descriptor.urdf
     for entry in entry_points(group=CHECKS):
-        for what, check_one in entry.load()(descriptor):
+        try:
+            further = load_entry(entry, f"check {entry.name!r}")
+        except PluginError as error:
+            report.fail(f"check {entry.name}", error)
+            continue
+        for what, check_one in further(descriptor):
             for warning in report.run(what, check_one) or ():
                 report.warn(warning)
     if urdf is not None:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import click
 
@@ -57,16 +57,19 @@ def plugin_command(name: str) -> click.Command | None:
         both = " and ".join(sorted(found))
         raise PluginError(f"two plugins bring the command {name!r}: {both}; uninstall one")
     [(origin, entry)] = found.items()
-    try:
-        command = entry.load()
-    except (Exception, SystemExit) as error:
-        raise PluginError(
-            f"command {name!r} of {origin} cannot be imported: {type(error).__name__}: {error}"
-        ) from error
+    command = load_entry(entry, f"command {name!r} of {origin}")
     if not isinstance(command, click.Command):
         what = type(command).__name__
         raise PluginError(f"command {name!r} of {origin} is not a click command: {what}")
     return command
+
+
+def load_entry(entry: EntryPoint, what: str) -> Any:
+    """Import the object of an entry point. Raises PluginError where that fails."""
+    try:
+        return entry.load()
+    except (Exception, SystemExit) as error:
+        raise PluginError(f"{what} cannot be imported: {type(error).__name__}: {error}") from error
 
 
 def _origin(entry: EntryPoint) -> str:

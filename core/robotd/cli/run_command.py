@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 import click
@@ -35,7 +36,7 @@ from robotd.descriptor import (
     parse_override,
 )
 from robotd.errors import InvalidArgument, OperationError, unknown_name
-from robotd.feature import feature_failures, installed_features, load_function
+from robotd.feature import feature_failures, installed_features
 from robotd.feature_host import FeatureHost, open_features
 from robotd.log import lossy
 from robotd.number_argument import NumberRange
@@ -241,7 +242,7 @@ def _prepared(
         raise click.BadParameter(text, param_hint="'--time-scale'")
     for feature in installed_features().values():
         if feature.prepare:
-            descriptor = load_function(feature.prepare)(descriptor, backend)
+            descriptor = resolve_name(feature.prepare)(descriptor, backend)
     return descriptor, backend, MonotonicClock() if scale is None else PacedClock(scale)
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from importlib import import_module
 from pathlib import Path
+from pkgutil import resolve_name
 
 from robotd.descriptor import RobotDescriptor
 from robotd.errors import DescriptorError, PluginError, RobotdError, unknown_name
@@ -108,9 +108,8 @@ class NodeRegistry:
             if info is None or not info.parameters:
                 continue
             reader = ParameterReader(name, descriptor)
-            module, _, function = info.parameters.partition(":")
             try:
-                getattr(import_module(module), function)(reader, descriptor)
+                resolve_name(info.parameters)(reader, descriptor)
             except DescriptorError as error:
                 problems.append(error)
             except RobotdError:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from importlib.metadata import entry_points
 
-from robotd.errors import PluginError
+from robotd.cli.plugin_commands import load_entry
 from robotd_export.export_input import ExportInput
 
 EXPORTS = "robotd.exports"
@@ -23,9 +23,5 @@ def export_targets() -> list[str]:
 def export_function(target: str) -> Callable[[ExportInput], str]:
     """Import the function of a target. Raises PluginError where it cannot be imported."""
     entry = next(iter(entry_points(group=EXPORTS, name=target)))
-    try:
-        function: Callable[[ExportInput], str] = entry.load()
-    except (Exception, SystemExit) as error:
-        text = f"export {target!r} ({entry.value}) cannot be imported: {error}"
-        raise PluginError(text) from error
+    function: Callable[[ExportInput], str] = load_entry(entry, f"export {target!r}")
     return function
