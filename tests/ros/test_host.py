@@ -26,6 +26,7 @@ from structlog.testing import capture_logs
 from wmx_ros2_message.srv import SetAxis
 
 from robotd.errors import NotReady, OperationError
+from robotd.plugin.call_timeout import end_idle_threads
 from robotd_ros.host import RosHost
 from robotd_ros.services import add_service, add_subscription
 
@@ -235,6 +236,7 @@ def cycle_once(make_executor: Any) -> None:
 
 @pytest.mark.parametrize("make_executor", EXECUTORS)
 def test_close_leaves_no_threads_python_or_native(make_executor: Any) -> None:
+    end_idle_threads()  # of robots in earlier tests that were not shut down
     cycle_once(make_executor)  # what the middleware keeps for the whole process exists now
     before = thread_count()
     cycle_once(make_executor)

@@ -14,6 +14,7 @@ from robotd.realtime import is_control_loop
 Result = TypeVar("Result")
 
 END_S = 1.0  # for an idle thread to end
+IDLE_NAME = "robotd-call"
 
 
 class CallTimeout(Exception):
@@ -29,7 +30,7 @@ class _CallThread(threading.Thread):
     idle: list[_CallThread] = []  # noqa: RUF012 - of the process; appended and popped atomically
 
     def __init__(self) -> None:
-        super().__init__(name="robotd-call", daemon=True)
+        super().__init__(name=IDLE_NAME, daemon=True)
         self.calls: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
 
     def run(self) -> None:
@@ -69,6 +70,7 @@ def call_with_timeout(budget_s: float, call: Callable[[], Result], name: str) ->
             answer = call(), None
         except BaseException as error:  # noqa: BLE001 - SystemExit too belongs to the caller
             answer = None, error
+        thread.name = IDLE_NAME
         # Idle before it answers: the next call of the same caller finds this thread.
         _CallThread.idle.append(thread)
         answers.put(answer)
