@@ -13,6 +13,8 @@ from tests.ros.robot_process import WAIT_S, wait_until
 
 from robotd.cli.exit_codes import ExitCode
 
+SHOW_LOG = ("-o", "log_cli=true", "-o", "log_cli_level=INFO")
+
 
 @pytest.mark.parametrize(
     ("number", "to_group"),
@@ -29,7 +31,7 @@ def test_a_signal_ends_the_checks_in_order(number: int, to_group: bool, tmp_path
     with (
         output.open("w") as log,
         subprocess.Popen(
-            [sys.executable, "-m", "robotd", "conform", "--backend", "sim", "--", "-s"],
+            [sys.executable, "-m", "robotd", "conform", "--backend", "sim", "--", *SHOW_LOG],
             stdout=log,
             stderr=subprocess.STDOUT,
             start_new_session=True,

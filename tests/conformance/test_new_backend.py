@@ -7,6 +7,7 @@ tested is the installation of the generated package, not that of ROS.
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import sysconfig
@@ -99,7 +100,7 @@ def test_a_generated_package_passes_at_once(installed: Path, tmp_path: Path) -> 
     junit = tmp_path / "results.xml"
     report = run(*robotd, "conform", "--backend", NAME, "--junit", junit, cwd=tmp_path)
     assert "verdict: passed" in report
-    assert "tested on 9" in report
+    assert int(re.findall(r"tested on (\d+)%", report)[-1]) >= 85
     assert junit.read_text(encoding="utf-8").count("<testcase") > 90
 
 

@@ -114,7 +114,7 @@ def test_a_goal_is_slowed_paused_and_resumed(
     status, result = sent.result()
     assert status == GoalStatus.STATUS_SUCCEEDED, result.error_string
     code, _, error = robotd(cr3a.domain, "speed", "0.5")
-    assert (code, "neither 0 nor 0.01 to 1" in error) == (1, True)
+    assert (code, "0.5 is in percent: give 50 for 50 %" in error) == (2, True)
 
 
 def test_a_joint_is_jogged_by_increments(
