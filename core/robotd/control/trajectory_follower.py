@@ -37,6 +37,7 @@ from robotd.motion.rejection import reject
 
 REPLAN_S = 0.5  # age of the joint positions that a client may have planned from
 MAX_RECENT = 50  # trajectories within that time
+MAX_SAMPLES = 10_000  # of their path: one each 0.1 ms, more often than any client is told of it
 
 
 class TrajectoryFollower:
@@ -231,8 +232,9 @@ class TrajectoryFollower:
         moving = bool(self._recent) and not self._recent[-1].done and self._recent[-1].on_path
         seconds = (2.0 if moving else 1.0) * REPLAN_S
         tolerance = self.limits.start_tolerance(self.settings)
-        step_s = float((tolerance / self.limits.velocity).min(initial=seconds))
-        times_s = np.linspace(0.0, seconds, int(np.ceil(seconds / step_s)) + 1)
+        # As dense as the fastest joint needs, but a velocity limit may be any number.
+        needed = float((self.limits.velocity * seconds / tolerance).max(initial=1.0))
+        times_s = np.linspace(0.0, seconds, int(np.ceil(min(needed, MAX_SAMPLES))) + 1)
         path = np.tile(self._motion.command(), (len(times_s), 1))
         for execution in self._recent:
             path_s = times_s + (first_ns - execution.start_ns) / NANOSECONDS

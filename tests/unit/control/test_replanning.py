@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.unit.control.harness import ACCELERATION, FAR, HOME, PERIOD_S, Harness, peak
+from tests.unit.control.harness import ACCELERATION, FAR, HOME, PERIOD_S, Harness, arm, peak
 
 from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
 from robotd.motion import TrajectoryRejected, TrajectoryRequest
@@ -87,3 +87,15 @@ def test_the_end_of_an_earlier_goal_is_not_accepted_as_start(harness: Harness) -
         harness.follower.follow(request),
     ):
         pass
+
+
+def test_joints_without_a_usual_velocity_limit_are_replanned() -> None:
+    """The recent path has as many points as the limit asks for, but no more than fit."""
+    joints = [joint.model_copy(update={"velocity_rad_s": 1e8}) for joint in arm().joints]
+    harness = Harness(arm().model_copy(update={"joints": joints})).up()
+    with harness.goal(FAR, seconds=1.5) as first:
+        harness.run(0.6)
+        with harness.follower.follow(replan(harness, first, 0.1)) as second:
+            harness.end(second)
+    harness.robot.shutdown()
+    assert second.outcome is Outcome.SUCCEEDED, second.message
