@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from robotd.clock import Clock, MonotonicClock
 from robotd.clock.simulated import PacedClock, SimulatedClock, SteppedClock
@@ -33,6 +34,7 @@ from robotd.device.fault_injector import FaultInjector
 from robotd.device.fieldbus import Fieldbus
 from robotd.device.gripper import Gripper
 from robotd.device.io import Io, check_names
+from robotd.device.passive_joints import PassiveJoints, finger_reader
 from robotd.device.process_image import ProcessImage
 from robotd.device.reconnector import Reconnector
 from robotd.device.soft_limits import SoftLimitGuard
@@ -57,6 +59,8 @@ class Robot:
         backend: the backend that made the drivers.
         capabilities: of the backend with this robot.
         clock: source of time of the control loop.
+        device: what ``robotd_open_device`` of the backend returned, for the backend's own nodes;
+            its failures are not isolated.
         joint_names: names of the joints, in the order of trajectories.
         joint_axes: axis of each joint.
         image: live process image, written by the control loop only.
@@ -73,6 +77,7 @@ class Robot:
         base: moves the wheels; None if the robot has none.
         wheel_axes: axes of the wheels; empty if the robot has none.
         servos: switches the servos of joints and wheels on and off.
+        world: surroundings of a simulated robot; None where the backend has none.
     """
 
     def __init__(
@@ -102,6 +107,7 @@ class Robot:
         self.backend = backend
         self.capabilities = capabilities
         self.clock = clock
+        self.device: Any = getattr(drivers.device, "wrapped", drivers.device)
         self.joint_names = descriptor.joint_names
         self.joint_axes = tuple(joint.axis for joint in descriptor.joints)
         self.image, self.events = ProcessImage(descriptor.axes), EventLog(clock.now_ns)
@@ -140,7 +146,8 @@ class Robot:
             self.events,
             self.axes.kept_at_rest,
         )
-        self.gripper = Gripper(self.io, descriptor.gripper, clock) if descriptor.gripper else None
+        self.gripper = self._make_gripper(drivers.passive_joints)
+        self.world = drivers.world
         self.mixer = mixer = SetpointMixer(driver, descriptor.axes, rate_hz, clock)
         self.control_loop = ControlLoop(
             driver,
@@ -366,6 +373,12 @@ class Robot:
         every(rate_hz, "travel", guard.look)
         if self.gripper is not None:
             every(rate_hz, "gripper", self.gripper.advance)
+
+    def _make_gripper(self, joints: PassiveJoints | None) -> Gripper | None:
+        settings = self.descriptor.gripper
+        if settings is None:
+            return None
+        return Gripper(self.io, settings, self.clock, finger_reader(joints, settings.joints))
 
     def _make_base(self) -> MobileBase | None:
         """Compose the base; the control loop tracks its odometry."""

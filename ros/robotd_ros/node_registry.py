@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from robotd_ros.host import RosHost
 
 OPERATOR_NODE = "robotd"  # made beside the others of every robot
+WORLD_NODE = "robotd_world"  # made for a robot whose backend has a world
 IDENTITY = f"{OPERATOR_NODE}/robot"  # std_msgs/String: which robot answers, as JSON
 
 

@@ -16,9 +16,10 @@ from robotd.robot import Robot
 from robotd_ros.diagnostics.diagnostics_publisher import Diagnostics
 from robotd_ros.host import RosHost
 from robotd_ros.middleware import check_overrides
-from robotd_ros.node_registry import OPERATOR_NODE, make_node
+from robotd_ros.node_registry import OPERATOR_NODE, WORLD_NODE, make_node
 from robotd_ros.nodes.operator_node import OperatorNode
 from robotd_ros.nodes.rosout_topic import RosoutTopic
+from robotd_ros.nodes.world_node import WorldNode
 from robotd_ros.plugin import BUILT_IN, built_in_nodes
 from robotd_ros.senders import Senders
 
@@ -53,7 +54,7 @@ def run_nodes(
     """Serve the nodes of a robot that is not started; they end with the host.
 
     Args:
-        robot, names, registry: as for ``serve``.
+        robot, names, registry: as for ``serve``; the nodes of the backend are served, too.
         host: started.
         parts: running features by name, see ``FeatureHost``; None: none.
 
@@ -63,12 +64,14 @@ def run_nodes(
     host.yield_to_control_loop = robot.control_loop.yield_to_control_loop
     # No client could stop it by ROS any more.
     host.on_hang = lambda reason: robot.servos.bring_to_rest()
-    registry = registry or built_in_nodes()
-    chosen = registry.select(names)
+    registry = served_nodes(robot, registry)
+    chosen = registry.select([*names, *robot.backend.nodes.nodes])
     nodes = [make_node(name, info, robot, host) for name, info in chosen.items()]
     parts = parts or {}
     operator = OperatorNode(robot, host, [*parts])
     nodes.append(operator)
+    if robot.world is not None:
+        nodes.append(WorldNode(robot, robot.world, host))
     host.senders = Senders(operator)
     with ExitStack() as stack:
         for name, feature in installed_features().items():
@@ -84,6 +87,15 @@ def run_nodes(
         yield nodes
 
 
+def served_nodes(robot: Robot, registry: NodeRegistry | None = None) -> NodeRegistry:
+    """Return ``registry`` (None: the built-in nodes) with the nodes of the robot's backend.
+
+    Raises PluginError: two nodes have one name.
+    """
+    return (registry or built_in_nodes()).with_backend(robot.backend.nodes)
+
+
 def own_nodes() -> set[str]:
     """Return the names of nodes that are made beside those of the robot."""
-    return {OPERATOR_NODE}.union(*(each.node_names for each in installed_features().values()))
+    features = (each.node_names for each in installed_features().values())
+    return {OPERATOR_NODE, WORLD_NODE}.union(*features)

@@ -24,9 +24,8 @@ from robotd.stop_signals import stop_signals
 from robotd_ros.endpoints import report_of
 from robotd_ros.host import RosHost
 from robotd_ros.middleware import check_remapping, exit_after, remove_leftovers, use_profiles
-from robotd_ros.plugin import built_in_nodes
 from robotd_ros.robot_lifecycle import RobotLifecycle
-from robotd_ros.run_nodes import own_nodes, run_nodes
+from robotd_ros.run_nodes import own_nodes, run_nodes, served_nodes
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -104,11 +103,12 @@ def serve(
         RobotdError: the robot did not start, and no ``wmx_engine_node`` is there to start it
             by hand; it is shut down again.
     """
-    registry = registry or built_in_nodes()
-    chosen = list(registry.select(node_names).values())
+    served_names = [*node_names, *robot.backend.nodes.nodes]
+    known_nodes = served_nodes(robot, registry)
+    chosen = list(known_nodes.select(served_names).values())
     own = own_nodes()
-    known = {*registry.nodes, *own}
-    ros_args = check_remapping({*node_names, *own}, known, ros_args)
+    known = {*known_nodes.nodes, *own}
+    ros_args = check_remapping({*served_names, *own}, known, ros_args)
     use_profiles()
     _limit_heaps()
     if leftovers := remove_leftovers():

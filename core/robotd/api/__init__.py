@@ -3,17 +3,21 @@
 A backend is a module with hooks (``hookimpl``); it makes drivers (``DeviceDriver``,
 ``AxisDriver``, ``IoDriver``, ``FieldbusDriver``) for one robot (``DeviceContext``). Units, the
 checks of the core, thread rules and errors of drivers: ``help("robotd.device.drivers")``. Hooks:
-``help("robotd.plugin.hookspecs")``. Features: ``help(Capability)``.
+``help("robotd.plugin.hookspecs")``. Features: ``help(Capability)``. Names for ROS nodes of a
+backend are in ``robotd_ros.api``.
 """
 
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, Clock, MonotonicClock, wait_until
+from robotd.clock.simulated import held, ticks
 from robotd.descriptor import (
     RobotDescriptor,
     load_robot_descriptor,
     validate_section,
 )
 from robotd.descriptor.files import read_limited
+from robotd.descriptor.urdf import UrdfJoint, UrdfLink, UrdfRobot, read_urdf, read_urdf_text
+from robotd.descriptor.urdf.package_files import find_mesh
 from robotd.device.bus_status import BusNode, BusState, BusStatus
 from robotd.device.capabilities import Capability
 from robotd.device.drivers import (
@@ -24,9 +28,11 @@ from robotd.device.drivers import (
 )
 from robotd.device.fault_injector import FaultInjector
 from robotd.device.fieldbus import object_bytes, object_text
+from robotd.device.passive_joints import PassiveJoints
 from robotd.device.process_image import ProcessImage
 from robotd.device.profiled_axes import ProfiledAxes
 from robotd.device.state import CommandMode, ConnectionState, Operation, Underrun
+from robotd.device.world import Shape, World, WorldCamera, WorldObject
 from robotd.errors import (
     ConnectError,
     DescriptorError,
@@ -101,6 +107,7 @@ __all__ = [
     "Operation",
     "OperationError",
     "ParameterReader",
+    "PassiveJoints",
     "PluginError",
     "ProcessImage",
     "Profile",
@@ -109,10 +116,19 @@ __all__ = [
     "RobotRegistry",
     "RobotdError",
     "Segment",
+    "Shape",
     "Underrun",
     "Unsupported",
+    "UrdfJoint",
+    "UrdfLink",
+    "UrdfRobot",
+    "World",
+    "WorldCamera",
+    "WorldObject",
     "did_you_mean",
+    "find_mesh",
     "get_logger",
+    "held",
     "hookimpl",
     "load_robot_descriptor",
     "no_parameters",
@@ -122,7 +138,10 @@ __all__ = [
     "profile_to_rest",
     "profile_to_velocity",
     "read_limited",
+    "read_urdf",
+    "read_urdf_text",
     "request_realtime",
+    "ticks",
     "validate_section",
     "wait_until",
 ]

@@ -1,4 +1,4 @@
-"""A pneumatic gripper on one output bit, and the input that shows a part."""
+"""A gripper on one output bit, and its sensors of a part and of fingers."""
 
 from __future__ import annotations
 
@@ -13,11 +13,15 @@ from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, Clock, wait_until
 from robotd.descriptor import GripperSettings
 from robotd.device.io import Io
+from robotd.device.passive_joints import FingerReader
 from robotd.device.process_image import ProcessImage
 from robotd.errors import InvalidArgument
 
 TOLERANCE = 0.05  # share of the stroke within which a position counts as reached
 SETTLE_S = 0.05  # from the end of the travel to the sensor's answer
+START_S = 0.3  # from a command to the first motion of measured fingers
+TRAVEL_LIMIT_S = 2.0  # granted to measured fingers beyond their travel time
+STILL = 1e-3  # share of the stroke that fingers at rest move in SETTLE_S
 
 
 @dataclass(frozen=True)
@@ -38,24 +42,32 @@ class GripperState:
 
 
 class Gripper:
-    """Opens and closes by an output bit; where the fingers are follows from that bit.
+    """Opens and closes by an output bit; its position follows from that, or is measured.
 
-    The valve has no sensor of position: the position is what the command leads to, not what was
-    felt. An input may show that a part is held. The fingers travel at constant speed from one end
-    to the other, advanced by the control loop.
+    Without a sensor of position, the position is what the command leads to, not what was felt: the
+    fingers travel at constant speed from one end to the other, advanced by the control loop. An
+    input may show that a part is held.
 
     Args:
         io: of the robot.
         settings: of the descriptor.
         clock: to wait by.
+        measured: reads the positions of the fingers; None: they are not measured.
 
     Attributes:
         joints: names of the fingers.
         multipliers: position of each finger per position of the gripper; shape (fingers,).
         open_m, closed_m: position of the gripper at the two ends; set by ``configure``.
+        is_measured: the positions of the fingers are measured.
     """
 
-    def __init__(self, io: Io, settings: GripperSettings, clock: Clock) -> None:
+    def __init__(
+        self,
+        io: Io,
+        settings: GripperSettings,
+        clock: Clock,
+        measured: FingerReader | None = None,
+    ) -> None:
         self.joints = tuple(settings.joints)
         self.multipliers: FloatArray = np.array(settings.multipliers or [1.0] * len(self.joints))
         self.open_m, self.closed_m = settings.open_m, settings.closed_m
@@ -73,6 +85,13 @@ class Gripper:
         self._last_ns = 0
         self._moves = 0  # counts them: the newest one replaces the others
         self._lock = threading.Lock()
+        self._measured = measured
+        self.is_measured = measured is not None
+        self._fingers: FloatArray = self.multipliers * self.open_m
+        self._still_m, self._still_ns = (
+            math.inf,
+            0,
+        )  # where the fingers were last in motion, and when
 
     def configure(self, open_m: float, closed_m: float) -> None:
         """Set the positions of the two ends, which differ. Before the start only."""
@@ -145,6 +164,8 @@ class Gripper:
 
         held = closes and self._has_sensor
         travel_s = self._settings.travel_time_s + (SETTLE_S if held else 0.0)
+        if self.is_measured:
+            return self._wait_measured(position_m, travel_s, interrupted)
         wait_until(lambda: interrupted() or (held and self._holds_part()), travel_s, self._clock)
         if held and self._holds_part():
             return GripperState(self.position_m, False, True, True)
@@ -153,6 +174,28 @@ class Gripper:
         end_m = self.closed_m if closes else self.open_m
         near = abs(end_m - position_m) <= TOLERANCE * abs(self.closed_m - self.open_m)
         return GripperState(end_m, near, not near, True)
+
+    def _wait_measured(
+        self, position_m: float, travel_s: float, interrupted: Callable[[], bool]
+    ) -> GripperState:
+        """Wait until the fingers have moved, or should have, and rest. Any worker."""
+        start_m, began_ns = self.position_m, self._clock.now_ns()
+        stroke_m = abs(self.closed_m - self.open_m)
+
+        def at_rest() -> bool:
+            now_ns = self._clock.now_ns()
+            has_begun = (
+                abs(self.position_m - start_m) > TOLERANCE * stroke_m
+                or now_ns - began_ns > START_S * NANOSECONDS
+            )
+            return has_begun and now_ns - self._still_ns > SETTLE_S * NANOSECONDS
+
+        limit_s = max(travel_s, START_S) + TRAVEL_LIMIT_S
+        stopped = wait_until(lambda: interrupted() or at_rest(), limit_s, self._clock)
+        if not stopped or (interrupted() and not at_rest()):
+            return GripperState(self.position_m, False, False, False)
+        reached = abs(self.position_m - position_m) <= TOLERANCE * stroke_m
+        return GripperState(self.position_m, reached, not reached, True)
 
     @property
     def is_commanded_closed(self) -> bool:
@@ -166,14 +209,36 @@ class Gripper:
 
     @property
     def position_m(self) -> float:
-        """Position of the gripper. Any thread."""
+        """Position of the gripper: the mean of the fingers where they are measured. Any thread."""
         return self.open_m + (self.closed_m - self.open_m) * self._closed
 
+    @property
+    def finger_positions(self) -> FloatArray:
+        """Positions of the fingers (fingers,), rad or m; a copy. Any thread."""
+        return self._fingers.copy() if self.is_measured else self.multipliers * self.position_m
+
     def advance(self, image: ProcessImage) -> None:
-        """Let the fingers travel, once a period, until a part stops them. Control-loop thread."""
+        """Measure the fingers, or let them travel until a part stops them. Control-loop thread.
+
+        Once a period.
+        """
+        if self._measured is not None:
+            self._measured(self._fingers)
+            self._follow_fingers(image.stamp_ns)
+            return
         closes = self._commanded()
         elapsed_ns, self._last_ns = image.stamp_ns - self._last_ns, image.stamp_ns
         if closes and self._has_sensor and self._holds_part():
             return
         step = elapsed_ns / self._travel_ns if self._travel_ns else 1.0
         self._closed += min(max(float(closes) - self._closed, -step), step)
+
+    def _follow_fingers(self, now_ns: int) -> None:
+        """Derive the position of the gripper from its fingers, and note when they moved last."""
+        moving = self.multipliers != 0.0
+        position_m = float(np.mean(self._fingers[moving] / self.multipliers[moving]))
+        if not math.isfinite(position_m):
+            return
+        self._closed = (position_m - self.open_m) / (self.closed_m - self.open_m)
+        if not abs(position_m - self._still_m) <= STILL * abs(self.closed_m - self.open_m):
+            self._still_m, self._still_ns = position_m, now_ns

@@ -15,12 +15,13 @@ QUEUE_BYTES = MAX_WAITING * (MAX_IO_BYTES + 128)
 
 # Names of the samples, which are topics of a recording.
 INPUTS, OUTPUTS, FIELDBUS = "/robotd/inputs", "/robotd/outputs", "/robotd/fieldbus"
+OBJECTS = "/robotd/objects"
 
 NamedValues = Mapping[str, Mapping[str, float]]
 Change = tuple[int, str, bytes]
 """Monotonic time, ``INPUTS`` or ``OUTPUTS``, and the bytes of the image."""
 Sample = Change | tuple[int, str, NamedValues]
-"""A change of the I/O, or the values of the fieldbus with the name ``FIELDBUS``."""
+"""A change of the I/O, or values by name: the fieldbus (``FIELDBUS``) or poses (``OBJECTS``)."""
 
 
 class IoSampler:

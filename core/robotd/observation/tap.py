@@ -17,12 +17,20 @@ from robotd import log as robot_log
 from robotd.descriptor.urdf import read_urdf_text
 from robotd.device.bus_status import BusState, BusStatus
 from robotd.device.state import ConnectionState
+from robotd.device.world import POSE_VALUES
 from robotd.errors import DescriptorError, RobotdError
 from robotd.events import MAX_BYTES, BoundedLog, EventKind, EventLog, Level
 from robotd.log import get_logger
 from robotd.observation.change_detector import ChangeDetector
 from robotd.observation.frame_ring import MEMORY_BYTES, FrameRing
-from robotd.observation.io_sampler import FIELDBUS, QUEUE_BYTES, IoSampler, NamedValues, Sample
+from robotd.observation.io_sampler import (
+    FIELDBUS,
+    OBJECTS,
+    QUEUE_BYTES,
+    IoSampler,
+    NamedValues,
+    Sample,
+)
 from robotd.observation.period_writer import period_writer
 from robotd.observation.plot_history import HISTORY_BYTES, PlotHistory
 from robotd.robot import Robot
@@ -56,7 +64,7 @@ class Tap:
         history: last minute of them, at the rate of a plot.
         events: the robot's event log.
         samples: I/O where it changes, in every period on a backend with a live image, else at
-            10 Hz, and the fieldbus once a second.
+            10 Hz, the fieldbus once a second, and objects of a simulated world at 10 Hz.
         fieldbus: newest state and counters of each bus and node; empty without one.
         buses: newest status of each bus; without those that could not be read.
         offset_ns: wall-clock time minus monotonic time of the robot's clock.
@@ -131,6 +139,13 @@ class Tap:
         now_ns = self.robot.clock.now_ns()
         for sample in self._io.changes():
             self.samples.append(sample, SAMPLE_OVERHEAD_BYTES + len(sample[2]))
+        if (world := self.robot.world) is not None and world.objects:
+            poses = {
+                each.name: dict(zip(POSE_VALUES, pose, strict=True))
+                for each, pose in zip(world.objects, world.poses().tolist(), strict=True)
+            }
+            size = SAMPLE_OVERHEAD_BYTES + len(poses) * len(POSE_VALUES) * VALUE_BYTES
+            self.samples.append((now_ns, OBJECTS, poses), size)
         if self._observed % BUS_PERIOD_SAMPLES == 0:
             self.buses = self._read_buses()
             self.fieldbus = {

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from robotd.device.capabilities import Capability
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
 from robotd.device.fault_injector import FaultInjector
+from robotd.device.passive_joints import PassiveJoints
+from robotd.device.world import World
 from robotd.plugin.fault_isolation import isolated
 
 _METHODS: dict[Capability, tuple[tuple[type, str], ...]] = {
@@ -38,6 +40,7 @@ class Drivers:
         device, axes: always there.
         io, fieldbus: None where this robot has none.
         make_fault_injector: makes the fault injector of this device, or None.
+        passive_joints, world: None where there are none.
     """
 
     device: DeviceDriver
@@ -45,6 +48,8 @@ class Drivers:
     io: IoDriver | None
     fieldbus: FieldbusDriver | None
     make_fault_injector: Callable[[], FaultInjector | None]
+    passive_joints: PassiveJoints | None = None
+    world: World | None = None
 
     def capabilities(self, declared: frozenset[Capability]) -> frozenset[Capability]:
         """Return the declared capabilities and those that follow from the drivers."""
@@ -87,6 +92,9 @@ class Drivers:
             axes=isolated(self.axes, AxisDriver, plugin, backend),
             io=self.io and isolated(self.io, IoDriver, plugin, backend),
             fieldbus=self.fieldbus and isolated(self.fieldbus, FieldbusDriver, plugin, backend),
+            passive_joints=self.passive_joints
+            and isolated(self.passive_joints, PassiveJoints, plugin, backend),
+            world=self.world and isolated(self.world, World, plugin, backend),
         )
 
     def _driver(self, contract: type) -> object | None:

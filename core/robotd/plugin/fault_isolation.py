@@ -18,7 +18,9 @@ from functools import partial
 from typing import Any, Generic, TypeVar, cast
 
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
+from robotd.device.passive_joints import PassiveJoints
 from robotd.device.state import ConnectionState
+from robotd.device.world import World
 from robotd.errors import DeviceTimeout, OperationError, RobotdError, Unsupported
 from robotd.plugin.call_timeout import CallTimeout, call_with_timeout
 from robotd.realtime import is_control_loop
@@ -33,6 +35,8 @@ _UNTIMED = {
     AxisDriver: {"read", "stream", "stream_ran_dry", "stream_torque"},
     IoDriver: {"input_bytes", "output_bytes", "read_inputs", "read_outputs"},
     FieldbusDriver: {"buses", "register_bytes"},
+    PassiveJoints: {"read"},
+    World: {"poses", "image"},  # a call with a limit has a thread of its own, a renderer one thread
 }
 
 Driver = TypeVar("Driver", bound=ABC)

@@ -26,6 +26,8 @@ from robotd.descriptor import RobotDescriptor
 from robotd.device.capabilities import Capability
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
 from robotd.device.fault_injector import FaultInjector
+from robotd.device.passive_joints import PassiveJoints
+from robotd.device.world import World
 from robotd.plugin.registry import NodeRegistry, RobotRegistry
 
 API_VERSION = 1
@@ -130,7 +132,11 @@ class RobotdHooks:
 
     @hookspec
     def robotd_register_nodes(self, registry: NodeRegistry) -> None:
-        """Add ROS nodes by name, see ``NodeRegistry.add``. Called once, before nodes are made."""
+        """Add ROS nodes by name, see ``NodeRegistry.add``. Called once, before nodes are made.
+
+        Nodes of a backend are served with every robot on it, beside those of the robot's file;
+        they reach its device by ``robot.device``.
+        """
 
     @hookspec(firstresult=True)
     def robotd_backend(self) -> BackendInfo | None:
@@ -151,6 +157,16 @@ class RobotdHooks:
     @hookspec(firstresult=True)
     def robotd_fieldbus(self, device: Any, context: DeviceContext[Any]) -> FieldbusDriver | None:
         """Make the diagnostics driver of the device; None where there is no fieldbus."""
+
+    @hookspec(firstresult=True)
+    def robotd_passive_joints(
+        self, device: Any, context: DeviceContext[Any]
+    ) -> PassiveJoints | None:
+        """Make the reader of measured joints that are no axes; None where there are none."""
+
+    @hookspec(firstresult=True)
+    def robotd_world(self, device: Any, context: DeviceContext[Any]) -> World | None:
+        """Make the surroundings of a simulated robot; None where there are none."""
 
     @hookspec(firstresult=True)
     def robotd_fault_injector(

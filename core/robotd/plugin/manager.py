@@ -20,6 +20,8 @@ from robotd.descriptor import RobotDescriptor, validate_section
 from robotd.device.capabilities import DERIVED, Capability
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
 from robotd.device.fault_injector import FaultInjector
+from robotd.device.passive_joints import PassiveJoints
+from robotd.device.world import World
 from robotd.errors import PluginError, RobotdError, unknown_name
 from robotd.plugin.call_timeout import CallTimeout, call_with_timeout
 from robotd.plugin.driver_set import Drivers
@@ -152,6 +154,7 @@ class Backend(Plugin):
         name: of the entry point.
         info: description by the backend.
         capabilities: declared ones, and those of the hooks that it has.
+        nodes: ROS nodes that are served with every robot on it.
     """
 
     def __init__(self, origin: PluginOrigin, module: object) -> None:
@@ -166,6 +169,8 @@ class Backend(Plugin):
         hooks = MANAGER.hooks_of(module)
         derived_from = {capability for capability, hook in _HOOK_OF.items() if hook in hooks}
         self.capabilities = self.info.capabilities | derived_from | {Capability.AXES}
+        self.nodes = NodeRegistry()
+        self.call("robotd_register_nodes", registry=self.nodes)
 
     def context(self, robot: RobotDescriptor, clock: Clock | None = None) -> DeviceContext[Any]:
         """Validate the robot's section for this backend, once, and return the context of a device.
@@ -189,6 +194,8 @@ class Backend(Plugin):
             self._maybe("robotd_io", IoDriver, **given),
             self._maybe("robotd_fieldbus", FieldbusDriver, **given),
             lambda: self._maybe("robotd_fault_injector", FaultInjector, **given),
+            self._maybe("robotd_passive_joints", PassiveJoints, **given),
+            self._maybe("robotd_world", World, **given),
         )
         if missing := drivers.missing(self.info.capabilities):
             raise PluginError(f"plugin {self.origin}: {'; '.join(missing)}")

@@ -95,6 +95,15 @@ class NodeRegistry:
             raise DescriptorError.join(problems)
         return {name: self.nodes[name] for name in names}
 
+    def with_backend(self, others: NodeRegistry) -> NodeRegistry:
+        """Return these nodes and those of a backend. Raises PluginError as ``add``."""
+        both = NodeRegistry(dict(self.nodes))
+        for name, info in others.nodes.items():
+            if both.nodes.get(name) == info:  # the backend is a plugin, too
+                continue
+            both.add(name, **vars(info))
+        return both
+
     def check_parameters(self, descriptor: RobotDescriptor) -> None:
         """Check ``ros_parameters`` of those of the robot's nodes that bring a reader.
 

@@ -15,7 +15,7 @@ from robotd.descriptor.section import MAX_AXES
 from robotd.device.process_image import VALUES
 from robotd.events import Event, EventKind
 from robotd.observation.frame_ring import Frames
-from robotd.observation.io_sampler import FIELDBUS, INPUTS, OUTPUTS, Sample
+from robotd.observation.io_sampler import FIELDBUS, INPUTS, OBJECTS, OUTPUTS, Sample
 from robotd_messages import message_types as types
 from robotd_messages.message_encoders import (
     AXIS_VALUES,
@@ -58,6 +58,7 @@ TOPICS = {
     INPUTS: types.OCTETS,
     OUTPUTS: types.OCTETS,
     FIELDBUS: types.DYNAMIC_JOINT_STATE,
+    OBJECTS: types.DYNAMIC_JOINT_STATE,
     DESCRIPTION: types.STRING,
 }
 LATCHED = {DESCRIPTION}
@@ -195,7 +196,7 @@ class RecordingWriter:
             self.message(GOALS, time_ns, trajectory_message(event.data, start_ns))
 
     def sample(self, sample: Sample) -> None:
-        """Add a sample of the I/O or the fieldbus."""
+        """Add a sample of the I/O, the fieldbus or the objects."""
         time_ns, name, content = sample
         if isinstance(content, bytes):
             self.message(name, time_ns, octets_message(content))

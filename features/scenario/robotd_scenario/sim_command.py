@@ -1,4 +1,4 @@
-"""``robotd sim``: run a scenario, and control a running simulation."""
+"""``robotd sim``: run a scenario, and control a running simulation and its objects."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ MAX_STEPS = 1_000_000
 
 @click.group("sim", epilog=ROS_EPILOG)
 def sim() -> None:
-    """Scenarios and faults for the simulation."""
+    """Scenarios, faults and objects of the simulation."""
 
 
 @sim.command("run")
@@ -109,6 +109,29 @@ def pause(client: RosClient) -> object:
 def resume(client: RosClient) -> object:
     """Resume the time of the running simulation."""
     return import_ros("robotd_scenario.simulation_client").pause(client, paused=False)
+
+
+@sim.command("place", epilog=ROS_EPILOG)
+@click.argument("name")
+@click.argument("values", metavar="KEY=VALUE...", nargs=-1, required=True)
+@client_options
+def place(name: str, values: Sequence[str], timeout_s: float) -> None:
+    """Move an object of the simulated world, such as: robotd sim place cube x=0.4 y=0.1.
+
+    Keys are x, y, z in m and roll, pitch, yaw in rad; others stay. The backend needs a world, as
+    mujoco has one.
+    """
+    fields = {"name": name, **_fields(values)}
+    with robot_client(timeout_s) as client:
+        click.echo(import_ros("robotd_scenario.simulation_client").place(client, fields))
+        print_addressed_robots(client)
+
+
+@sim.command("reset", epilog=ROS_EPILOG)
+@asks_robot
+def reset(client: RosClient) -> object:
+    """Put the objects of the simulated world back to where they were at the start."""
+    return import_ros("robotd_scenario.simulation_client").reset(client)
 
 
 def run_scenario(file: Path, robot: str | None, scale: float | None) -> ExitCode:

@@ -154,6 +154,9 @@ def _fill(message: Any, gripper: Gripper, state: GripperState) -> None:
 
 def _fill_in_parallel(message: Any, gripper: Gripper, state: GripperState) -> None:
     message.state.name = list(gripper.joints)
-    message.state.position = (gripper.multipliers * state.position_m).tolist()
+    fingers = (
+        gripper.finger_positions if gripper.is_measured else gripper.multipliers * state.position_m
+    )
+    message.state.position = fingers.tolist()
     message.state.velocity = [0.0] * len(gripper.joints)
     message.stalled, message.reached_goal = state.stalled, state.reached

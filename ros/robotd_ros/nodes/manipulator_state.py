@@ -100,6 +100,11 @@ class JointStateTopics:
 
     def _move_fingers(self) -> None:
         gripper = self._gripper
+        if gripper is not None and gripper.is_measured:
+            fingers = gripper.finger_positions
+            for positions in self._positions:
+                positions[self._joints :] = fingers
+            return
         if gripper is None or (position_m := gripper.position_m) == self._finger_m:
             return
         self._finger_m = position_m

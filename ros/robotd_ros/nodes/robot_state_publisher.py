@@ -90,7 +90,7 @@ class _KnownJoints:
         measured = image.position[self._axes]
         if self._gripper is None:
             return measured
-        fingers = self._gripper.multipliers * self._gripper.position_m
+        fingers = self._gripper.finger_positions
         return np.concatenate([measured, fingers])
 
 

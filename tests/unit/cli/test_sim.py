@@ -114,3 +114,15 @@ def test_a_repeated_key_and_a_number_with_underscores_are_usage_errors(
 @pytest.mark.parametrize("words", [["nonsense"], ["amp_alarm", "axis"], ["amp_alarm", "=2"]])
 def test_words_that_say_nothing_are_usage_errors(robotd: Robotd, words: list[str]) -> None:
     assert robotd("sim", "inject", *words).exit_code == ExitCode.USAGE
+
+
+def test_an_object_is_placed_by_its_name(robotd: Robotd, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+    requests = SimpleNamespace(place=lambda client, fields: asked.append(fields) or "done")
+    monkeypatch.setattr("robotd_scenario.sim_command.print_addressed_robots", lambda client: None)
+    monkeypatch.setattr("robotd_scenario.sim_command.robot_client", nullcontext)
+    monkeypatch.setattr("robotd_scenario.sim_command.import_ros", lambda name: requests)
+    result = robotd("sim", "place", "cube", "x=0.4", "yaw=-1")
+    assert (result.exit_code, result.stdout) == (0, "done\n"), result.output
+    assert asked == [{"name": "cube", "x": 0.4, "yaw": -1}]
+    assert robotd("sim", "place", "cube").exit_code == ExitCode.USAGE

@@ -5,9 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 from tests.unit.control.harness import Harness, arm
 
+from robotd.arrays import FloatArray
+from robotd.descriptor import GripperSettings
+from robotd.device.gripper import Gripper
+from robotd.device.process_image import ProcessImage
 from robotd.errors import InvalidArgument
 
 GRIPPER = {
@@ -112,3 +117,54 @@ def test_positions_of_fingers_follow_their_multipliers() -> None:
     with pytest.raises(InvalidArgument, match="has no position of a finger"):
         gripper.checked_fingers({})
     harness.robot.shutdown()
+
+
+class MeasuredGripper:
+    """A gripper whose fingers move as the test says, in the time of the harness."""
+
+    def __init__(self, harness: Harness) -> None:
+        self.fingers = np.zeros(2)
+        self.end_m = 0.0
+        settings = GripperSettings.model_validate({**GRIPPER, "multipliers": [1.0, -1.0]})
+        self.gripper = Gripper(harness.robot.io, settings, harness.clock, self._read)
+        harness.robot.control_loop.every(500, "measured fingers", self._step)
+
+    def _read(self, positions: FloatArray) -> None:
+        positions[:] = self.fingers
+
+    def _step(self, image: ProcessImage) -> None:
+        way = np.clip(self.end_m - self.fingers[0], -0.0004, 0.0004)
+        self.fingers += (way, -way)
+        self.gripper.advance(image)
+
+
+@pytest.fixture
+def measured() -> Iterator[MeasuredGripper]:
+    harness = Harness(arm())
+    gripper = MeasuredGripper(harness)
+    harness.up()
+    yield gripper
+    harness.robot.shutdown()
+
+
+@pytest.mark.parametrize(
+    ("end_m", "reached"),
+    [(0.04, True), (0.0275, False), (0.0, False)],
+    ids=["end", "part", "stuck"],
+)
+def test_measured_fingers_are_reported_where_they_come_to_rest(
+    measured: MeasuredGripper, end_m: float, reached: bool
+) -> None:
+    measured.end_m = end_m
+    state = measured.gripper.move(0.04, lambda: False)
+    assert state.position_m == pytest.approx(end_m, abs=5e-4)
+    assert (state.reached, state.stalled, state.at_rest) == (reached, not reached, True)
+    assert measured.gripper.finger_positions == pytest.approx([end_m, -end_m], abs=5e-4)
+    assert measured.gripper.closed == pytest.approx(end_m / 0.04, abs=0.02)
+
+
+def test_a_canceled_move_of_measured_fingers_is_not_at_rest(measured: MeasuredGripper) -> None:
+    measured.end_m = 0.04
+    state = measured.gripper.move(0.04, lambda: measured.fingers[0] > 0.01)
+    assert not state.at_rest
+    assert 0.01 < state.position_m < 0.02
