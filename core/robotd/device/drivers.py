@@ -345,7 +345,8 @@ class IoDriver(ABC):
     def live(self) -> tuple[memoryview, memoryview] | None:
         """Images of inputs and outputs that are updated in place, to record every period.
 
-        None: they are only read by calls.
+        Each begins at address 0; of a large image its first 256 bytes are enough. None: they are
+        only read by calls.
         """
         return None
 

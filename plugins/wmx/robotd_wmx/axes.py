@@ -143,11 +143,15 @@ class WmxAxes(AxisDriver):
             raise DeviceTimeout(f"{what}: no confirmation within {MODE_TIMEOUT_S:g} s", axis=axis)
 
     def set_polarity(self, axis: int, polarity: int) -> None:
-        with translated(f"polarity {polarity}", axis=axis):
+        what = f"polarity {polarity}"
+        self._require_off(axis, what)
+        with translated(what, axis=axis):
             self._device.set_polarity(axis, polarity)
 
     def set_gear_ratio(self, axis: int, numerator: float, denominator: float) -> None:
-        with translated(f"gear ratio {numerator:g}/{denominator:g}", axis=axis):
+        what = f"gear ratio {numerator:g}/{denominator:g}"
+        self._require_off(axis, what)
+        with translated(what, axis=axis):
             self._device.set_gear_ratio(axis, numerator, denominator)
 
     def home(self, axis: int, timeout_s: float) -> None:
@@ -233,6 +237,11 @@ class WmxAxes(AxisDriver):
             raise OperationError(
                 "the command is not at the measured position, enabling would jump", axis=axis
             )
+
+    def _require_off(self, axis: int, what: str) -> None:
+        """An enabled axis keeps its scale: the engine would change where it is."""
+        if self._status().servo_on(axis):
+            raise NotReady(f"{what}: the servo is on", axis=axis)
 
     def _slow_down(self, axes: Sequence[int]) -> None:
         """Streamed commands have no deceleration of their own: stop within |v| / deceleration."""

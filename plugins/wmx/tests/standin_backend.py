@@ -41,6 +41,9 @@ class StandinBench(FaultInjector):
     def set_input_bit(self, byte: int, bit: int, value: bool) -> None:
         port("input_bit" if value else "no_input_bit", byte, bit)
 
+    def output_bit(self, byte: int, bit: int) -> bool:
+        return bool(int(port("output", byte)) >> bit & 1)
+
 
 @hookimpl
 def robotd_backend() -> BackendInfo:

@@ -16,10 +16,11 @@ void describe(const Block &block, int index, ecApi::EcSlaveInfo &info) {
     info.id = index;
     info.position = static_cast<short>(index);
     info.address = static_cast<short>(0x1001 + index);
-    info.vendorId = drive ? 0x57A4D : 0x57A4E;  // invented
-    info.productCode = drive ? 0xD1 : 0x10;
-    info.revisionNo = 1;
-    info.serialNo = 1000 + index;
+    const Identity identity = identity_of(slave, index);
+    info.vendorId = identity.vendor;
+    info.productCode = identity.product;
+    info.revisionNo = identity.revision;
+    info.serialNo = identity.serial;
     info.numOfAxes = drive;
     info.axisInfo[0].axisIndex = slave.axis;
     info.offline = slave.lost;

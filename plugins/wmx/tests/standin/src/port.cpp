@@ -78,6 +78,7 @@ const Entry COMMANDS[] = {
     {"home_switch", "AXIS 0|1", 2,
      [](Block &b, const long *a) { status(b, a[0]).homeSwitch = a[1]; }},
     {"input", "BYTE VALUE", 2, [](Block &b, const long *a) { b.inputs[a[0]] = a[1]; }},
+    {"output", "BYTE", 1, [](Block &b, const long *a) { std::printf("%d\n", b.outputs[a[0]]); }},
     {"hang", "", 0, [](Block &, const long *) {  // every call, until standard input ends
          std::puts("hanging");
          std::fflush(stdout);

@@ -29,11 +29,15 @@ struct Object {
     unsigned int *written;  // by a download; null: read only
 };
 
-Object object_of(Slave &slave, int index, int subindex) {
+// ETG.1000.6 requires all four entries of the identity, 0x1018.
+Object object_of(Slave &slave, int number, int index, int subindex) {
     const bool drive = slave.axis >= 0;
+    const Identity identity = identity_of(slave, number);
+    const unsigned int entries[] = {identity.vendor, identity.product, identity.revision,
+                                    identity.serial};
     if (index == 0x1000 && subindex == 0) return {drive ? 0x00020192u : 0x00030191u, 4, nullptr};
-    if (index == 0x1018 && subindex == 0) return {1, 1, nullptr};
-    if (index == 0x1018 && subindex == 1) return {drive ? 0x57A4Du : 0x57A4Eu, 4, nullptr};
+    if (index == 0x1018 && subindex == 0) return {4, 1, nullptr};
+    if (index == 0x1018 && subindex >= 1 && subindex <= 4) return {entries[subindex - 1], 4, nullptr};
     if (index == 0x6065 && subindex == 0 && drive) return {slave.window, 4, &slave.window};
     return {0, 0, nullptr};
 }
@@ -68,7 +72,7 @@ ECAPIFUNC Ecat::SdoUpload(int masterId, int slaveId, int index, int subindex, in
                           unsigned char *buffer, unsigned int *actual, unsigned int *errCode,
                           unsigned int) {
     return with_slave(wmx3Api, masterId, slaveId, [&](Block &, Slave &slave) -> int {
-        const Object object = object_of(slave, index, subindex);
+        const Object object = object_of(slave, slaveId, index, subindex);
         *errCode = !object.size ? UNKNOWN : size < object.size ? WRONG_LENGTH : 0;
         if (*errCode) return EcErrorCode::SlaveSdoUploadError;
         std::memcpy(buffer, &object.value, object.size);
@@ -79,7 +83,7 @@ ECAPIFUNC Ecat::SdoUpload(int masterId, int slaveId, int index, int subindex, in
 ECAPIFUNC Ecat::SdoDownload(int masterId, int slaveId, int index, int subindex, int size,
                             unsigned char *data, unsigned int *errCode, unsigned int) {
     return with_slave(wmx3Api, masterId, slaveId, [&](Block &, Slave &slave) -> int {
-        const Object object = object_of(slave, index, subindex);
+        const Object object = object_of(slave, slaveId, index, subindex);
         *errCode = !object.size             ? UNKNOWN
                    : !object.written        ? READ_ONLY
                    : size != object.size    ? WRONG_LENGTH

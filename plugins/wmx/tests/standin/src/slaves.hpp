@@ -7,6 +7,16 @@ namespace standin {
 
 constexpr int IO_BYTES = 8;  // of an I/O module, in and out
 
+struct Identity {
+    unsigned int vendor, product, revision, serial;
+};
+
+// What the slave with this number answers in its information interface and in object 0x1018.
+inline Identity identity_of(const Slave &slave, int number) {
+    const bool drive = slave.axis >= 0;
+    return {drive ? 0x57A4Du : 0x57A4Eu, drive ? 0xD1u : 0x10u, 1, 1000u + number};  // invented
+}
+
 // Runs `command(block, slave)` for a slave that answers.
 template <class Command>
 int with_slave(const WMX3Api *api, int master, int slave, Command command) {
