@@ -27,6 +27,8 @@ class FeatureHost:
         namespace: of the ROS nodes.
         parts: running part of each feature that was opened before, by the feature's name.
         requested: names of features whose part a feature that was opened before uses.
+        on_served: called when the robot's nodes answer, before the device is opened, in this order.
+            Append functions.
         on_ready: called when the robot has started, in this order. Append functions.
         say: prints a line for the person who started the robot.
     """
@@ -39,6 +41,7 @@ class FeatureHost:
         self.namespace = namespace
         self.parts: dict[str, Any] = {}
         self.requested: set[str] = set()
+        self.on_served: list[Callable[[], None]] = []
         self.on_ready: list[Callable[[], None]] = []
         self.say = say
         self._tap: Tap | None = None

@@ -8,7 +8,7 @@ from robotd.log import get_logger
 
 log = get_logger("serve")
 
-MAX_CONNECTIONS = 64  # of each port: page, metrics, Foxglove
+MAX_CONNECTIONS = 64  # of each port: page, metrics, Foxglove, health
 MAX_FILES = 512  # of a process with every port full, its recorder and its bus included
 LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "[::1]"})
 

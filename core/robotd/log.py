@@ -7,7 +7,9 @@ robotd as a library and does not call ``configure_logging``, lines go to the log
 
 from __future__ import annotations
 
+import json
 import logging
+import os
 import re
 import sys
 import time
@@ -38,6 +40,7 @@ MAX_FOREIGN_CHARACTERS = 300
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 
 LEVELS = ("debug", "info", "warning", "error")
+_PRIORITIES = {"debug": 7, "info": 6, "warning": 4, "error": 3, "critical": 2}  # of syslog
 
 
 class LogLine(NamedTuple):
@@ -66,7 +69,8 @@ def configure_logging(
 ) -> None:
     """Set level (one of ``LEVELS``), format and stream for the whole process.
 
-    ``stream`` None is the current standard error.
+    ``stream`` None is the current standard error. JSON lines to the journal of systemd begin with
+    their priority, which the journal takes away.
     """
     stream = sys.stderr if stream is None else stream
     shared: list[Processor] = [
@@ -80,7 +84,7 @@ def configure_logging(
         tail: list[Processor] = [
             structlog.processors.TimeStamper(fmt="iso", utc=True),
             structlog.processors.format_exc_info,
-            structlog.processors.JSONRenderer(),
+            _journal_line if is_journal(stream) else structlog.processors.JSONRenderer(),
         ]
     else:
         tail = [
@@ -94,6 +98,20 @@ def configure_logging(
         logger_factory=structlog.PrintLoggerFactory(lossy(stream)),
         cache_logger_on_first_use=False,
     )
+
+
+def is_journal(stream: TextIO) -> bool:
+    """Return True where ``stream`` leads to the journal of systemd."""
+    try:
+        facts = os.fstat(stream.fileno())
+    except (OSError, ValueError):
+        return False
+    return os.environ.get("JOURNAL_STREAM") == f"{facts.st_dev}:{facts.st_ino}"
+
+
+def _journal_line(logger: Any, method: str, fields: EventDict) -> str:
+    priority = _PRIORITIES.get(str(fields.get("level")), _PRIORITIES["error"])
+    return f"<{priority}>{json.dumps(fields, default=repr)}"
 
 
 def printable(text: str) -> str:

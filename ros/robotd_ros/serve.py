@@ -85,7 +85,8 @@ def serve(
 
     Args:
         robot: not started.
-        node_names: nodes to make; one that ``enables_servos`` switches them on.
+        node_names: nodes to make; one that ``enables_servos`` switches them on, unless
+            ``engine.enable_at_start`` forbids it.
         ros_args: from ``--ros-args`` on.
         registry: nodes that can be named; None: the built-in ones.
         served: called when the nodes are served, before the robot starts.
@@ -178,8 +179,8 @@ def _begin(
     robot: Robot, lifecycle: RobotLifecycle | None, enable: bool, events: SimpleQueue[Event]
 ) -> None:
     if lifecycle is None:
-        _start(robot, enable, events)
-    else:
+        _start(robot, enable and robot.descriptor.engine.enable_at_start, events)
+    else:  # its ``activate`` is a command
         _manage(lifecycle, enable, events)
     # What start-up made stays: a full collection over it would cost the loop 20 ms. Until now
     # there was none at all: `robotd run` has seen to that.

@@ -129,3 +129,19 @@ except ZeroDivisionError:
     assert (first, second) == ("shown axis=1", "robotd.loop INFO taken axis=2")
     assert rest[0] == "robotd.loop ERROR failed"
     assert rest[-1] == "ZeroDivisionError: division by zero"
+
+
+def test_json_lines_to_the_journal_begin_with_their_priority(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with (tmp_path / "journal").open("w") as stream:
+        facts = os.fstat(stream.fileno())
+        monkeypatch.setenv("JOURNAL_STREAM", f"{facts.st_dev}:{facts.st_ino}")
+        configure_logging("info", LogFormat.JSON, stream)
+        get_logger("axes").warning("alarm", axis=1)
+        monkeypatch.setenv("JOURNAL_STREAM", "1:1")  # another stream
+        configure_logging("info", LogFormat.JSON, stream)
+        get_logger("axes").warning("alarm", axis=1)
+    first, second = (tmp_path / "journal").read_text().splitlines()
+    assert first.startswith('<4>{"component": "axes"')
+    assert json.loads(second)["axis"] == 1

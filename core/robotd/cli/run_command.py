@@ -195,6 +195,8 @@ def _serve(
         nonlocal is_served
         is_served = True
         _say(start_summary(robot, origin, report, verbose=options.verbose))
+        for each in features.on_served:
+            each()
 
     def ready() -> None:
         for each in features.on_ready:

@@ -143,6 +143,11 @@ class ControlLoop:
         """Start of the current period on the loop's clock: the time of what it publishes."""
         return self._deadlines.start_ns
 
+    @property
+    def is_started(self) -> bool:
+        """The thread is meant to run: from ``start`` to ``stop``. False on a ``SteppedClock``."""
+        return self._thread is not None and not self._stopping.is_set()
+
     def every(self, rate_hz: float, name: str, task: Task, *, first: bool = False) -> None:
         """Call ``task(image)`` in the control-loop thread, at most ``rate_hz`` times a second.
 

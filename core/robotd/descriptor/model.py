@@ -76,8 +76,13 @@ class CycleSettings(Section):
 
 
 class EngineSettings(Section):
-    """Retries, time-outs and staleness limits of the device."""
+    """Start, retries, time-outs and staleness limits of the device."""
 
+    enable_at_start: bool = Field(
+        True,
+        description="Switch the servos on when `robotd run` starts; false: `robotd servo on` does, "
+        "so that a restart by a supervisor energises nothing.",
+    )
     open_tries: int = Field(5, ge=1, le=1000, description="Attempts to open the device.")
     open_retry_s: NotNegative = Field(2.0, description="Pause between two attempts.")
     reconnect: bool = Field(

@@ -24,10 +24,12 @@ class Override:
     Attributes:
         keys: path of the key from the top of the file; list items by their index from 0.
         node: the value, typed as in a file.
+        text: ``KEY=VALUE``, as typed.
     """
 
     keys: tuple[str, ...]
     node: Node
+    text: str
 
     @property
     def key(self) -> str:
@@ -51,13 +53,13 @@ def parse_override(text: str) -> Override:
         node = read_value(value, ORIGIN)
     except DescriptorError:
         raise _error(f"{value!r} is no value of a descriptor", path) from None
-    return Override(keys, node)
+    return Override(keys, node, text)
 
 
 def override(key: str, value: object) -> Override:
     """Return the override of a dotted key by a number, truth value, text or path."""
     plain = str(value) if isinstance(value, Path) else value
-    return Override(tuple(key.split(".")), Node(plain, ORIGIN, None))
+    return Override(tuple(key.split(".")), Node(plain, ORIGIN, None), f"{key}={plain}")
 
 
 def overridden(tree: Node, overrides: Sequence[Override]) -> Node:

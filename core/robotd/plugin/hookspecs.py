@@ -96,6 +96,8 @@ class BackendInfo:
         options: model of its descriptor section.
         axis_keys: keys that commissioning may write; None: scale and direction are not in the
             descriptor.
+        linux_capabilities: that its device needs beside those of the control loop, such as
+            ``CAP_NET_RAW``; a service unit grants no others.
     """
 
     summary: str
@@ -103,6 +105,7 @@ class BackendInfo:
     capabilities: frozenset[Capability] = frozenset()
     options: type[BackendOptions] = BackendOptions
     axis_keys: AxisKeys | None = None
+    linux_capabilities: tuple[str, ...] = ()
 
 
 Options = TypeVar("Options")

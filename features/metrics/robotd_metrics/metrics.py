@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import logging
-import sys
-import threading
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Protocol
-from wsgiref.simple_server import WSGIRequestHandler, make_server
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager
+from typing import Protocol
 
 import numpy as np
 from prometheus_client import (
@@ -23,22 +19,13 @@ from prometheus_client.core import (
     HistogramMetricFamily,
     Metric,
 )
-from prometheus_client.exposition import ThreadingWSGIServer
 
 from robotd.arrays import IntArray
 from robotd.clock import NANOSECONDS
-from robotd.errors import OperationError
 from robotd.events import OWN_PROCESS, EventKind
-from robotd.local_ports import MAX_CONNECTIONS, rejection
+from robotd.local_http import serve_http
 from robotd.observation.tap import Tap
 
-if TYPE_CHECKING:
-    from wsgiref.types import StartResponse, WSGIApplication, WSGIEnvironment
-
-foreign = logging.getLogger("metrics")  # limited: see ``robotd.log``
-
-ADDRESS = "127.0.0.1"
-REQUEST_TIMEOUT_S = 10.0
 BUCKETS_S = (10e-6, 30e-6, 100e-6, 300e-6, 1e-3, 3e-3, 10e-3, 30e-3, 100e-3)
 MAX_LABELS = 64  # different values of a label; further ones are counted as "other"
 BUS_COUNTERS = ("lost_frames", "timeouts", "late_cycles")
@@ -175,70 +162,12 @@ class Metrics:
         )
 
 
-@contextmanager
-def serve_metrics(made: CollectorRegistry, port: int) -> Iterator[int]:
+def serve_metrics(made: CollectorRegistry, port: int) -> AbstractContextManager[int]:
     """Serve ``/metrics`` on the loopback interface during the block; the value is the port.
-
-    Requests with a foreign Host or Origin header are answered 403, as by the page.
 
     Raises OperationError: the port is in use.
     """
-    answer_metrics: WSGIApplication = make_wsgi_app(made)
-
-    def answer(environ: WSGIEnvironment, start_response: StartResponse) -> Iterable[bytes]:
-        if reason := rejection(environ.get("HTTP_HOST", ""), environ.get("HTTP_ORIGIN")):
-            start_response("403 Forbidden", [("Content-Type", "text/plain; charset=utf-8")])
-            return [f"robotd: {reason}\n".encode()]
-        return answer_metrics(environ, start_response)
-
-    try:
-        server = make_server(ADDRESS, port, answer, _Server, _RequestHandler)
-    except OSError as error:
-        raise OperationError(f"--metrics {port}: {error.strerror or error}") from error
-    thread = threading.Thread(target=server.serve_forever, name="robotd-metrics", daemon=True)
-    thread.start()
-    try:
-        yield server.server_port
-    finally:
-        server.shutdown()
-        server.server_close()
-        thread.join()
-
-
-class _Server(ThreadingWSGIServer):
-    """Server of at most ``MAX_CONNECTIONS``, each with a thread; closes those beyond."""
-
-    block_on_close = False  # a client that sends nothing keeps its thread ``REQUEST_TIMEOUT_S``
-    request_queue_size = MAX_CONNECTIONS
-
-    def __init__(self, *args: Any, **options: Any) -> None:
-        super().__init__(*args, **options)
-        self._free = threading.Semaphore(MAX_CONNECTIONS)
-
-    def process_request(self, request: Any, client_address: Any) -> None:
-        if self._free.acquire(blocking=False):
-            super().process_request(request, client_address)
-        else:
-            self.close_request(request)
-
-    def process_request_thread(self, request: Any, client_address: Any) -> None:
-        try:
-            super().process_request_thread(request, client_address)
-        finally:
-            self._free.release()
-
-    def handle_error(self, request: Any, client_address: Any) -> None:
-        """Log one line instead of a traceback: any client can cause it."""
-        foreign.warning("request failed: %r", sys.exception())
-
-
-class _RequestHandler(WSGIRequestHandler):
-    """Handler of one connection, without a line on stderr for each request."""
-
-    timeout = REQUEST_TIMEOUT_S
-
-    def log_message(self, *_: object) -> None:
-        """Log nothing."""
+    return serve_http(make_wsgi_app(made), port, "metrics")
 
 
 def registry(tap: Tap, flight: SavedRecordings | None) -> CollectorRegistry:

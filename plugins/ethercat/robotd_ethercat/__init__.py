@@ -5,6 +5,7 @@ The hooks are here; ``master.py`` connects the parts.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from robotd.api import (
@@ -47,7 +48,8 @@ class EthercatSection(EthercatOptions):
 def robotd_backend() -> BackendInfo:
     """Axes, I/O and diagnostics; no parameter files."""
     summary = "CiA 402 servo drives and I/O modules on EtherCAT, with an open master"
-    return backend_info(summary, EthercatSection, "slave", Capability.REGISTER_READ)
+    info = backend_info(summary, EthercatSection, "slave", Capability.REGISTER_READ)
+    return replace(info, linux_capabilities=("CAP_NET_RAW",))  # of its socket
 
 
 @hookimpl

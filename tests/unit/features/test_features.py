@@ -26,6 +26,7 @@ OPTIONS = {
     "page": "--page=0",
     "recorder": "--record=folder",
     "scenario": "--scenario=file",
+    "service": "--health=0",
 }
 
 

@@ -1,0 +1,1 @@
+"""A robot under a supervisor: systemd notifications, health port, unit file."""
