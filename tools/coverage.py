@@ -36,6 +36,7 @@ ELSEWHERE = (
     "features/page/robotd_page",
     "ros/robotd_ros",
     "features/scenario/robotd_scenario",
+    "features/tool_space/robotd_tool_space",
     "features/testing/robotd_testing",
     "plugins/canopen",
     "plugins/ethercat",

@@ -7,7 +7,7 @@ checks of the core, thread rules and errors of drivers: ``help("robotd.device.dr
 backend are in ``robotd_ros.api``.
 """
 
-from robotd.arrays import FloatArray
+from robotd.arrays import BoolArray, FloatArray
 from robotd.clock import NANOSECONDS, Clock, MonotonicClock, wait_until
 from robotd.clock.simulated import held, ticks
 from robotd.descriptor import (
@@ -78,6 +78,7 @@ __all__ = [
     "AxisLimits",
     "BackendInfo",
     "BackendOptions",
+    "BoolArray",
     "BusNode",
     "BusState",
     "BusStatus",

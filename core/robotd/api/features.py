@@ -7,12 +7,15 @@ frames and events, and may command it as any program does. ``examples/csv_featur
 
 from robotd.control.problem import Problem, ProblemKind
 from robotd.descriptor.section import Section
+from robotd.descriptor.urdf import UrdfJoint, UrdfRobot, read_urdf
 from robotd.device.process_image import FLAGS, NUMBERS, VALUES, ProcessImage
+from robotd.device.tool_pose import tool_link
 from robotd.errors import InvalidArgument, OperationError, RobotdError
 from robotd.events import Event, EventKind, Level
 from robotd.feature import Feature, FeatureOption
 from robotd.feature_host import FeatureHost
 from robotd.health.robot_health import Health
+from robotd.motion import JointLimits
 from robotd.observation.frame_ring import Frames
 from robotd.observation.tap import Tap
 from robotd.robot import Robot
@@ -29,6 +32,7 @@ __all__ = [
     "Frames",
     "Health",
     "InvalidArgument",
+    "JointLimits",
     "Level",
     "OperationError",
     "Problem",
@@ -38,4 +42,8 @@ __all__ = [
     "RobotdError",
     "Section",
     "Tap",
+    "UrdfJoint",
+    "UrdfRobot",
+    "read_urdf",
+    "tool_link",
 ]

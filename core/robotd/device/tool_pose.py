@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 
@@ -59,15 +58,19 @@ def tool_poses(descriptor: RobotDescriptor) -> tuple[ToolPose, ...]:
     axes = {joint.name: joint.axis for joint in descriptor.joints}
     try:
         urdf = read_urdf(path)
-        links = [_link(urdf, descriptor, group, path) for group in descriptor.joint_groups]
+        links = [tool_link(urdf, descriptor, group) for group in descriptor.joint_groups]
     except DescriptorError as error:
         log.warning("no pose of the tool", reason=str(error))
         return ()
     return tuple(ToolPose(urdf, link, axes) for link in links)
 
 
-def _link(urdf: UrdfRobot, descriptor: RobotDescriptor, group: str, path: Path) -> str:
-    last = descriptor.joint_groups[group][-1].name
+def tool_link(urdf: UrdfRobot, descriptor: RobotDescriptor, group: str) -> str:
+    """Return the link of a group's tool: ``tool_link``, or that of its last joint.
+
+    Raises DescriptorError: ``urdf``, that of the descriptor, has no such joint or link.
+    """
+    path, last = descriptor.urdf, descriptor.joint_groups[group][-1].name
     if last not in urdf.joint:
         raise DescriptorError(f"has no joint {last!r}", path=path)
     link = descriptor.tool_links.get(group, urdf.joint[last].child)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 
 import numpy as np
 
 from robotd.arrays import FloatArray, IntArray
-from robotd.descriptor.joint_settings import FULL_ACCELERATION_S
+from robotd.descriptor.joint_settings import FULL_ACCELERATION_S, JointSettings
 from robotd.descriptor.model import TrajectorySettings
 from robotd.motion.limits import AxisLimits
 
@@ -58,6 +59,19 @@ class JointLimits:
             raise ValueError("a lower position limit is not below its upper one")
         if not all((each > 0).all() for each in (self.velocity, self.acceleration, self.jerk)):
             raise ValueError("velocity, acceleration and jerk limits must be positive")
+
+    @classmethod
+    def of_joints(cls, joints: Sequence[JointSettings]) -> JointLimits:
+        """Return the limits of a descriptor's joints."""
+        return cls(
+            tuple(joint.name for joint in joints),
+            np.array([joint.lower for joint in joints]),
+            np.array([joint.upper for joint in joints]),
+            np.array([joint.velocity for joint in joints]),
+            np.array([joint.acceleration for joint in joints]),
+            tuple(joint.unit for joint in joints),
+            np.array([joint.jerk for joint in joints]),
+        )
 
     def of(self, columns: IntArray) -> JointLimits:
         """Return the limits of some of the joints; ``columns``: (k,) their indices."""

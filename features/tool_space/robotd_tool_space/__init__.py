@@ -1,0 +1,33 @@
+"""Tool space: kinematics of the arm, and motion of its tool.
+
+The names below are for authors of features and programs.
+"""
+
+from robotd_tool_space.chain import Chain
+from robotd_tool_space.kinematics import Kinematics
+from robotd_tool_space.obstacle import Obstacle, Unreachable
+from robotd_tool_space.rotations import (
+    inverse_pose,
+    pose_differences,
+    pose_of,
+    quaternion_pose,
+    rotation_matrices,
+    rotation_vectors,
+    rpy_of,
+)
+from robotd_tool_space.task import Task
+
+__all__ = [
+    "Chain",
+    "Kinematics",
+    "Obstacle",
+    "Task",
+    "Unreachable",
+    "inverse_pose",
+    "pose_differences",
+    "pose_of",
+    "quaternion_pose",
+    "rotation_matrices",
+    "rotation_vectors",
+    "rpy_of",
+]

@@ -1,0 +1,133 @@
+"""Rotations and poses: matrices, rotation vectors, roll-pitch-yaw and quaternions.
+
+Poses are matrices of shape (4, 4), m. Functions of "..." take any number of leading dimensions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from robotd.api import FloatArray, InvalidArgument
+
+HALF_TURN_COSINE = -0.9999  # beyond it the skew part of a matrix has no direction left
+ROTATION_TOLERANCE = 1e-6  # of a given matrix: R·Rᵀ against the identity
+
+
+def skew(vectors: FloatArray) -> FloatArray:
+    """Return the matrices of cross products, (..., 3, 3) of vectors (..., 3)."""
+    result = np.zeros((*vectors.shape, 3))
+    result[..., 0, 1], result[..., 0, 2] = -vectors[..., 2], vectors[..., 1]
+    result[..., 1, 0], result[..., 1, 2] = vectors[..., 2], -vectors[..., 0]
+    result[..., 2, 0], result[..., 2, 1] = -vectors[..., 1], vectors[..., 0]
+    return result
+
+
+def rotation_matrices(vectors: FloatArray) -> FloatArray:
+    """Return the matrices (..., 3, 3) of rotation vectors (..., 3), rad: Rodrigues' formula."""
+    angle = np.linalg.norm(vectors, axis=-1)[..., None, None]
+    cross = skew(vectors)
+    # sin(a)/a and (1 - cos a)/a² without a division by 0: sinc(x) is sin(πx)/(πx).
+    first, half = np.sinc(angle / np.pi), np.sinc(angle / (2.0 * np.pi))
+    matrices: FloatArray = np.eye(3) + first * cross + 0.5 * half * half * (cross @ cross)
+    return matrices
+
+
+def rotation_vectors(matrices: FloatArray) -> FloatArray:
+    """Return the rotation vectors (..., 3), rad, of matrices (..., 3, 3)."""
+    skew_part = 0.5 * (matrices - np.swapaxes(matrices, -1, -2))
+    sines = np.stack([skew_part[..., 2, 1], skew_part[..., 0, 2], skew_part[..., 1, 0]], axis=-1)
+    sine = np.linalg.norm(sines, axis=-1)
+    cosine = 0.5 * (np.trace(matrices, axis1=-2, axis2=-1) - 1.0)
+    angle = np.arctan2(sine, cosine)
+    ratio = np.where(sine > 1e-9, angle / np.maximum(sine, 1e-9), 1.0)
+    vectors: FloatArray = sines * ratio[..., None]
+    for index in np.argwhere(cosine < HALF_TURN_COSINE):
+        place = tuple(index)
+        vectors[place] = _near_half_turn(matrices[place], sines[place], float(angle[place]))
+    return vectors
+
+
+def _near_half_turn(matrix: FloatArray, sines: FloatArray, angle: float) -> FloatArray:
+    """Return the rotation vector from the symmetric part, 2aaᵀ - 1."""
+    outer = 0.5 * (matrix + matrix.T) + np.eye(3)
+    column = outer[:, int(np.argmax(np.diag(outer)))]
+    axis: FloatArray = column / np.linalg.norm(column)
+    return angle * (axis if axis @ sines >= 0.0 else -axis)
+
+
+def pose_differences(poses: FloatArray, target: FloatArray) -> FloatArray:
+    """Return the ways from ``poses`` (..., 4, 4) to ``target``; shape (..., 6).
+
+    Translation in m, then the rotation vector in rad, both in the frame of the poses.
+    """
+    turned = target[..., :3, :3] @ np.swapaxes(poses[..., :3, :3], -1, -2)
+    shift = target[..., :3, 3] - poses[..., :3, 3]
+    return np.concatenate([shift, rotation_vectors(turned)], axis=-1)
+
+
+def inverse_pose(pose: FloatArray) -> FloatArray:
+    """Return the inverse of a pose (4, 4)."""
+    result = np.eye(4)
+    result[:3, :3] = pose[:3, :3].T
+    result[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
+    return result
+
+
+def pose_of(
+    position: Sequence[float] | FloatArray = (0.0, 0.0, 0.0),
+    rpy: Sequence[float] | FloatArray = (0.0, 0.0, 0.0),
+) -> FloatArray:
+    """Return a pose (4, 4) of m and of roll, pitch, yaw in rad."""
+    roll, pitch, yaw = rotation_matrices(np.diag(np.asarray(rpy, np.float64)))
+    result = np.eye(4)
+    result[:3, :3] = yaw @ pitch @ roll
+    result[:3, 3] = position
+    return result
+
+
+def rpy_of(matrix: FloatArray) -> FloatArray:
+    """Return roll, pitch, yaw about fixed axes, rad, of a rotation or pose.
+
+    Pitch is within a quarter turn. At a pitch of a quarter turn, roll is 0.
+    """
+    horizontal = np.hypot(matrix[0, 0], matrix[1, 0])
+    pitch = np.arctan2(-matrix[2, 0], horizontal)
+    if horizontal < 1e-9:  # roll and yaw turn about the same axis
+        return np.array([0.0, pitch, np.arctan2(-matrix[0, 1], matrix[1, 1])])
+    roll = np.arctan2(matrix[2, 1], matrix[2, 2])
+    return np.array([roll, pitch, np.arctan2(matrix[1, 0], matrix[0, 0])])
+
+
+def quaternion_pose(position: Sequence[float], quaternion: Sequence[float]) -> FloatArray:
+    """Return a pose (4, 4) of m and a quaternion x, y, z, w.
+
+    Raises InvalidArgument: a number is not finite, or the quaternion is not of length 1 ± 0.001.
+    """
+    vector, numbers = np.array(position, np.float64), np.array(quaternion, np.float64)
+    if not (np.isfinite(vector).all() and np.isfinite(numbers).all()):
+        raise InvalidArgument(f"pose {[*position, *quaternion]} has a number that is not finite")
+    length = float(np.linalg.norm(numbers))
+    if abs(length - 1.0) > 1e-3:
+        raise InvalidArgument(f"quaternion {list(quaternion)} has length {length:.4g}, must be 1")
+    x, y, z, w = numbers / length
+    result = np.eye(4)
+    cross = skew(np.array([x, y, z]))
+    result[:3, :3] = np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross
+    result[:3, 3] = vector
+    return result
+
+
+def checked_pose(pose: FloatArray, name: str = "pose") -> FloatArray:
+    """Return ``pose`` as an array; raises InvalidArgument: it is no pose, named ``name``."""
+    matrix = np.asarray(pose, np.float64)
+    if matrix.shape != (4, 4):
+        raise InvalidArgument(f"{name} has shape {matrix.shape}, must be (4, 4)")
+    if not np.isfinite(matrix).all():
+        raise InvalidArgument(f"{name} has a number that is not finite")
+    rotation = matrix[:3, :3]
+    off = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+    if off > ROTATION_TOLERANCE or np.linalg.det(rotation) < 0.0:
+        raise InvalidArgument(f"{name} has no rotation matrix: R·Rᵀ differs from 1 by {off:.2g}")
+    return matrix
