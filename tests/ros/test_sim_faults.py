@@ -1,7 +1,7 @@
 """Simulated faults, injected in three ways: effect on clients, and recovery.
 
-The ways: a scenario file, ``robotd sim inject``, and the service. Each fault comes at a place: half
-of the way of a goal that turns joint 6.
+The ways: a scenario file, ``robotd sim inject``, and the service. Each test begins with a robot
+in order at its start. Its fault comes at a place: half of the way of a goal that turns joint 6.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ pytestmark = pytest.mark.ros
 SCALE = "4"
 TIMES = ("--set", "backends.sim.stream_timeout_s=1", "--set", "engine.stale_after_s=1")  # simulated
 TURN_RAD = 0.3
+PLACE: dict[str, Any] = {"joint": "joint6", "above_rad": 0.5 * TURN_RAD}
 JOINTS = [f"joint{number}" for number in range(1, 7)]
 
 
@@ -43,7 +44,6 @@ class Robot:
         self.client = client
         self._axes = client.listen(AxisState, "/wmx/axis/state")
         self._joints = client.listen(JointState, "/joint_states")
-        self.turn(0)
 
     @property
     def axes(self) -> Any:
@@ -76,12 +76,12 @@ class Robot:
         assert self.client.call(SetBool, "/wmx/set_gripper", data=False).success
         return self.fingers_m < 0.001
 
-    def turn(self, number: int) -> str:
-        """Turn joint 6 to a numbered position; return the error text, "" when reached."""
+    def turn(self, joint6_rad: float) -> str:
+        """Turn joint 6, with all others at 0; return the error text, "" when reached."""
         goal = FollowJointTrajectory.Goal()
         goal.trajectory.joint_names = JOINTS
         goal.path_tolerance = [JointTolerance(name=name, position=0.08) for name in JOINTS]
-        point = JointTrajectoryPoint(positions=[0.0] * 5 + [number * TURN_RAD])
+        point = JointTrajectoryPoint(positions=[0.0] * 5 + [joint6_rad])
         point.time_from_start.sec = 3
         goal.trajectory.points = [point]
         result = self.client.send_goal(goal).result()[1]
@@ -113,11 +113,6 @@ class Case:
     says: str = ""
     sees: Look = lambda robot: True
     later: Look = lambda robot: True
-
-    @property
-    def place(self) -> dict[str, Any]:
-        number = 1 + CASES.index(self)
-        return {"joint": "joint6", "above_rad": (number - 0.5) * TURN_RAD}
 
 
 CASES = [
@@ -162,7 +157,7 @@ CASES = [
 
 
 def by_command(client: Client, case: Case) -> None:
-    values = case.keys | {f"when.{key}": value for key, value in case.place.items()}
+    values = case.keys | {f"when.{key}": value for key, value in PLACE.items()}
     words = [f"{key}={str(value).lower()}" for key, value in values.items()]
     result = CliRunner().invoke(main, ["sim", "inject", case.kind, *words])
     assert result.exit_code == 0, result.output
@@ -170,7 +165,7 @@ def by_command(client: Client, case: Case) -> None:
 
 def by_service(client: Client, case: Case) -> None:
     fields = {f"{case.kind}.{key}": value for key, value in case.keys.items()} or {case.kind: True}
-    fields |= {f"when.{key}": value for key, value in case.place.items()}
+    fields |= {f"when.{key}": value for key, value in PLACE.items()}
     parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in fields.items()]
     service = "/robotd_sim/inject"
     answer = client.call(SetParametersAtomically, service, parameters=parameters).result
@@ -181,36 +176,27 @@ def by_scenario(client: Client, case: Case) -> None:
     """It is in the file: see ``scenario``."""
 
 
-@pytest.fixture(scope="module")
-def scenario(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Scenario file with all faults under test."""
-    chosen = {
-        item.callspec.params.get("number")
-        for item in request.session.items
-        if item.path == request.path
-        and getattr(item, "callspec", None)
-        and item.callspec.params["way"] is by_scenario
-    }
-    faults = [
-        {"when": case.place, case.kind: case.keys}
-        for number, case in enumerate(CASES, 1)
-        if number in chosen
-    ]
-    path = tmp_path_factory.mktemp("scenario") / "faults.yaml"
-    path.write_text(yaml.safe_dump({"schema": 1, "faults": faults}), encoding="utf-8")
-    return path
-
-
 # Every kind by service; what a scenario and a command read is tested in simulated time, for each
 # kind in tests/unit/scenario and tests/unit/cli.
 NUMBERS = range(1, len(CASES) + 1)
+SCENARIO = 1
 CHOSEN = [(by_service, number) for number in NUMBERS]
-CHOSEN += [(by_scenario, 1), (by_command, 1), (by_command, 3)]
+CHOSEN += [(by_scenario, SCENARIO), (by_command, 1), (by_command, 3)]
 
 
 @pytest.fixture(scope="module")
 def way(request: pytest.FixtureRequest) -> Any:
     return request.param
+
+
+@pytest.fixture(scope="module")
+def scenario(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Scenario file with one fault."""
+    case = CASES[SCENARIO - 1]
+    faults = [{"when": PLACE, case.kind: case.keys}]
+    path = tmp_path_factory.mktemp("scenario") / "faults.yaml"
+    path.write_text(yaml.safe_dump({"schema": 1, "faults": faults}), encoding="utf-8")
+    return path
 
 
 @pytest.fixture(scope="module")
@@ -238,12 +224,12 @@ def test_every_kind_is_tested() -> None:
 )
 def test_a_fault_is_seen_and_recovered_from(robot: Robot, way: Any, number: int) -> None:
     case = CASES[number - 1]
-    if not all(robot.axes.servo_on):  # the test before has failed
-        robot.recover()
+    robot.recover()
+    assert robot.turn(0.0) == ""
     way(robot.client, case)
-    said = robot.turn(number)
+    said = robot.turn(TURN_RAD)
     assert case.says in said if case.says else not said, said
     wait_until(lambda: case.sees(robot), f"{case.kind} is seen")
     wait_until(lambda: case.later(robot), f"{case.kind} is over")
     robot.recover()
-    assert robot.turn(number) == ""
+    assert robot.turn(TURN_RAD) == ""
