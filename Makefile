@@ -58,17 +58,21 @@ say    := printf '[robotd] %3d s  %s\n' $$(($$(date +%s) - $(began)))
 help: ## list the commands
 	@echo 'make COMMAND [ROBOT=$(ROBOT)] [BACKEND=$(BACKEND)] [ARGS="..."] [PYTHON=$(PYTHON)]'
 	sed -nE 's/^([a-z-]+):.*## (.*)/\1|\2/p' Makefile | while IFS='|' read -r name text; do
-		printf '  make %-8s %s\n' "$$name" "$$text"
+		printf '  make %-9s %s\n' "$$name" "$$text"
 	done
 
 run: $(ready) ## serve ROBOT on BACKEND; ARGS go to robotd, e.g. ARGS="--log-level debug"
 	@exec .venv/bin/robotd --robot $(ROBOT) --backend $(BACKEND) $(ARGS)
 
 # Modules are compiled once: a variable that forbids it would cost each worker eight seconds.
-test: export PYTHONDONTWRITEBYTECODE :=
+test test-long test-all coverage backends: export PYTHONDONTWRITEBYTECODE :=
 test: $(tools) ## run the tests of daily work; ARGS go to pytest, e.g. ARGS="tests/unit -k limits"
 	@$(say) 'pytest, without the long tests $(ARGS)'
 	exec .venv/bin/python -m pytest -n $(WORKERS) --dist loadfile -m 'not long and not hardware' $(ARGS)
+
+test-long: $(tools) ## run what `make test` leaves out: robots, buses and browsers in real time
+	@$(say) 'pytest, the long tests $(ARGS)'
+	exec .venv/bin/python -m pytest -n $(WORKERS) --dist loadfile -m 'long and not hardware' $(ARGS)
 
 test-all: $(tools) ## run all tests, or all of what ARGS name, e.g. ARGS="tests/canopen"
 	@$(say) 'pytest, all tests $(ARGS)'
@@ -195,4 +199,4 @@ $(stamps)/docs: $(tools)
 	$(install) --editable '.[docs]'
 	touch $@
 
-.PHONY: help run test test-all coverage backends conform lint docs page bench soak kill venv clean
+.PHONY: help run test test-long test-all coverage backends conform lint docs page bench soak kill venv clean

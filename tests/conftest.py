@@ -1,4 +1,4 @@
-"""Settings of Hypothesis for all tests, and further attempts of those in real time."""
+"""Settings of Hypothesis, time limits, long tests and order of all tests."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 from tests.time_limits import TimeLimits
-
-from robotd_conformance.busy_computer import BusyComputer, RealTimeFolders
 
 # No deadlines: a busy computer misses every one. Examples are the same in every run, so that a
 # change is judged by itself; ``--hypothesis-profile=explore`` looks for new ones.
@@ -32,8 +30,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    target = RealTimeFolders(HERE, REAL_TIME)
-    config.pluginmanager.register(BusyComputer(target), "busy-computer")
     config.pluginmanager.register(TimeLimits(), "time-limits")
 
 

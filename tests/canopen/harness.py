@@ -55,7 +55,7 @@ class Harness:
     def inject(self, line: str) -> None:
         assert inject(self.network, line) == "ok"
 
-    def until(self, condition: Callable[[], bool], timeout_s: float = 15.0) -> None:
+    def until(self, condition: Callable[[], bool], timeout_s: float = 60.0) -> None:
         assert wait_until(condition, timeout_s, MonotonicClock())
 
     def idle(self, axis: int) -> None:

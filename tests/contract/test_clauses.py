@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
+from functools import cache
 from importlib import import_module
 from types import FunctionType
 
@@ -29,6 +30,7 @@ def docstrings() -> dict[str, str]:
     return {name: re.sub(r"\s+", " ", text or "") for name, text in found.items()}
 
 
+@cache
 def checks() -> dict[str, set[str]]:
     """Return the clauses that each check bears."""
     found = {}

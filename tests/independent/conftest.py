@@ -40,7 +40,7 @@ class Bench:
         self.drive, self.robot, self.image = drive, robot, robot.image
         self.bus = ["--interface", "udp_multicast", "--channel", f"{GROUP}#{PORT}"]
 
-    def until(self, condition: Callable[[], bool], timeout_s: float = 15.0) -> None:
+    def until(self, condition: Callable[[], bool], timeout_s: float = 60.0) -> None:
         assert wait_until(condition, timeout_s, MonotonicClock())
 
     @contextmanager

@@ -106,7 +106,7 @@ class RunningNode:
     def __getitem__(self, name: str) -> Any:
         return self.ask()[name]
 
-    def wait(self, holds: Callable[[dict[str, Any]], bool], timeout_s: float = 10.0) -> None:
+    def wait(self, holds: Callable[[dict[str, Any]], bool], timeout_s: float = 60.0) -> None:
         """Wait until the measurements fulfil a condition; raises TimeoutError with them."""
         deadline = time.monotonic() + timeout_s
         while not holds(measured := self.ask()):

@@ -33,7 +33,7 @@ from robotd_ros.services import add_service, add_subscription
 pytestmark = [pytest.mark.daily, pytest.mark.ros]
 
 EXECUTORS = [EventsExecutor, SingleThreadedExecutor]
-WAIT_S = 10.0
+WAIT_S = 60.0
 
 
 @pytest.fixture(autouse=True)

@@ -13,19 +13,12 @@ from hypothesis import settings
 sys.path.insert(0, str(Path(__file__).parent))
 os.environ["WMX_STANDIN_SHM"] = f"wmx-test-{os.getpid()}"
 
-from robotd_conformance.busy_computer import BusyComputer, RealTimeFolders
-
 from standin_build import SDK, SITE, build_all
 from standin_port import port
 from standin_trace import Trace
 
 settings.register_profile("wmx", deadline=None, derandomize=True)  # as tests/conftest.py
 settings.load_profile("wmx")
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    target = RealTimeFolders(Path(__file__).parents[1], ("tests",))
-    config.pluginmanager.register(BusyComputer(target), "busy-computer")
 
 
 def pytest_sessionstart() -> None:

@@ -40,7 +40,7 @@ def running(
         yield robot
 
 
-def eventually(condition: Callable[[], bool], timeout_s: float = 5.0) -> None:
+def eventually(condition: Callable[[], bool], timeout_s: float = 30.0) -> None:
     assert wait_until(condition, timeout_s, MonotonicClock())
 
 

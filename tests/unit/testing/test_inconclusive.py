@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import pytest
 
-from robotd_conformance.busy_computer import StallMonitor
 from robotd_conformance.checks import inconclusive
 from robotd_conformance.checks.inconclusive import ATTEMPTS, STALL_S, Repeats
+from robotd_conformance.checks.stall_monitor import StallMonitor
 
 CHECKS = """
 import pytest
 from itertools import count
-from robotd_conformance.busy_computer import UNDECIDED
+from robotd_conformance.checks.inconclusive import UNDECIDED
 attempts, looks = count(1), count(1)
 def test_fails_once():
     assert next(attempts) > 1
@@ -109,3 +110,11 @@ def test_a_fault_on_a_calm_computer_or_in_stepped_time_fails_at_once(
     assert reports.outcomes["test_always_fails"] == "failed"
     assert reports.outcomes["test_fails_once"] == "failed"
     assert "test_always_fails" not in repeats.repeated
+
+
+def test_a_monitor_sees_a_stall_of_the_process() -> None:
+    with StallMonitor() as stalls:
+        time.sleep(0.01)
+        sum(range(4_000_000))  # one call of C: no other thread runs
+    assert stalls.longest_s > 0.01
+    assert not stalls._thread.is_alive()

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 import pytest
 
-from robotd_conformance.busy_computer import UNDECIDED
+from robotd_conformance.checks.inconclusive import UNDECIDED
 from robotd_conformance.checks.kit_report import Report
 from robotd_conformance.checks.kit_target import KitTarget
 

@@ -9,8 +9,10 @@ from typing import Protocol
 import pytest
 from _pytest.runner import runtestprotocol
 
-from robotd_conformance.busy_computer import UNDECIDED, StallMonitor
+from robotd_conformance.checks.stall_monitor import StallMonitor
 
+UNDECIDED = "inconclusive: the computer was too busy to judge"
+"""A check that skips itself with this reason is repeated."""
 ATTEMPTS = 3
 STALL_S = 0.015  # a thread that wakes up so late, and others with it
 CALM_S, PATIENCE_S = 1.0, 8.0  # without a stall, before a further attempt; how long to wait for it

@@ -13,8 +13,8 @@ from robotd.arrays import FloatArray
 from robotd.device.axes import Jog
 from robotd.device.process_image import ProcessImage
 from robotd.motion.profile import Profile
-from robotd_conformance.busy_computer import UNDECIDED
 from robotd_conformance.checks.harness import Harness
+from robotd_conformance.checks.inconclusive import UNDECIDED
 from robotd_conformance.checks.recording import Recording
 
 
