@@ -61,7 +61,7 @@ help: ## list the commands
 		printf '  make %-9s %s\n' "$$name" "$$text"
 	done
 
-run: $(ready) ## serve ROBOT on BACKEND; ARGS go to robotd, e.g. ARGS="--log-level debug"
+run: $(ready) $(if $(filter mujoco,$(BACKEND)),$(stamps)/mujoco) ## serve ROBOT on BACKEND; ARGS go to robotd, e.g. ARGS="--log-level debug"
 	@exec .venv/bin/robotd --robot $(ROBOT) --backend $(BACKEND) $(ARGS)
 
 # Modules are compiled once: a variable that forbids it would cost each worker eight seconds.
@@ -192,6 +192,12 @@ $(bundle): $(modules) $(shell find features/page/web/src -type f) features/page/
 	@$(say) 'checking and bundling the page'
 	$(npm) run --silent check
 	$(npm) run --silent build
+
+# MuJoCo is needed by `make run BACKEND=mujoco` only.
+$(stamps)/mujoco: $(ready)
+	@$(say) 'installing robotd[mujoco] into .venv'
+	$(install) --editable '.[$(extras),mujoco]'
+	touch $@
 
 # Sphinx is needed by `make docs` only.
 $(stamps)/docs: $(tools)

@@ -31,6 +31,13 @@ def test_the_simulation_moves_every_robot_as_the_kit_asks(robot: str) -> None:
     assert len(outcome.passed) > 20
 
 
+@pytest.mark.parametrize("robot", [None, "cr3a", "baymax"])
+def test_the_simulation_of_contacts_passes(robot: str | None) -> None:
+    outcome = run_kit("mujoco", robot=robot)
+    assert not outcome.failed
+    assert len(outcome.passed) > 90
+
+
 def test_a_whole_arm_controller_passes(install_plugin: InstallPlugin) -> None:
     """One servo switch, one alarm for all axes, feedback at 125 Hz, no profiles of its own."""
     outcome = run_kit(install_plugin("WholeArm"))

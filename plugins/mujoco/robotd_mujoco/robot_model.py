@@ -1,0 +1,331 @@
+"""Robot, drives and surroundings as one MuJoCo model.
+
+A drive is a position and a velocity actuator on its joint, so that the force is
+kp·(p - q) + kv·(v - q') with the setpoint p, v. They are set for a critically damped loop of the
+bandwidth in the options, with the largest inertia that the joint has in a sample of poses. The
+drives compensate gravity, within their torque limits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from robotd.api import (
+    DescriptorError,
+    FloatArray,
+    RobotDescriptor,
+    WorldCamera,
+    WorldObject,
+    get_logger,
+)
+from robotd_mujoco.gripper_model import Finger, add_gripper, find_fingers, make_stiff
+from robotd_mujoco.options import MujocoOptions, robot_file
+from robotd_mujoco.scene import (
+    PREFIX,
+    Scene,
+    add_cameras,
+    add_objects,
+    describe_cameras,
+    describe_objects,
+    load_scene,
+)
+from robotd_mujoco.urdf_import import import_urdf
+
+INERTIA_POSES = 64
+ROTOR_KG, ROTOR_KG_M2 = 1.0, 0.1  # of an axis that is no joint of the URDF
+BRAKE_SHARE = 1.5  # torque of a brake per torque of its drive
+BRAKE_NM = 200.0  # of one without a torque limit
+UNLIMITED = 1e6  # N·m or N
+
+log = get_logger("mujoco")
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Addresses and limits of one axis in the model.
+
+    Attributes:
+        joint, position, velocity: numbers of the joint and of its actuators.
+        qpos, dof: addresses of its position and velocity.
+        lock: number of the equality that holds it.
+        effort: N·m or N; ``UNLIMITED`` without a limit.
+    """
+
+    joint: int
+    position: int
+    velocity: int
+    qpos: int
+    dof: int
+    lock: int
+    effort: float
+
+
+@dataclass
+class RobotModel:
+    """Compiled model and where things are in it.
+
+    Attributes:
+        drives: of each axis.
+        fingers: of the gripper; empty without one.
+        objects, bodies: of the scene, and their bodies.
+        free_qpos: address of the position of each object; -1: it is fixed.
+        cameras: of the scene.
+        root: name of the frame that poses of objects refer to.
+        base_m: position of that frame.
+        robot_bodies: bodies of the robot's links.
+    """
+
+    model: mujoco.MjModel
+    drives: list[Drive]
+    fingers: list[Finger]
+    objects: list[WorldObject]
+    bodies: list[int]
+    free_qpos: list[int]
+    cameras: list[WorldCamera]
+    root: str
+    base_m: FloatArray
+    robot_bodies: frozenset[int] = field(default_factory=frozenset)
+
+
+def build_model(robot: RobotDescriptor, options: MujocoOptions) -> RobotModel:
+    """Put the model together. Raises DescriptorError: a file is wrong, or a joint is missing."""
+    scene = Scene(floor=False)
+    spec = _robot_spec(robot, options)
+    root = next((body.name for body in spec.worldbody.bodies), "world")
+    links = [body.name for body in spec.bodies[1:]]
+    joints = _axis_joints(robot, spec)
+    _prepare_links(spec, options)
+    if options.scene is not None:
+        scene_file = robot_file(robot, options.scene)
+        if scene_file.suffix == ".xml":
+            surroundings = _read(scene_file)
+            spec.attach(surroundings, frame=spec.worldbody.add_frame(), prefix=PREFIX)
+        else:
+            scene = load_scene(scene_file)
+            if taken := sorted({each.name for each in scene.objects} & set(links)):
+                what = f"objects have names of links: {', '.join(taken)}"
+                raise DescriptorError(what, path=scene_file)
+            add_objects(spec, scene, scene_file.parent)
+    objects = describe_objects(spec, links)
+    _add_drives(spec, robot, options, joints)
+    add_gripper(spec, robot, options)
+    add_cameras(spec, scene.cameras)
+    _set_physics(spec, options)
+    model = _compile(spec, robot)
+    start = start_positions(robot, options)
+    if options.self_collision:
+        _exclude_touching(spec, model, links, joints, start)
+        model = _compile(spec, robot)
+    _tune(model, joints, options)
+    return _described(model, robot, objects, links, joints, root, options, scene)
+
+
+def start_positions(robot: RobotDescriptor, options: MujocoOptions) -> FloatArray:
+    """Return the option, or the descriptor's position of each joint and 0 of other axes."""
+    if options.initial_position_rad is not None:
+        return np.array(options.initial_position_rad)
+    start = np.zeros(robot.axes)
+    for joint in robot.joints:
+        start[joint.axis] = joint.initial_position
+    return start
+
+
+def _robot_spec(robot: RobotDescriptor, options: MujocoOptions) -> mujoco.MjSpec:
+    if options.mjcf is not None:
+        spec = _read(robot_file(robot, options.mjcf))
+        for actuator in list(spec.actuators):
+            spec.delete(actuator)
+        for key in list(spec.keys):
+            spec.delete(key)
+        return spec
+    return import_urdf(robot.urdf) if robot.urdf else mujoco.MjSpec()
+
+
+def _read(path: Path) -> mujoco.MjSpec:
+    try:
+        return mujoco.MjSpec.from_file(str(path))
+    except ValueError as error:
+        raise DescriptorError(f"MuJoCo does not read it: {error}", path=path) from error
+
+
+def _axis_joints(robot: RobotDescriptor, spec: mujoco.MjSpec) -> list[str]:
+    """Return the name of each axis' joint; an axis that has none in the file gets a rotor."""
+    names = {joint.axis: joint.name for joint in robot.joints}
+    if robot.drive is not None:
+        names |= dict(zip(robot.drive.axes, robot.drive.wheel_joints, strict=False))
+    linear = {joint.axis for joint in robot.joints if joint.unit == "m"}
+    found = []
+    for axis in range(robot.axes):
+        name = names.get(axis, f"axis{axis}")
+        if spec.joint(name) is None:
+            if axis in names and (robot.urdf or not robot.joints):
+                log.warning("not in the model: the axis turns beside the robot", joint=name)
+            body = spec.worldbody.add_body(name=f"{name}_rotor", pos=[0.0, 0.0, 0.0])
+            body.mass, body.inertia = ROTOR_KG, [ROTOR_KG_M2] * 3
+            body.explicitinertial = True
+            kind = mujoco.mjtJoint.mjJNT_SLIDE if axis in linear else mujoco.mjtJoint.mjJNT_HINGE
+            body.add_joint(name=name, type=kind, axis=[0.0, 0.0, 1.0])
+        found.append(name)
+    return found
+
+
+def _prepare_links(spec: mujoco.MjSpec, options: MujocoOptions) -> None:
+    """Compensate the weight of links, and let them touch each other or not."""
+    for body in spec.worldbody.bodies:
+        body.pos = body.pos + np.array(options.base_m)
+    for body in spec.bodies[1:]:
+        body.gravcomp = 1.0
+        for geom in body.geoms:
+            if geom.contype or geom.conaffinity:
+                # Links: 2, objects: 1; a link touches objects, and other links if it may.
+                geom.contype, geom.conaffinity = 2, 3 if options.self_collision else 1
+                geom.condim = 4
+
+
+def _add_drives(
+    spec: mujoco.MjSpec, robot: RobotDescriptor, options: MujocoOptions, joints: Sequence[str]
+) -> None:
+    efforts = {joint.axis: joint.effort_limit for joint in robot.joints}
+    for axis, name in enumerate(joints):
+        joint = spec.joint(name)
+        joint.armature = max(joint.armature, options.rotor_inertia_kg_m2)
+        if not joint.damping[0]:
+            joint.damping[0] = options.viscous_friction_nm_s
+        effort = efforts.get(axis) or (joint.actfrcrange[1] if joint.actfrclimited else 0.0)
+        joint.actfrcrange = [-effort, effort] if effort else [-UNLIMITED, UNLIMITED]
+        joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_TRUE
+        joint.actgravcomp = True
+        for kind in ("position", "velocity"):
+            spec.add_actuator(
+                name=f"{name}_{kind}", target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT,
+                gaintype=mujoco.mjtGain.mjGAIN_FIXED, biastype=mujoco.mjtBias.mjBIAS_AFFINE,
+            )  # fmt: skip
+        _add_lock(spec, name, options)
+
+
+def _add_lock(spec: mujoco.MjSpec, joint: str, options: MujocoOptions) -> None:
+    lock = spec.add_equality(
+        name=f"{joint}_lock", type=mujoco.mjtEq.mjEQ_JOINT, name1=joint, active=False
+    )
+    lock.objtype = mujoco.mjtObj.mjOBJ_JOINT
+    make_stiff(lock, options)
+
+
+def _set_physics(spec: mujoco.MjSpec, options: MujocoOptions) -> None:
+    spec.option.timestep = options.step_s
+    spec.option.gravity = options.gravity_m_s2
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    # Friction that holds a part for minutes: elliptic cones, stiff against slip.
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.impratio = 10.0
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
+    spec.visual.quality.shadowsize = 0
+
+
+def _compile(spec: mujoco.MjSpec, robot: RobotDescriptor) -> mujoco.MjModel:
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise DescriptorError(f"MuJoCo rejects the model: {error}", path=robot.path) from error
+
+
+def _exclude_touching(
+    spec: mujoco.MjSpec,
+    model: mujoco.MjModel,
+    links: Sequence[str],
+    joints: Sequence[str],
+    start: FloatArray,
+) -> None:
+    """Exclude contacts of neighbours, and of links that touch at 0 or at the start."""
+    pairs = {frozenset((each, spec.body(each).parent.name)) for each in links}
+    data = mujoco.MjData(model)
+    for positions in (np.zeros(len(joints)), start):
+        for name, position in zip(joints, positions, strict=True):
+            data.joint(name).qpos[0] = position
+        mujoco.mj_forward(model, data)
+        for contact in data.contact:
+            names = [model.body(model.geom_bodyid[geom]).name for geom in contact.geom]
+            if set(names) <= set(links):
+                pairs.add(frozenset(names))
+    for pair in sorted(sorted(pair) for pair in pairs if len(pair) == 2):
+        if "world" not in pair:
+            spec.add_exclude(bodyname1=pair[0], bodyname2=pair[1])
+
+
+def _tune(model: mujoco.MjModel, joints: Sequence[str], options: MujocoOptions) -> None:
+    """Set the gains of the drives by the largest inertia in a sample of poses."""
+    data, random = mujoco.MjData(model), np.random.default_rng(0)
+    inertia, full = np.zeros(model.nv), np.zeros((model.nv, model.nv))
+    for _ in range(INERTIA_POSES):
+        for name in joints:
+            joint = model.joint(name)
+            low, high = joint.range if joint.limited[0] else (-np.pi, np.pi)
+            data.joint(name).qpos[0] = random.uniform(low, high)
+        mujoco.mj_forward(model, data)
+        mujoco.mj_fullM(model, data, full)
+        np.maximum(inertia, np.diag(full), out=inertia)
+    frequency = 2.0 * np.pi * options.bandwidth_hz
+    for name in joints:
+        size = inertia[model.joint(name).dofadr[0]]
+        gains = {
+            "position": (size * frequency**2, 1),
+            "velocity": (2.0 * size * frequency, 2),
+        }
+        for kind, (gain, column) in gains.items():
+            actuator = model.actuator(f"{name}_{kind}")
+            actuator.gainprm[0], actuator.biasprm[column] = gain, -gain
+
+
+def _described(
+    model: mujoco.MjModel,
+    robot: RobotDescriptor,
+    objects: list[WorldObject],
+    links: Sequence[str],
+    joints: Sequence[str],
+    root: str,
+    options: MujocoOptions,
+    scene: Scene,
+) -> RobotModel:
+    drives = []
+    for name in joints:
+        joint = model.joint(name)
+        effort = float(model.jnt_actfrcrange[joint.id, 1])
+        drives.append(
+            Drive(
+                joint.id,
+                model.actuator(f"{name}_position").id,
+                model.actuator(f"{name}_velocity").id,
+                int(joint.qposadr[0]),
+                int(joint.dofadr[0]),
+                model.equality(f"{name}_lock").id,
+                effort,
+            )
+        )
+    bodies = [_body(model, each.name) for each in objects]
+    free = [
+        int(model.jnt_qposadr[model.body_jntadr[body]]) if each.moves else -1
+        for each, body in zip(objects, bodies, strict=True)
+    ]
+    return RobotModel(
+        model=model,
+        drives=drives,
+        fingers=find_fingers(model, robot),
+        objects=objects,
+        bodies=bodies,
+        free_qpos=free,
+        cameras=describe_cameras(scene.cameras),
+        root=root,
+        base_m=np.array(options.base_m),
+        robot_bodies=frozenset(model.body(name).id for name in links),
+    )
+
+
+def _body(model: mujoco.MjModel, name: str) -> int:
+    """Return the number of an object's body, of a scene in YAML or in MJCF."""
+    names = {model.body(number).name: number for number in range(model.nbody)}
+    return names[name] if name in names else names[PREFIX + name]
