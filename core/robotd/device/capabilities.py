@@ -35,6 +35,8 @@ class Capability(StrEnum):
       (``read_object``, ``write_object``).
     - DEVICE_WATCHDOG: moving axes stop by themselves when setpoints or the process end.
     - SIMULATED: nothing real moves.
+    - CONTACTS: with SIMULATED: links touch each other and objects, so that the axes together do not
+      reach all positions within their limits.
     """
 
     AXES = "axes"
@@ -53,6 +55,7 @@ class Capability(StrEnum):
     CONTROLLER_ALARM = "controller_alarm"
     DEVICE_WATCHDOG = "device_watchdog"
     SIMULATED = "simulated"
+    CONTACTS = "contacts"
 
 
 DERIVED = frozenset({Capability.AXES, Capability.IO, Capability.FIELDBUS})

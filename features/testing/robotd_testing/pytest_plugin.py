@@ -53,6 +53,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Register the marker of the conformance checks."""
     config.addinivalue_line("markers", "needs(capability): a check of that capability of a backend")
+    config.addinivalue_line("markers", "free_space: a check that needs an arm without contacts")
     config.addinivalue_line(
         "markers", "clause(id, ...): clauses of the driver contract, by their ids"
     )

@@ -33,7 +33,9 @@ def robotd_backend() -> BackendInfo:
     return BackendInfo(
         summary="simulated robot with gravity, contacts and objects (MuJoCo)",
         api_version=1,
-        capabilities=frozenset({Capability.VELOCITY_MODE, Capability.SIMULATED}),
+        capabilities=frozenset(
+            {Capability.VELOCITY_MODE, Capability.SIMULATED, Capability.CONTACTS}
+        ),
         options=MujocoOptions,
     )
 

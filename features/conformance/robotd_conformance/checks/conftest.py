@@ -89,6 +89,8 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     target.pose.counts = not (mark and mark.args[0] in UNCOUNTED)
     if mark and mark.args[0] not in backend.capabilities:
         pytest.skip(f"the {backend.name} backend does not have {mark.args[0]}")
+    if item.get_closest_marker("free_space") and Capability.CONTACTS in backend.capabilities:
+        pytest.skip(f"the {backend.name} backend has contacts: links and objects are in the way")
 
 
 @pytest.hookimpl(wrapper=True)

@@ -171,6 +171,7 @@ def test_a_short_move_is_made(harness: Harness) -> None:
 
 @pytest.mark.clause("AxisDriver.move/target", "AxisDriver.read/measured")
 @pytest.mark.needs(Capability.SIMULATED)
+@pytest.mark.free_space
 def test_a_radian_is_a_radian_far_from_zero_and_beyond_a_turn(harness: Harness) -> None:
     limits = harness.robot.axes.limits
     inner = [
