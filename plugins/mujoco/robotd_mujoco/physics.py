@@ -1,4 +1,4 @@
-"""State of the simulated robot and its surroundings, stepped up to the present by its readers.
+"""State of robot and surroundings, stepped up to the present by its readers.
 
 There is no thread: each reader and each command first calls ``advance``. The result depends on the
 steps alone, not on the times of the calls.
@@ -44,7 +44,7 @@ log = get_logger("mujoco")
 
 
 def _warn(text: str) -> None:
-    """Take a warning of MuJoCo, which would write it to a file in the working folder."""
+    """Log a warning of MuJoCo, instead of a file in the working folder."""
     log.warning("MuJoCo", reason=text.strip())
 
 
@@ -271,7 +271,7 @@ class Physics:
         self._update_lock(axis)
 
     def _update_lock(self, axis: int) -> None:
-        """Let friction of the brake, or the lock of an axis at rest, act as the state demands."""
+        """Let the friction of the brake, or the lock behind it, act."""
         drive = self.drives[axis]
         braked = self.options.brakes and not self.servo_on[axis]
         slows = axis in self._braking and not self._blocked[axis]
@@ -335,7 +335,7 @@ class Physics:
     # Objects
 
     def object_poses(self) -> FloatArray:
-        """Return x, y, z and the quaternion x, y, z, w of each object (n_objects, 7)."""
+        """Return x, y, z and quaternion x, y, z, w of all objects (n, 7)."""
         bodies = self.robot_model.bodies
         poses = np.empty((len(bodies), 7))
         poses[:, :3] = self.data.xpos[bodies] - self.robot_model.base_m

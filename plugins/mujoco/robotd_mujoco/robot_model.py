@@ -154,7 +154,7 @@ def _read(path: Path) -> mujoco.MjSpec:
 
 
 def _axis_joints(robot: RobotDescriptor, spec: mujoco.MjSpec) -> list[str]:
-    """Return the name of each axis' joint; an axis that has none in the file gets a rotor."""
+    """Return the name of each axis' joint; axes without one get a rotor."""
     names = {joint.axis: joint.name for joint in robot.joints}
     if robot.drive is not None:
         names |= dict(zip(robot.drive.axes, robot.drive.wheel_joints, strict=False))

@@ -29,7 +29,7 @@ class _Keys(BaseModel):
 
 
 class SceneObject(_Keys):
-    """One object: a box, a cylinder, a sphere or a mesh; fixed, or with a mass."""
+    """One object of one shape, fixed or with a mass."""
 
     name: str = Field(min_length=1)
     box_m: tuple[Positive, Positive, Positive] | None = None
@@ -145,7 +145,7 @@ def describe_cameras(cameras: tuple[SceneCamera, ...]) -> list[WorldCamera]:
 
 
 def describe_objects(spec: mujoco.MjSpec, links: Sequence[str]) -> list[WorldObject]:
-    """Return the objects of a scene: bodies that are no links, by the first geometry of each."""
+    """Return the objects: bodies that are no links, by their first geometry."""
     shapes: dict[Any, tuple[Shape, Callable[[FloatArray], tuple[float, ...]]]] = {
         mujoco.mjtGeom.mjGEOM_BOX: (Shape.BOX, lambda size: tuple(2.0 * size)),
         mujoco.mjtGeom.mjGEOM_CYLINDER: (Shape.CYLINDER, lambda size: (size[0], 2.0 * size[1])),

@@ -1,4 +1,4 @@
-"""URDF as MuJoCo reads it: what its importer loses or refuses is mended here, and told.
+"""URDF for MuJoCo: mends, or logs, what its importer loses or refuses.
 
 The importer drops visual geometry and fuses links with fixed joints unless it is told not to. It
 knows no ``package://``, reads no COLLADA, and refuses moving links without mass.
@@ -47,7 +47,7 @@ def import_urdf(path: Path) -> mujoco.MjSpec:
 
 
 def _resolve_meshes(root: Any, path: Path) -> list[str]:
-    """Name each mesh by its file; leave out those that cannot be read. Return what is lost."""
+    """Name each mesh by its file, or leave it out; return what is lost."""
     notes = []
     for kind in ("visual", "collision"):
         for element in root.iterfind(f".//{kind}"):
