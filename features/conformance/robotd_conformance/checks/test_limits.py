@@ -18,6 +18,7 @@ POINTS = 60
 
 @pytest.mark.clause("AxisDriver.device_limits/limits", "AxisDriver.stream/position")
 @pytest.mark.needs(Capability.SIMULATED)
+@pytest.mark.free_space
 def test_a_trajectory_at_the_limits_is_followed(harness: Harness, joints: list[int]) -> None:
     """A device that clips sooner reports its limits: ``AxisDriver.device_limits``."""
     times_s, rows = fastest_way(harness)
