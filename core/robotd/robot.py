@@ -19,7 +19,7 @@ from robotd.control.joint_group import JointGroups
 from robotd.control.joint_stream import JointStreams
 from robotd.control.mobile_base import MobileBase
 from robotd.control.motion_stop import MotionStop
-from robotd.control.problem import Problem, limit_problems, stop_problems
+from robotd.control.problem import Problem, Problems
 from robotd.control.rearming import Rearming
 from robotd.control.recovery import Recovery, Report
 from robotd.control.servos import Servos
@@ -171,7 +171,12 @@ class Robot:
         self.connection.before_stop = self.servos.disable
         self._reconnector = Reconnector(self.connection)
         used, enable = self.servos.used, self.servos.enable_axis
-        self._recovery = Recovery(self.connection, self.axes, self.fieldbus, used, enable, clock)
+        self._problems = Problems(
+            self.connection, self.axes, self.rearming, clock, used, backend.advise
+        )
+        self._recovery = Recovery(
+            self.connection, self.axes, self.fieldbus, self._problems, used, enable, clock
+        )
 
     @property
     def follower(self) -> TrajectoryFollower:
@@ -250,26 +255,15 @@ class Robot:
 
     @property
     def problems(self) -> list[str]:
-        """Reasons why axes cannot move, root cause first, then joints outside their limits.
-
-        Any thread; empty without one.
-        """
-        return [problem.text for problem in self.find_problems()]
+        """Texts of ``find_problems``."""
+        return [str(problem) for problem in self.find_problems()]
 
     def find_problems(self) -> list[Problem]:
-        """Return ``problems`` with their kinds. Any thread."""
-        return [*self._recovery.problems(), *self._lasting_problems()]
+        """Return the reasons why axes do not move, root cause first; empty without one.
 
-    def find_motion_problems(self) -> list[Problem]:
-        """Return ``find_problems`` without those of the device itself. Control loop."""
-        return [*self._recovery.axis_problems(), *self._lasting_problems()]
-
-    def _lasting_problems(self) -> list[Problem]:
-        """Return the problems that no recovery removes: of a stop, joint limits and sources."""
-        axes = self.axes
-        outside = limit_problems(self.image, axes.names, axes.limits)
-        known = outside if self.connection.commandable else ()
-        return [*stop_problems(axes.stop_latch.rejection), *known, *self.rearming.problems()]
+        Any thread that may wait: a driver that hangs is asked for its reason for 0.5 s.
+        """
+        return self._problems.find()
 
     def stop(self, reason: str = "by the operator") -> None:
         """Stop all motion on its path; no motion starts until ``reset``. Any worker.

@@ -33,6 +33,9 @@ _PENDING_LIMIT = 64
 _OWN_ARGS = ("--ros-args", "-p", "start_type_description_service:=false", "--")
 
 
+RejectionListener = Callable[[str, Sequence[int], str], None]
+
+
 class RosHost:
     """ROS side of a process: ``with RosHost(args) as host:``.
 
@@ -50,6 +53,7 @@ class RosHost:
         args: as given.
         yield_to_control_loop: called in the executor thread before each callback; may wait 1 ms.
         senders: names of clients; None: they are not looked up.
+        on_rejection: called with topic, axes and reason of a rejected command, when it is news.
         on_hang: called when a handler there does not return, with the reason; once for each.
     """
 
@@ -64,6 +68,7 @@ class RosHost:
     ) -> None:
         self.yield_to_control_loop: Callable[[], None] = lambda: None
         self.on_hang: Callable[[str], None] = lambda reason: None
+        self.on_rejection: RejectionListener = lambda topic, axes, reason: None
         self.senders: Senders | None = None
         self._handling_ns = 0
         self._watchdog = Watchdog(

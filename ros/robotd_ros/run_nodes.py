@@ -69,6 +69,7 @@ def run_nodes(
     nodes = [make_node(name, info, robot, host) for name, info in chosen.items()]
     parts = parts or {}
     operator = OperatorNode(robot, host, [*parts])
+    host.on_rejection = operator.publish_rejection
     nodes.append(operator)
     if robot.world is not None:
         nodes.append(WorldNode(robot, robot.world, host))
@@ -83,7 +84,7 @@ def run_nodes(
         for node in nodes:
             host.add_node(node)
         stack.enter_context(RosoutTopic(operator))
-        stack.enter_context(Diagnostics(nodes, robot))
+        stack.enter_context(Diagnostics(nodes, robot, operator))
         yield nodes
 
 

@@ -74,7 +74,6 @@ def test_a_joint_outside_its_limits_is_a_problem_until_it_is_back(backend: str) 
         robot.axes.limits = tuple(limits)
         robot.start()
         assert outside(robot) == ["joint2: at -1.2 rad, outside its limits -3 to -1.3 rad"]
-        assert robot.find_motion_problems() == robot.find_problems()
         status = {each.part: each for each in Health(robot).statuses()}["joint2"]
         assert (status.level, status.message) == (
             Level.WARN,

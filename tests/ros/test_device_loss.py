@@ -54,7 +54,7 @@ def test_lost_drives_are_named_and_brought_back(tmp_path: Path) -> None:
             check_recovered(process)
             wait_until(lambda: ready[-1].data, "ready again")
             report = json.loads(robotd(process.domain, "status", "--json")[1])
-            assert (report["ready"], report["reason"], report["remedy"]) == (True, "", "")
+            assert (report["ready"], report["problems"]) == (True, [])
             assert len(lines_with(process, "device lost component=control")) == 1
             assert len(lines_with(process, "device is back")) == 1
         finally:
@@ -89,8 +89,9 @@ def check_lost(process: RobotProcess, client: Client, cause: str) -> None:
     assert "robotd recover" in output
     report = json.loads(robotd(process.domain, "status", "--json")[1])
     assert (report["state"], report["ready"], report["axes"]) == ("Unknown", False, None)
-    assert cause in report["reason"]
-    assert report["remedy"] == "robotd recover"
+    (problem,) = report["problems"]
+    assert cause in problem["reason"]
+    assert problem["remedy"].endswith("robotd recover")
     for command in (["servo", "on"], ["servo", "on", "2"], ["move", "joint1=0.1"]):
         status, _, error = robotd(process.domain, *command)
         assert status == 1, f"{command}: {error}"

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Iterator
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
@@ -18,6 +19,7 @@ from tests.ros.robot_process import LATCHED, WAIT_S, Client, RobotProcess, conne
 from tests.ros.test_client_commands import robotd, started
 
 from robotd.cli.exit_codes import ExitCode
+from robotd_ros.problem_messages import read_problems
 
 pytestmark = pytest.mark.ros
 
@@ -45,26 +47,33 @@ def sound(operator: Client) -> Iterator[None]:
     operator.publisher(Float64, "/robotd/set_speed").publish(Float64(data=1.0))
     for service in ("recover", "reset", "resume"):
         assert operator.call(Trigger, f"/robotd/{service}").success
-    problems = operator.listen(String, "/robotd/problems", LATCHED)
-    wait_until(lambda: problems and problems[-1].data == "", "no problem")
+    problems = operator.listen(DiagnosticArray, "/robotd/problems", LATCHED)
+    wait_until(lambda: problems and not problems[-1].status, "no problem")
+
+
+def texts(message: DiagnosticArray) -> list[str]:
+    return [each.text for each in read_problems(message)]
 
 
 @pytest.mark.daily
 def test_status_is_1_in_alarm_and_names_it_with_its_remedy(
     simulated: RobotProcess, operator: Client
 ) -> None:
-    problems = operator.listen(String, "/robotd/problems", LATCHED)
+    problems = operator.listen(DiagnosticArray, "/robotd/problems", LATCHED)
     assert robotd(simulated.domain, "status")[:1] == (0,)
     assert robotd(simulated.domain, "sim", "inject", "amp_alarm", "axis=2")[0] == 0
-    wait_until(lambda: problems[-1].data == f"alarm: {ALARM}", "the alarm on the topic")
+    wait_until(lambda: texts(problems[-1]) == [ALARM], "the alarm on the topic")
     code, output, _ = robotd(simulated.domain, "status")
     assert code == 1
     assert ", cannot move" in output
-    assert f"motion    {ALARM}\n            robotd recover\n" in output
+    remedy = output.partition(f"problem   {ALARM}\n")[2].splitlines()[0].strip()
+    assert remedy.endswith(", then: robotd recover")
     code, output, _ = robotd(simulated.domain, "status", "--json")
     assert code == 1
-    expected = [{"kind": "alarm", "text": ALARM, "remedy": "robotd recover"}]
-    assert json.loads(output)["hindrances"] == expected
+    (problem,) = json.loads(output)["problems"]
+    assert (problem["kind"], problem["axes"]) == ("alarm", ["joint3"])
+    assert (problem["remedy"], ALARM) == (remedy, f"joint3: {problem['reason']}")
+    assert problem["since_ns"] > 0
 
 
 def test_a_speed_of_0_and_a_servo_that_is_off_stand_in_the_way_with_status_0(
@@ -75,8 +84,10 @@ def test_a_speed_of_0_and_a_servo_that_is_off_stand_in_the_way_with_status_0(
     code, output, _ = robotd(simulated.domain, "status")
     assert code == 0
     assert ", cannot move" in output
-    assert "motion    servo off: joint2\n            robotd servo on\n" in output
-    assert "motion    motion is paused or at speed 0 %; robotd resume or robotd speed" in output
+    remedy = "To switch it on: robotd servo on"
+    assert f"problem   joint2: servo off\n            {remedy}\n" in output
+    remedy = "To go on: robotd speed 100"
+    assert f"problem   the speed is 0 %\n            {remedy}\n" in output
 
 
 def test_recover_is_1_while_a_stop_stays_in_force(simulated: RobotProcess) -> None:
@@ -93,7 +104,7 @@ def test_recover_is_1_while_a_stop_stays_in_force(simulated: RobotProcess) -> No
     assert robotd(simulated.domain, "pause")[0] == 0
     code, output, _ = robotd(simulated.domain, "recover")
     assert code == 0
-    assert output.endswith("robotd resume or robotd speed allows it again\n")
+    assert output.endswith("motion is paused; To go on: robotd resume\n")
 
 
 @pytest.mark.parametrize("words", [("move", "joint1=1.5", "--time", "30"), ("jog", "joint1", "1")])

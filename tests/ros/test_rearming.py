@@ -14,10 +14,11 @@ from typing import Any
 import pytest
 from builtin_interfaces.msg import Duration
 from control_msgs.msg import JointJog
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
-from std_msgs.msg import Float64MultiArray, String
+from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from tests.ros.robot_process import LATCHED, Client, RobotProcess, stamp_s, wait_until
 from tests.ros.test_lifecycle import change
@@ -25,6 +26,9 @@ from tests.ros.test_trajectory import goal, pose
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from wmx_ros2_message.msg import AxisState, AxisVelocity
 from wmx_ros2_message.srv import SetAxis
+
+from robotd.control.problem import ProblemKind
+from robotd_ros.problem_messages import read_problems
 
 pytestmark = pytest.mark.ros
 
@@ -90,7 +94,7 @@ class Arm:
     def __init__(self, client: Client) -> None:
         self.client = client
         self.states = client.listen(AxisState, "/wmx/axis/state", 100)
-        self._problems = client.listen(String, "/robotd/problems", LATCHED)
+        self._problems = client.listen(DiagnosticArray, "/robotd/problems", LATCHED)
         wait_until(lambda: self.states and self._problems, "axis states and problems")
 
     @property
@@ -99,8 +103,8 @@ class Arm:
 
     @property
     def problems(self) -> list[str]:
-        lines = self._problems[-1].data.splitlines()
-        return [line for line in lines if line.startswith("source: ")]
+        found = read_problems(self._problems[-1])
+        return [each.reason for each in found if each.kind is ProblemKind.SOURCE]
 
     def since(self, first: int) -> tuple[float, float]:
         """Return the largest way and velocity of joint1 since the state ``first``."""
@@ -128,8 +132,12 @@ class Arm:
         fault = Parameter("amp_alarm.axis", value=0).to_parameter_msg()
         answer = self.client.call(SetParametersAtomically, "/robotd_sim/inject", parameters=[fault])
         assert answer.result.successful, answer.result.reason
-        alarms = self.client.listen(String, "/robotd/problems", LATCHED)
-        wait_until(lambda: alarms and "alarm" in alarms[-1].data, "the alarm")
+        alarms = self.client.listen(DiagnosticArray, "/robotd/problems", LATCHED)
+        wait_until(lambda: alarms and has_alarm(alarms[-1]), "the alarm")
+
+
+def has_alarm(message: DiagnosticArray) -> bool:
+    return any(each.kind is ProblemKind.ALARM for each in read_problems(message))
 
 
 State = tuple[Callable[[Arm], Any], Callable[[Arm], Any]]
@@ -213,7 +221,7 @@ def test_nothing_moves_after_a_state_until_the_client_has_been_silent(
     end(arm)
     wait_until(lambda: arm.problems, "the problem")
     (problem,) = arm.problems
-    assert problem.startswith(f"source: {topic}")
+    assert problem.startswith(topic)
     assert "release it (send nothing for 0.5 s)" in problem
     arm.pass_time(0.5)
     assert arm.since(first)[0] < 1e-3

@@ -8,10 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
+
+from robotd.control.problem import ProblemKind
+from robotd_ros.problem_messages import read_problems
 
 pytestmark = [pytest.mark.daily, pytest.mark.ros]
 
@@ -59,13 +63,18 @@ def test_torques_move_the_joints_while_they_come(arm: RobotProcess) -> None:
     client.close()
 
 
+def sources(message: DiagnosticArray) -> list[str]:
+    found = read_problems(message)
+    return [each.reason for each in found if each.kind is ProblemKind.SOURCE]
+
+
 def test_a_client_that_commands_on_through_a_stop_moves_nothing_until_it_begins_anew(
     arm: RobotProcess,
 ) -> None:
     client = Client(arm.domain)
     states = client.listen(JointState, "/joint_states", 100)
     torques = client.publisher(Float64MultiArray, TOPIC)
-    problems = client.listen(String, "/robotd/problems", LATCHED)
+    problems = client.listen(DiagnosticArray, "/robotd/problems", LATCHED)
     wait_until(lambda: states and problems, "the arm")
 
     def publish(torque: float) -> None:
@@ -83,11 +92,12 @@ def test_a_client_that_commands_on_through_a_stop_moves_nothing_until_it_begins_
     assert client.call(Trigger, "/robotd/stop").success
     command(lambda: abs(states[-1].velocity[0]) < 1e-3, "standstill")
     assert client.call(Trigger, "/robotd/reset").success
-    command(lambda: "source: forward_effort_controller" in problems[-1].data, "the problem")
+    command(lambda: sources(problems[-1]), "the problem")
+    assert sources(problems[-1])[0].startswith("forward_effort_controller")
     start, first = states[-1].position[0], len(states)
     command(lambda: len(states) > first + 25, "half a second")
     publish(0.0)  # arms the source, and is not applied: an arm would fall
-    wait_until(lambda: "source" not in problems[-1].data, "no problem")
+    wait_until(lambda: not sources(problems[-1]), "no problem")
     assert states[-1].position[0] == pytest.approx(start, abs=1e-3)
     command(lambda: states[-1].velocity[0] > 0.5, "motion anew")
     wait_until(lambda: abs(states[-1].velocity[0]) < 1e-3, "standstill")

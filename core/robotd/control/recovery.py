@@ -10,7 +10,7 @@ import numpy as np
 
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, Clock, wait_until
-from robotd.control.problem import Problem, ProblemKind, axis_problems, find_problems
+from robotd.control.problem import Problem, ProblemKind, Problems
 from robotd.device.axes import Axes, each
 from robotd.device.connection import Connection
 from robotd.device.fieldbus import Fieldbus
@@ -39,7 +39,7 @@ class Recovery:
     together are not noticed together. So is a device that is lost before.
 
     Args:
-        connection, axes, fieldbus: of the robot.
+        connection, axes, fieldbus, problems: of the robot.
         used: axes that are switched on at start.
         enable: switches one axis on.
         clock: to wait by.
@@ -50,27 +50,15 @@ class Recovery:
         connection: Connection,
         axes: Axes,
         fieldbus: Fieldbus,
+        problems: Problems,
         used: Sequence[int],
         enable: Callable[[int], None],
         clock: Clock,
     ) -> None:
         self._connection, self._axes, self._fieldbus = connection, axes, fieldbus
         self._used, self._enable, self._clock = list(used), enable, clock
+        self._find_problems = problems.recoverable
         self._running = threading.Lock()
-
-    def problems(self) -> list[Problem]:
-        """Return the reasons why axes cannot move, root cause first. Any thread."""
-        image = self._axes.image.copy()
-        return find_problems(self._connection, image, self._axes.names, self._used)
-
-    def axis_problems(self) -> list[Problem]:
-        """Return ``problems`` of the axes, none while the device is not ready. Control loop.
-
-        No driver is asked for a reason.
-        """
-        if not self._connection.commandable:
-            return []
-        return [*axis_problems(self._axes.image, self._axes.names, self._used)]
 
     def run(self, report: Report = lambda line: None) -> None:
         """Recover; a worker, seconds where the device needs them.
@@ -95,7 +83,7 @@ class Recovery:
 
     def _recover(self, report: Report) -> None:
         self._connection.update_ready()  # a loss may be younger than the last period
-        found = self.problems()
+        found = self._find_problems()
         for line in [f"found: {problem}" for problem in found] or [NOTHING_WRONG]:
             report(line)
         if not found:
@@ -248,7 +236,7 @@ class Recovery:
         problems: list[Problem] = []
 
         def ended() -> bool:
-            problems[:] = self.problems()
+            problems[:] = self._find_problems()
             lasts = image.fresh_ns - begun_ns >= STABLE_S * NANOSECONDS
             return lasts or bool(problems)
 

@@ -68,7 +68,7 @@ class Servos:
             self._base.allow()  # ``bring_to_rest`` has stopped it, where a lifecycle deactivated it
         if results:
             log.info("servos on", axes=len(results))
-        for problem in limit_problems(self._axes.image, self._axes.names, self._axes.limits):
+        for problem in limit_problems(self._axes):
             log.warning("a joint is outside its limits", problem=problem.text)
 
     def enable_axis(self, axis: int) -> None:

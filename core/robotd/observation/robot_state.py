@@ -7,20 +7,16 @@ from contextlib import suppress
 from typing import Any
 
 from robotd.control.joint_group import JointGroup
-from robotd.control.problem import Problem, ProblemKind
+from robotd.control.problem import Problem
 from robotd.control.trajectory_execution import TrajectoryExecution
 from robotd.device.bus_status import BusStatus
 from robotd.device.state import CommandMode, Operation
 from robotd.errors import RobotdError
 from robotd.events import Event, EventKind
-from robotd.health.remedies import remedy
 from robotd.observation.io_sampler import MAX_IO_BYTES
 from robotd.observation.tap import Tap
 from robotd.robot import Robot
 
-FAULTS = frozenset(
-    {ProblemKind.DEVICE, ProblemKind.CONTROLLER, ProblemKind.ALARM, ProblemKind.OFFLINE}
-)
 MAX_GOALS = 64  # accepted goals whose sender is remembered
 MODES = {int(mode): mode.name.lower() for mode in CommandMode}
 OPERATIONS = {int(operation): operation.name.lower() for operation in Operation}
@@ -41,7 +37,7 @@ def state_of(tap: Tap, goals: Sequence[Mapping[str, Any] | None], viewers: int) 
         "type": "state",
         "device": robot.connection.state.value,
         "ready": robot.connection.ready,
-        "problems": [_problem(robot, each) for each in robot.find_problems()],
+        "problems": [*map(_problem, robot.find_problems())],
         "speed": speed.speed,
         "paused": speed.paused,
         "axes": _axes(robot),
@@ -104,12 +100,15 @@ def event_of(event: Event) -> dict[str, Any]:
     }
 
 
-def _problem(robot: Robot, problem: Problem) -> dict[str, Any]:
+def _problem(problem: Problem) -> dict[str, Any]:
     return {
         "kind": str(problem.kind),
-        "is_fault": problem.kind in FAULTS,
-        "text": problem.text,
-        "remedy": remedy(robot, problem),
+        "is_fault": problem.is_fault,
+        "text": str(problem),
+        "axes": problem.axes,
+        "code": problem.code,
+        "remedy": problem.remedy,
+        "since_s": problem.since_ns * 1e-9,
     }
 
 

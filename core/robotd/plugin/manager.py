@@ -9,7 +9,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, TypeVar
 
@@ -24,6 +24,7 @@ from robotd.device.passive_joints import PassiveJoints
 from robotd.device.world import World
 from robotd.errors import PluginError, RobotdError, unknown_name
 from robotd.plugin.call_timeout import CallTimeout, call_with_timeout
+from robotd.plugin.code_table import CodeTable, load_code_tables
 from robotd.plugin.driver_set import Drivers
 from robotd.plugin.hookspecs import API_VERSION, BackendInfo, DeviceContext, RobotdHooks
 from robotd.plugin.registry import NodeRegistry, RobotRegistry
@@ -171,6 +172,15 @@ class Backend(Plugin):
         self.capabilities = self.info.capabilities | derived_from | {Capability.AXES}
         self.nodes = NodeRegistry()
         self.call("robotd_register_nodes", registry=self.nodes)
+
+    @cached_property
+    def code_tables(self) -> list[CodeTable]:
+        """Tables of its codes; imported at the first use."""
+        return load_code_tables(self.origin.module.partition(".")[0])[0]
+
+    def advise(self, code: int) -> str:
+        """Return what to do about the code of a drive's alarm; "" where it is not known."""
+        return next(filter(None, (table.advice(code) for table in self.code_tables)), "")
 
     def context(self, robot: RobotDescriptor, clock: Clock | None = None) -> DeviceContext[Any]:
         """Validate the robot's section for this backend, once, and return the context of a device.

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from robotd.health.remedies import backend_tables
 from robotd.observation.robot_state import Goals, event_of, state_of
 from robotd.observation.tap import Tap
 from robotd_page.live_samples import LiveSamples
@@ -41,7 +40,7 @@ class PageFeed:
         self._nodes, self._meshes, self._has_control = nodes, meshes, has_control
         self._namespace = namespace
         self._live = LiveSamples(tap)
-        backend_tables(tap.robot)  # imported now, not at the first alarm
+        _ = tap.robot.backend.code_tables  # imported now, not at the first alarm
         self._goals = Goals(tap.robot)
         self._cursor = self._looks = 0
         self._seen = 0  # number of the newest event that reduces motion

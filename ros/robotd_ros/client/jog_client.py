@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
-from rcl_interfaces.msg import Log
-from std_msgs.msg import Float64, String
+from diagnostic_msgs.msg import DiagnosticStatus
 from wmx_ros2_message.msg import AxisState, AxisVelocity
 
 from robotd.errors import OperationError
-from robotd_ros.client.hindrances import SPEED, STOPPED, motion_hindrance
+from robotd.log import escaped
+from robotd_ros.client.problem_client import STANDING, ProblemListener, with_remedy
 from robotd_ros.client.ros_client import RosClient
 from robotd_ros.client.status_client import (
     AXIS_STATE,
@@ -20,9 +20,9 @@ from robotd_ros.client.status_client import (
     read_axes,
 )
 from robotd_ros.node_registry import OPERATOR_NODE
-from robotd_ros.qos import LATCHED
 
 JOG = "wmx/axis/jog"
+REJECTIONS = f"{OPERATOR_NODE}/rejections"
 RAMP_S = 0.2  # to the speed, of axes in velocity mode
 AT_REST = 0.01  # rad/s or m/s
 
@@ -51,16 +51,13 @@ class JogClient:
         self._client = client
         self._jogged: set[int] = set()
         self._rejection = ""
-        operator = f"{client.node.get_namespace()}/{OPERATOR_NODE}".strip("/")
-        self._log_name = f"{operator.replace('/', '.')}.commands"
         self.identities = read_axes(client)
         self._publisher = client.node.create_publisher(AxisVelocity, JOG, 1)
         self._axes = stack.enter_context(client.listen(AxisState, AXIS_STATE))
-        self._stopped = stack.enter_context(client.listen(String, STOPPED, LATCHED))
-        self._speed = stack.enter_context(client.listen(Float64, SPEED, LATCHED))
-        client.node.create_subscription(Log, "/rosout", self._note_rejection, 10)
-        for listener in (self._axes, self._stopped, self._speed):
-            listener.wait()
+        self._problems = ProblemListener(client, stack)
+        client.node.create_subscription(DiagnosticStatus, REJECTIONS, self._note_rejection, 10)
+        self._axes.wait()
+        self._problems.wait()
         client.wait(self._publisher.get_subscription_count, f"subscription of {JOG}")
 
     def jog(self, axis: int, velocity: float, fastest: float) -> None:
@@ -79,12 +76,11 @@ class JogClient:
     def state(self) -> JogState:
         """Return the newest state; never waits."""
         axes = self._axes.newest
-        stopped = self._stopped.newest.data if self._stopped.newest else ""
-        speed = self._speed.newest.data if self._speed.newest else 1.0
         reports = None if axes is None else axis_reports(axes, self.identities)
         if any(abs(reports[axis].velocity) > AT_REST for axis in self._jogged if reports):
             self._rejection = ""
-        return JogState(reports, motion_hindrance(stopped, speed) or self._rejection)
+        problem = self._problems.first(*STANDING)
+        return JogState(reports, with_remedy(problem) if problem else self._rejection)
 
     def wait_at_rest(self) -> None:
         """Return when no axis that was jogged moves. Raises DeviceTimeout."""
@@ -97,10 +93,9 @@ class JogClient:
         self._axes.wait()
         self._client.wait(at_rest, "standstill")
 
-    def _note_rejection(self, line: Log) -> None:
-        _, is_rejection, reason = line.msg.partition("reason=")
-        if is_rejection and line.name == self._log_name and f"topic={JOG} " in line.msg:
-            self._rejection = reason
+    def _note_rejection(self, rejection: DiagnosticStatus) -> None:
+        if rejection.name == JOG:
+            self._rejection = escaped(rejection.message)
 
 
 @contextmanager

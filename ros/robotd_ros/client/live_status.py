@@ -15,8 +15,9 @@ from tf2_msgs.msg import TFMessage
 from wmx_ros2_message.msg import AxisState
 
 from robotd.clock import NANOSECONDS
-from robotd_ros.client.hindrances import Hindrance, Hindrances
+from robotd.control.problem import Problem
 from robotd_ros.client.motion_client import action_servers
+from robotd_ros.client.problem_client import ProblemListener
 from robotd_ros.client.ros_client import Listener, RosClient
 from robotd_ros.client.status_client import (
     AXIS_STATE,
@@ -51,7 +52,7 @@ class LiveReport:
         parts: engine, axes, fieldbus, control loop.
         goals_s: time that each running goal has got to on its path, seconds, by its action.
         tools: of each joint group; empty while their poses are not known.
-        hindrances: all that keeps axes from moving while the robot is ready.
+        problems: what keeps axes from moving, root cause first.
     """
 
     ready: bool | None
@@ -59,12 +60,12 @@ class LiveReport:
     parts: tuple[PartReport, ...]
     goals_s: Mapping[str, float]
     tools: tuple[ToolReport, ...] = ()
-    hindrances: tuple[Hindrance, ...] = ()
+    problems: tuple[Problem, ...] = ()
 
     @property
     def takes_motion(self) -> bool:
         """True where the robot is ready, and neither a fault nor a stop forbids motion."""
-        return bool(self.ready) and not any(each.forbids for each in self.hindrances)
+        return bool(self.ready) and not any(each.forbids_motion for each in self.problems)
 
 
 class GoalProgress:
@@ -98,7 +99,7 @@ class LiveStatus:
         self._axes = listen(AxisState, AXIS_STATE)
         self._diagnostics = listen(DiagnosticArray, "/diagnostics", 10)
         self._tools = listen(TFMessage, TOOL_POSE)
-        self._hindrances = Hindrances(client, stack)
+        self._problems = ProblemListener(client, stack)
         self._ready.wait()
         feedback = FollowJointTrajectory.Impl.FeedbackMessage
         self._goals = {
@@ -121,7 +122,7 @@ class LiveStatus:
         running = {action: goal.path_s for action, goal in self._goals.items()}
         goals_s = {action: path_s for action, path_s in running.items() if path_s is not None}
         tools = tool_reports(self._tools.newest) if is_ready and self._tools.newest else ()
-        return LiveReport(is_ready, reports, parts, goals_s, tools, self._hindrances.newest)
+        return LiveReport(is_ready, reports, parts, goals_s, tools, self._problems.newest)
 
 
 @contextmanager

@@ -6,24 +6,18 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 
-from std_msgs.msg import Float64, String
+from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from robotd.control.problem import ProblemKind
 from robotd.errors import DeviceTimeout, InvalidArgument, OperationError, unknown_name
-from robotd_ros.client.hindrances import (
-    SPEED,
-    SPEED_KIND,
-    STOPPED,
-    Hindrances,
-    motion_hindrance,
-)
+from robotd_ros.client.problem_client import ProblemListener, with_remedy
 from robotd_ros.client.ros_client import RosClient
 from robotd_ros.node_registry import OPERATOR_NODE
 from robotd_ros.qos import LATCHED
 
 IO = f"{OPERATOR_NODE}/io"
-DISCOVERY_S = 1.0
+SPEED = f"{OPERATOR_NODE}/speed"
 LEVELS = {"on": True, "off": False}
 
 Levels = dict[str, bool | None]
@@ -59,23 +53,6 @@ def resume(client: RosClient) -> str:
     return str(client.call(Trigger, f"{OPERATOR_NODE}/resume").message)
 
 
-def require_motion(client: RosClient) -> None:
-    """Raise OperationError while motion is stopped or paused: goals would be rejected, or wait.
-
-    A system without the node ``robotd`` cannot be asked: no effect.
-    """
-    with (
-        client.listen(String, STOPPED, LATCHED) as stopped,
-        client.listen(Float64, SPEED, LATCHED) as speed,
-    ):
-        try:
-            client.wait(lambda: stopped.newest and speed.newest, STOPPED, DISCOVERY_S)
-        except DeviceTimeout:
-            return
-        if reason := motion_hindrance(stopped.newest.data, speed.newest.data):
-            raise OperationError(reason)
-
-
 def recover(client: RosClient, on_step: Callable[[str], None]) -> bool:
     """Recover the robot; ``on_step`` is called with each step as it is reported.
 
@@ -91,7 +68,7 @@ def recover(client: RosClient, on_step: Callable[[str], None]) -> bool:
         ExitStack() as stack,
         client.listen(String, f"{OPERATOR_NODE}/recovery", LATCHED) as report,
     ):
-        hindrances = Hindrances(client, stack)
+        problems = ProblemListener(client, stack)
         client.wait(service.service_is_ready, f"service {service.service_name}")
         before = report.wait()  # the report of the last recovery, empty before the first
         answer = service.call_async(Trigger.Request())
@@ -109,10 +86,10 @@ def recover(client: RosClient, on_step: Callable[[str], None]) -> bool:
         if not response.success:
             raise OperationError(response.message)
         _print_new(response.message, printed, on_step)
-        left = {each.kind: each.text for each in hindrances.wait()}
-        if SPEED_KIND in left:
-            on_step(left[SPEED_KIND])
-        return ProblemKind.STOPPED not in left
+        problems.wait()
+        if paused := problems.first(ProblemKind.PAUSED):
+            on_step(with_remedy(paused))
+        return problems.first(ProblemKind.STOPPED) is None
 
 
 def _print_new(text: str, printed: list[str], on_step: Callable[[str], None]) -> None:

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 
 from geometry_msgs.msg import TransformStamped
-from std_msgs.msg import Bool, String
+from std_msgs.msg import Bool, Float64, String
 from std_srvs.srv import SetBool, Trigger
 from tf2_msgs.msg import TFMessage
 from wmx_ros2_message.msg import AxisState
 from wmx_ros2_message.srv import SetAxis
 
 from robotd.clock import MonotonicClock, wait_until
-from robotd.errors import DeviceTimeout, InvalidArgument, OperationError, unknown_name
-from robotd_ros.client.hindrances import STOPPED, Hindrance, Hindrances
-from robotd_ros.client.operator_client import DISCOVERY_S, IO, Levels, read_levels
+from robotd.control.problem import Problem
+from robotd.errors import DeviceTimeout, InvalidArgument, unknown_name
+from robotd_ros.client.operator_client import IO, SPEED, Levels, read_levels
+from robotd_ros.client.problem_client import DISCOVERY_S, ProblemListener, reason_of_silence
 from robotd_ros.client.robot_identity import RobotIdentity, read_identity
 from robotd_ros.client.ros_client import RosClient
 from robotd_ros.node_registry import IDENTITY, OPERATOR_NODE
@@ -28,7 +29,6 @@ AXIS_NODE = "wmx_core_motion_node"
 AXIS_STATE = "wmx/axis/state"
 RECORD = "robotd/record"
 TOOL_POSE = f"{OPERATOR_NODE}/tool_pose"
-FAULT = "wmx/engine/get_fault"
 DESCRIPTION = "robot_description"
 EFFORT_UNITS = {"rad": "N·m", "m": "N"}
 
@@ -108,11 +108,8 @@ class RobotReport:
     Attributes:
         robot: that answers.
         state: the engine's, in the words of ``get_status``.
-        reason: why axes cannot be commanded; "" while they can.
-        remedy: the command that helps, "" where none is needed or known.
         speed: of all motion, 0 to 1; 0 while it is paused.
-        stopped: why all motion is stopped until a reset; "" while it is allowed.
-        hindrances: all that keeps axes from moving while the engine is ready.
+        problems: what keeps axes from moving, root cause first.
         axes: None where they are not published: the engine is not ready, or the robot runs
             without ``wmx_core_motion_node``.
         owners: client that moves it, by name of the joint; without those that have no owner.
@@ -124,11 +121,8 @@ class RobotReport:
     robot: RobotIdentity
     state: str
     ready: bool
-    reason: str
-    remedy: str
-    stopped: str
     speed: float
-    hindrances: tuple[Hindrance, ...]
+    problems: tuple[Problem, ...]
     axes: tuple[AxisReport, ...] | None
     owners: dict[str, str]
     inputs: Levels
@@ -138,8 +132,7 @@ class RobotReport:
     @property
     def takes_motion(self) -> bool:
         """True where neither the engine, a fault nor a stop forbids motion."""
-        forbidden = self.reason or self.stopped or any(each.forbids for each in self.hindrances)
-        return self.ready and not forbidden
+        return self.ready and not any(each.forbids_motion for each in self.problems)
 
 
 def _owners(text: str) -> dict[str, str]:
@@ -174,27 +167,22 @@ def read_report(client: RosClient) -> RobotReport:
         client.listen(Bool, "wmx/engine/ready", LATCHED) as ready,
         client.listen(AxisState, AXIS_STATE) as axes,
         client.listen(String, IDENTITY, LATCHED) as robot,
-        client.listen(String, STOPPED, LATCHED) as stopped,
         client.listen(String, f"{OPERATOR_NODE}/owners", LATCHED) as owners,
         client.listen(String, IO, LATCHED) as io,
         client.listen(TFMessage, TOOL_POSE) as tools,
+        client.listen(Float64, SPEED, LATCHED) as speed,
     ):
-        motion = Hindrances(client, stack)
+        problems = ProblemListener(client, stack)
         state = client.call(Trigger, "wmx/engine/get_status").message
         is_ready = ready.wait().data
-        reason, remedy = _fault(client)
         identities = published_axes(client) if is_ready else ()
         reports = axis_reports(axes.wait(), identities) if identities else None
-        hindrances = motion.wait()
         return RobotReport(
             read_identity(robot.wait().data),
             state,
             is_ready,
-            reason,
-            remedy,
-            stopped.wait().data,
-            motion.speed,
-            hindrances,
+            speed.wait().data,
+            problems.wait(),
             reports,
             _owners(owners.wait().data),
             *read_levels(io.wait().data),
@@ -206,37 +194,6 @@ def read_description(client: RosClient) -> str:
     """Return the URDF that a running system publishes. Raises DeviceTimeout without one."""
     with client.listen(String, DESCRIPTION, LATCHED) as description:
         return str(description.wait().data)
-
-
-def require_ready(client: RosClient) -> None:
-    """Raise OperationError, with the robot's reason and what helps, unless axes take commands.
-
-    A robot that runs without ``wmx_engine_node`` cannot be asked: no effect.
-    """
-    service = client.node.create_client(Trigger, FAULT)
-    try:
-        client.wait(service.service_is_ready, FAULT, DISCOVERY_S)
-    except DeviceTimeout:
-        return
-    finally:
-        client.node.destroy_client(service)
-    reason, remedy = _fault(client)
-    if reason:
-        raise OperationError(f"{reason}; to bring it back: {remedy}" if remedy else reason)
-
-
-@contextmanager
-def reason_of_silence(client: RosClient) -> Iterator[None]:
-    """Check ``require_ready`` before the block, and again when its DeviceTimeout comes out.
-
-    On a busy computer the service may be discovered only during the block.
-    """
-    require_ready(client)
-    try:
-        yield
-    except DeviceTimeout:
-        require_ready(client)
-        raise
 
 
 def set_gripper(client: RosClient, closed: bool) -> str:
@@ -320,12 +277,6 @@ def axis_reports(message: AxisState, axes: Sequence[AxisIdentity]) -> tuple[Axis
         strict=True,
     )
     return tuple(AxisReport(axis, *values) for axis, values in enumerate(columns))
-
-
-def _fault(client: RosClient) -> tuple[str, str]:
-    """Return the reason for rejecting axis commands and its remedy; may be ""."""
-    reason, _, remedy = client.call(Trigger, FAULT).message.partition("\n")
-    return reason, remedy
 
 
 def _axis_number(axis: str, names: list[str]) -> int:

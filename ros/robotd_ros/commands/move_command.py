@@ -74,9 +74,9 @@ def move(
     the loss of the terminal, stops the motion and waits until the arm stands.
     """
     with robot_client(timeout_s, searches=True) as client:
-        with import_ros("robotd_ros.client.status_client").reason_of_silence(client):
+        with import_ros("robotd_ros.client.problem_client").reason_of_silence(client):
             arm = import_ros("robotd_ros.client.motion_client").find_arm(client, targets, action)
-        import_ros("robotd_ros.client.operator_client").require_motion(client)
+        import_ros("robotd_ros.client.problem_client").require_motion(client)
         print_addressed_robots(client)
         turning = {joint for joint in targets if deg and arm.units.get(joint) != "m"}
         positions = {

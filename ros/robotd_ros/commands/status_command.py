@@ -46,12 +46,8 @@ def _status(timeout_s: float, *, as_json: bool) -> ExitCode:
     else:
         click.echo(field("robot", [report.robot.text]))
         click.echo(field("engine", [f"{report.state}, {_readiness(report)}"]))
-        if report.reason:
-            click.echo(field("reason", [report.reason]))
-        if report.remedy:
-            click.echo(field("remedy", [report.remedy]))
-        for each in report.hindrances:
-            click.echo(field("motion", [*filter(None, (warning(each.text), each.remedy))]))
+        for each in report.problems:
+            click.echo(field("problem", [*filter(None, (warning(str(each)), each.remedy))]))
         if report.speed != 1.0:
             click.echo(field("speed", [f"{100.0 * report.speed:g} %"]))
         if report.owners:
@@ -70,9 +66,9 @@ def _readiness(report: RobotReport) -> str:
     """Return the state in words; a robot that cannot move is never "ready"."""
     if not report.ready:
         return warning("not ready")
-    if any(each.prevents for each in report.hindrances):
+    if any(each.prevents_motion for each in report.problems):
         return warning("cannot move")
-    outside = any(each.kind == "outside limits" for each in report.hindrances)
+    outside = any(each.kind == "outside limits" for each in report.problems)
     return warning("ready, a joint is outside its limits") if outside else "ready"
 
 

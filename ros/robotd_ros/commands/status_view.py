@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 if TYPE_CHECKING:  # it needs rclpy
-    from robotd_ros.client.hindrances import Hindrance
+    from robotd.control.problem import Problem
     from robotd_ros.client.live_status import LiveReport
 
 LEVELS = ("green", "yellow", "bold red", "dim")
@@ -19,7 +19,7 @@ BAR_WIDTH = 40
 
 def view(report: LiveReport) -> Group:
     """Return the view of one state."""
-    parts: list[RenderableType] = [_head(report), *map(_hindrance, report.hindrances)]
+    parts: list[RenderableType] = [_head(report), *map(_problem, report.problems)]
     for action, path_s in report.goals_s.items():
         line = Table.grid(padding=(0, 1))
         # Feedback has no duration: the bar moves, and the time on the path is beside it.
@@ -36,15 +36,15 @@ def view(report: LiveReport) -> Group:
 def _head(report: LiveReport) -> Table:
     words = {True: ("ready", "bold green"), False: ("not ready", "bold red"), None: ("?", "dim")}
     text, style = words[report.ready]
-    if any(each.prevents for each in report.hindrances):
+    if any(each.prevents_motion for each in report.problems):
         text, style = "cannot move", "bold red"
     grid = Table.grid(padding=(0, 1))
     grid.add_row(Text(text, style=style), Text("stop with Ctrl-C", style="dim"))
     return grid
 
 
-def _hindrance(hindrance: Hindrance) -> Text:
-    return Text("; ".join(filter(None, (hindrance.text, hindrance.remedy))), style="yellow")
+def _problem(problem: Problem) -> Text:
+    return Text("; ".join(filter(None, (str(problem), problem.remedy))), style="yellow")
 
 
 def _axes(report: LiveReport) -> Table:

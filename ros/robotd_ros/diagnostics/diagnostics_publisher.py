@@ -1,4 +1,4 @@
-"""Publisher of ``/diagnostics``: once a second and on every change."""
+"""Publisher of ``/diagnostics``, once a second and on every change, and of the problems."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from robotd.health.robot_health import Health
 from robotd.log import get_logger
 from robotd.robot import Robot
 from robotd_ros.diagnostics.name_clash import NameClash
+from robotd_ros.nodes.operator_node import OperatorNode
 
 log = get_logger("diagnostics")
 
@@ -28,18 +29,21 @@ END_TIMEOUT_S = 1.0  # for a check that is under way
 
 
 class Diagnostics:
-    """Diagnostics of a process, published on its first node: ``with Diagnostics(nodes, robot):``.
+    """Diagnostics of a process: ``with Diagnostics(nodes, robot, operator):``.
 
     A thread of its own, ``robotd-diagnostics``, does it: reading the fieldbus may block, which
     neither the control loop nor the executor can afford.
 
     Args:
-        nodes: all of the process; the namespace of the first distinguishes robots that share the
-            topic.
+        nodes: all of the process; the first one publishes, and its namespace distinguishes robots
+            that share the topic.
+        robot: of the nodes.
+        operator: publishes the problems.
     """
 
-    def __init__(self, nodes: Sequence[Node], robot: Robot) -> None:
+    def __init__(self, nodes: Sequence[Node], robot: Robot, operator: OperatorNode) -> None:
         node = nodes[0]
+        self._robot, self._operator = robot, operator
         self._publisher = node.create_publisher(DiagnosticArray, TOPIC, DEPTH)
         self._clock = node.get_clock()
         self._hardware = f"{node.get_namespace()}/{robot.descriptor.name}".lstrip("/")
@@ -64,12 +68,15 @@ class Diagnostics:
             self._check()
 
     def _run(self) -> None:
+        _ = self._robot.backend.code_tables  # imported now, not at the first alarm
+        self._check()
         while not self._stop.wait(CHECK_PERIOD_S):
             self._check()
 
     def _check(self) -> None:
         """Publish if it is time to, or if something changed. What fails is logged once."""
         try:
+            self._operator.publish_problems(self._robot.find_problems())
             now_ns = MonotonicClock.now_ns()
             seen = self._health.fingerprint()
             is_due = now_ns >= self._due_ns

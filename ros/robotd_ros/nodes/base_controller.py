@@ -58,7 +58,7 @@ class BaseController(Node):
 
     def __init__(self, name: str, read: ReadSettings, robot: Robot, host: RosHost) -> None:
         super().__init__(name, context=host.context)
-        self._rejections = RejectionLog()
+        self._rejections = RejectionLog(host)
         settings = read_settings(self, robot.descriptor, read)
         if robot.base is None:
             raise DescriptorError(f"{name} needs a drive, which {robot.descriptor.name} has not")

@@ -64,7 +64,7 @@ def add_command_subscription(
         sent_at_ns: time in the message, by the node's clock; 0: it says none.
         share: highest of the executor's time.
     """
-    times, rejections = CommandTimes(node, robot.clock), RejectionLog()
+    times, rejections = CommandTimes(node, robot.clock), RejectionLog(host)
     shown = node.resolve_topic_name(topic) if topic.startswith("~") else topic
     dropped = 0
 

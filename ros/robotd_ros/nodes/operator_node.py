@@ -8,12 +8,14 @@ import threading
 from collections.abc import Sequence
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from std_msgs.msg import Empty, Float64, String
 from std_srvs.srv import Trigger
 
+from robotd.control.problem import Problem
 from robotd.device.process_image import ProcessImage
 from robotd.errors import InvalidArgument, RobotdError
 from robotd.observation.robot_identity import identity
@@ -26,6 +28,7 @@ from robotd_ros.nodes.latched_topics import publish_if_alive
 from robotd_ros.nodes.named_io import NamedIo
 from robotd_ros.nodes.node_parameters import Parameters
 from robotd_ros.nodes.tool_pose_topic import ToolPoseTopic
+from robotd_ros.problem_messages import problem_array
 from robotd_ros.qos import LATCHED
 from robotd_ros.services import add_service, add_subscription, named_values
 
@@ -39,6 +42,7 @@ class OperatorNode(Node):
     Latched topics have what they changed: ``~/stopped`` the reason of a stop, ``~/speed``,
     ``~/recovery`` the report of the present or last recovery, ``~/owners`` the axes that have one,
     a line each, ``~/problems`` what keeps axes from moving, ``~/robot`` which robot it is.
+    ``~/rejections`` has the commands of topics that are rejected, as the log has them.
 
     Args:
         robot: of the operator.
@@ -56,7 +60,9 @@ class OperatorNode(Node):
         self._speed_topic = self.create_publisher(Float64, "~/speed", LATCHED)
         self._recovery_topic = self.create_publisher(String, "~/recovery", LATCHED)
         self._owners_topic = self.create_publisher(String, "~/owners", LATCHED)
-        self._problems_topic = self.create_publisher(String, "~/problems", LATCHED)
+        self._problems_topic = self.create_publisher(DiagnosticArray, "~/problems", LATCHED)
+        self._problems: list[Problem] | None = None  # not published yet
+        self._rejections_topic = self.create_publisher(DiagnosticStatus, "~/rejections", 10)
         self._recovery_topic.publish(String())
         self._robot_topic = self.create_publisher(String, IDENTITY, LATCHED)
         told = {**identity(robot, self.get_namespace()), "features": [*features]}
@@ -85,7 +91,6 @@ class OperatorNode(Node):
         robot.axes.speed.on_change(self._publish_speed)
         rate_hz = min(STATE_RATE_HZ, robot.descriptor.cycle.rate_hz)
         robot.control_loop.every(rate_hz, "owners", self._publish_owners, first=True)
-        robot.control_loop.every(rate_hz, "problems", self._publish_problems, first=True)
         self._io = NamedIo(self, robot, host)
         parameters = Parameters(self, robot.descriptor)
         self._tool = ToolPoseTopic(self, robot, read_frame_prefix(parameters))
@@ -157,10 +162,21 @@ class OperatorNode(Node):
         lines = [f"{name}: {owner}" for name, owner in owners if owner]
         self._publish_change(self._owners_topic, "\n".join(lines))
 
-    def _publish_problems(self, image: ProcessImage) -> None:
-        """Publish what keeps axes from moving where it has changed. Control loop."""
-        lines = [f"{each.kind}: {each.text}" for each in self._robot.find_motion_problems()]
-        self._publish_change(self._problems_topic, "\n".join(lines))
+    def publish_problems(self, problems: list[Problem]) -> None:
+        """Publish what keeps axes from moving where it has changed. One thread."""
+        if problems != self._problems:
+            self._problems = problems
+            now_ns = self.get_clock().now().nanoseconds
+            ahead_ns = now_ns - self._robot.clock.now_ns()
+            publish_if_alive(self._problems_topic, problem_array(problems, now_ns, ahead_ns))
+
+    def publish_rejection(self, topic: str, axes: Sequence[int], reason: str) -> None:
+        """Publish that a command on ``topic`` was rejected. Any thread."""
+        values = [KeyValue(key="axes", value=json.dumps([*axes]))]
+        rejection = DiagnosticStatus(
+            level=DiagnosticStatus.WARN, name=topic, message=reason, values=values
+        )
+        publish_if_alive(self._rejections_topic, rejection)
 
     def _publish_change(self, topic: Publisher, text: str) -> None:
         if text != self._shown.get(topic):

@@ -1,4 +1,4 @@
-"""Log of rejected streamed commands: one line for each reason."""
+"""Log of rejected commands of topics: one line, and one message, for each reason."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from contextlib import contextmanager
 
 from robotd.errors import RobotdError
 from robotd.log import get_logger
+from robotd_ros.host import RosHost
 
 log = get_logger("commands")
 
@@ -27,9 +28,13 @@ class RejectionLog:
     texts differ in numbers only. A flood of ever other axes or texts is cut off until a command
     is accepted, so that no client can fill the memory or the disk. All is forgotten after
     ``PAUSE_S``. Any thread.
+
+    Args:
+        host: its ``on_rejection`` is called with what is logged.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, host: RosHost) -> None:
+        self._host = host
         self._known: dict[tuple[str, tuple[int, ...]], set[str]] = {}
         self._rejected_s = 0.0
 
@@ -50,6 +55,7 @@ class RejectionLog:
         if kind not in kinds and len(kinds) < MAX_KINDS:
             kinds.add(kind)
             log.warning("command rejected", topic=topic, axes=list(concerned[1]), reason=reason)
+            self._host.on_rejection(topic, concerned[1], reason)
             if len(kinds) == MAX_KINDS:
                 log.warning("other reasons are hidden until a command is accepted", topic=topic)
 

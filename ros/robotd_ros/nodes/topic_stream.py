@@ -29,7 +29,7 @@ class TopicStream(Generic[Stream]):
 
     def __init__(self, client: StreamClient[Stream], host: RosHost, topic: str) -> None:
         self._client, self._host, self._topic = client, host, topic
-        self._rejections = RejectionLog()
+        self._rejections = RejectionLog(host)
         self._lock = threading.Lock()  # of the three below
         self._stream: Stream | None = None
         self._waiting: Callable[[Stream], None] | None = None

@@ -72,7 +72,7 @@ class TrajectoryTopic:
         self._host, self._topic, self._stream = host, topic, stream
         self._timeout_s = timeout_s
         self._source = group.follower.source(topic, robot.rearming)
-        self._rejections = RejectionLog()
+        self._rejections = RejectionLog(host)
         self._lock = threading.Lock()
         self._execution: TrajectoryExecution | None = None  # of the ticket that follows
         self._newest = 0

@@ -69,7 +69,7 @@ class WmxCoreMotionNode(Node):
         prefix = read_settings(self, robot.descriptor, read_core_motion)
         self._axes, self._interruptions = robot.axes, robot.rearming.interruptions
         self._connection = robot.connection
-        self._rejections = RejectionLog()
+        self._rejections = RejectionLog(host)
         self._add_axis_services(host)
         add_service(self, host, LoadWmxParams, "wmx/params/load", self._load_parameters)
         add_service(self, host, GetWmxParams, "wmx/params/get", self._get_parameters)

@@ -32,8 +32,7 @@ class WmxEngineNode(Node):
 
     def __init__(self, robot: Robot, host: RosHost) -> None:
         super().__init__("wmx_engine_node", context=host.context)
-        self._connection = robot.connection
-        self._latch = robot.axes.stop_latch
+        self._robot, self._connection = robot, robot.connection
         managed = read_settings(self, robot.descriptor, read_engine)
         self.lifecycle = LifecycleServices(self, robot, host).lifecycle if managed else None
         for service_type, name, handler, blocking in (
@@ -73,20 +72,12 @@ class WmxEngineNode(Node):
 
     def _get_fault(self, request: Any, response: Any) -> str:
         """Answer why axes cannot be commanded and what helps, a line each; empty when ready."""
-        connection = self._connection
-        if self._latch.inactive:
-            return self._latch.rejection
-        reason = "; ".join(line.strip() for line in connection.rejection.splitlines())
-        lines = [] if connection.commandable else [reason, self._remedy()]
-        return "\n".join(filter(None, lines))
-
-    def _remedy(self) -> str:
-        """The command that brings the device back; "" where waiting or nothing helps."""
-        connection = self._connection
-        if connection.ending or (connection.step.text and not connection.established):
+        if self._robot.axes.stop_latch.inactive:
+            return self._robot.axes.stop_latch.rejection
+        if self._connection.commandable:
             return ""
-        namespace = self.get_namespace()
-        return f"robotd recover{f' --ros-args -r __ns:={namespace}' if namespace != '/' else ''}"
+        found = self._robot.find_problems()
+        return "\n".join(filter(None, (found[0].reason, found[0].remedy))) if found else ""
 
     def _scan_network(self, request: Any, response: Any) -> str:
         return self._connection.scan_network()

@@ -5,7 +5,7 @@ import math
 
 from rich.console import Console
 
-from robotd_ros.client.hindrances import read_hindrances
+from robotd.control.problem import Problem, ProblemKind
 from robotd_ros.client.live_status import LiveReport, PartReport
 from robotd_ros.client.status_client import AxisReport, ToolReport
 from robotd_ros.commands.status_view import view
@@ -52,8 +52,9 @@ def test_axes_and_parts_are_shown_with_their_state() -> None:
 
 
 def test_what_keeps_axes_from_moving_is_shown_with_its_remedy() -> None:
-    alarm = read_hindrances("alarm: joint3: amplifier alarm 17 (overload)", 1.0)
-    report = LiveReport(True, (axis(2, alarm=True),), (), {}, hindrances=alarm)
+    reason, remedy = "amplifier alarm 17 (overload)", "robotd recover"
+    alarm = Problem(ProblemKind.ALARM, reason, ("joint3",), 17, remedy)
+    report = LiveReport(True, (axis(2, alarm=True),), (), {}, problems=(alarm,))
     assert not report.takes_motion
     lines = shown(report).splitlines()
     assert lines[0].startswith("cannot move")
@@ -61,14 +62,16 @@ def test_what_keeps_axes_from_moving_is_shown_with_its_remedy() -> None:
 
 
 def test_settings_of_a_client_do_not_forbid_motion() -> None:
-    settings = read_hindrances("servo off: servo off: joint1", 0.0)
-    assert [each.kind for each in settings] == ["servo off", "speed"]
-    assert LiveReport(True, (), (), {}, hindrances=settings).takes_motion
+    settings = (
+        Problem(ProblemKind.SERVO_OFF, "servo off", ("joint1",)),
+        Problem(ProblemKind.PAUSED, "motion is paused"),
+    )
+    assert LiveReport(True, (), (), {}, problems=settings).takes_motion
 
 
 def test_a_client_that_has_to_be_released_is_shown_and_the_robot_is_ready() -> None:
-    source = read_hindrances("source: wmx/axis/jog kept commanding: release it", 1.0)
-    report = LiveReport(True, (), (), {}, hindrances=source)
+    source = Problem(ProblemKind.SOURCE, "wmx/axis/jog kept commanding: release it")
+    report = LiveReport(True, (), (), {}, problems=(source,))
     assert report.takes_motion
     first, second, *_ = shown(report).splitlines()
     assert first.startswith("ready")

@@ -54,8 +54,8 @@ def test_an_alarm_is_named_cleared_and_the_servo_switched_on(harness: Harness) -
 
 def test_servos_that_are_off_are_switched_on(harness: Harness) -> None:
     harness.robot.axes.servo(2, False)
-    assert harness.robot.problems == ["servo off: joint3"]
-    assert recover(harness)[:2] == ["found: servo off: joint3", "servos on: joint3"]
+    assert harness.robot.problems == ["joint3: servo off"]
+    assert recover(harness)[:2] == ["found: joint3: servo off", "servos on: joint3"]
 
 
 @pytest.mark.parametrize("fault", ["drop_communication", "stop_engine"])
@@ -182,7 +182,7 @@ def test_a_servo_that_goes_off_again_is_switched_on_once_more(harness: Harness) 
     lines = recover(harness)
     assert lines[1:4] == [
         "servos on: joint3",
-        "not stable yet: servo off: joint3",
+        "not stable yet: joint3: servo off",
         "servos on: joint3",
     ]
     assert lines[-1].startswith("verified: 3 axes on")
@@ -192,7 +192,7 @@ def test_a_servo_that_does_not_stay_on_is_not_verified(harness: Harness) -> None
     harness.robot.axes.servo(2, False)
     goes_off(harness, 2, times=2)
     lines: list[str] = []
-    with pytest.raises(NotReady, match="not recovered: servo off: joint3"):
+    with pytest.raises(NotReady, match="not recovered: joint3: servo off"):
         harness.robot.recover(lines.append)
     assert not any("verified" in line for line in lines)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from typing import Any
 
@@ -19,6 +19,10 @@ class Host:
 
     def __init__(self) -> None:
         self.is_full = False
+        self.rejections: list[str] = []
+
+    def on_rejection(self, topic: str, axes: Sequence[int], reason: str) -> None:
+        self.rejections.append(reason)
 
     def submit(self, function: Callable[[], None]) -> None:
         if self.is_full:

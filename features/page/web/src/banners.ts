@@ -17,16 +17,12 @@ export class Banners {
     this.simulated.hidden = !description.simulated;
   }
 
-  update({ problems, paused, speed }: State): void {
-    const shown = JSON.stringify([problems, paused, speed === 0]);
+  update({ problems }: State): void {
+    const shown = JSON.stringify(problems);
     if (shown === this.shown) return;
     this.shown = shown;
     const faults = problems.filter((each) => each.is_fault);
     const notices = problems.filter((each) => !each.is_fault);
-    if (paused || speed === 0) {
-      const [text, remedy] = paused ? ["motion is paused", "robotd resume"] : ["the speed is 0 %", "robotd speed 100"];
-      notices.push({ kind: "paused", is_fault: false, text, remedy: `To go on: ${remedy}` });
-    }
     this.faults.hidden = !faults.length;
     this.faults.replaceChildren(...faults.map((each, index) => block(each, index === 0)));
     this.notices.hidden = !notices.length;

@@ -44,7 +44,10 @@ export interface Problem {
   kind: string;
   is_fault: boolean;
   text: string;
+  axes: string[];
+  code: number;
   remedy: string;
+  since_s: number;
 }
 
 export interface AxisState {
