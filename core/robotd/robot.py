@@ -170,12 +170,11 @@ class Robot:
         self.servos = Servos(descriptor, self.connection, self.axes, self.groups, self.base)
         self.connection.before_stop = self.servos.disable
         self._reconnector = Reconnector(self.connection)
-        used, enable = self.servos.used, self.servos.enable_axis
         self._problems = Problems(
-            self.connection, self.axes, self.rearming, clock, used, backend.advise
+            self.connection, self.axes, self.rearming, clock, self.servos.used, backend.advise
         )
         self._recovery = Recovery(
-            self.connection, self.axes, self.fieldbus, self._problems, used, enable, clock
+            self.connection, self.axes, self.fieldbus, self._problems, self.servos, clock
         )
 
     @property

@@ -11,6 +11,7 @@ import numpy as np
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, Clock, wait_until
 from robotd.control.problem import Problem, ProblemKind, Problems
+from robotd.control.servos import Servos
 from robotd.device.axes import Axes, each
 from robotd.device.connection import Connection
 from robotd.device.fieldbus import Fieldbus
@@ -39,9 +40,7 @@ class Recovery:
     together are not noticed together. So is a device that is lost before.
 
     Args:
-        connection, axes, fieldbus, problems: of the robot.
-        used: axes that are switched on at start.
-        enable: switches one axis on.
+        connection, axes, fieldbus, problems, servos: of the robot.
         clock: to wait by.
     """
 
@@ -51,12 +50,11 @@ class Recovery:
         axes: Axes,
         fieldbus: Fieldbus,
         problems: Problems,
-        used: Sequence[int],
-        enable: Callable[[int], None],
+        servos: Servos,
         clock: Clock,
     ) -> None:
         self._connection, self._axes, self._fieldbus = connection, axes, fieldbus
-        self._used, self._enable, self._clock = list(used), enable, clock
+        self._used, self._enable, self._clock = list(servos.used), servos.enable_axis, clock
         self._find_problems = problems.recoverable
         self._running = threading.Lock()
 
