@@ -60,7 +60,7 @@ class Commander:
             if self.on:
                 self.target += SPEED / RATE_HZ
                 target = [self.target, *others[1:]]
-                topic.apply(lambda stream, target=target: stream.send(target))
+                topic.apply(lambda commands, target=target: commands.position(target))
 
 
 def until(condition: Callable[[], object]) -> None:

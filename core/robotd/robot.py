@@ -19,7 +19,8 @@ from robotd.control.joint_group import JointGroups
 from robotd.control.joint_stream import JointStreams
 from robotd.control.mobile_base import MobileBase
 from robotd.control.motion_stop import MotionStop
-from robotd.control.problem import Problem, Problems
+from robotd.control.problem import Problem
+from robotd.control.problem_finder import Problems
 from robotd.control.rearming import Rearming
 from robotd.control.recovery import Recovery, Report
 from robotd.control.servos import Servos

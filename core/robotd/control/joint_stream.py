@@ -14,8 +14,8 @@ from robotd.clock import NANOSECONDS, Clock
 from robotd.control.joint_motion import JointMotion
 from robotd.control.open_stream import (
     OpenStream,
-    StreamChecks,
     StreamClient,
+    StreamCommands,
     chosen_columns,
     chosen_timeout,
 )
@@ -48,54 +48,61 @@ class StreamStatistics:
     timeouts: int
 
 
-class JointChecks(StreamChecks):
-    """Checks of positions and velocities of some joints.
+class JointCommands(StreamCommands):
+    """Commands of positions and velocities to some joints. Any thread; nothing blocks.
+
+    ``sent_ns`` is the time of a command on the robot's clock, from which its age counts; None: now.
 
     Args:
-        joints, source: as of ``StreamChecks``.
+        joints, source, clock: see ``StreamCommands``.
         present: returns (k,) present positions, as commanded.
         tolerance: (k,) distance from them at which a position asks for no motion.
+
+    Every method raises:
+        InvalidArgument: a wrong number of values, or one that is not finite.
+        NotReady: a state rejects motion, or its client went on commanding while one did and has to
+            begin anew; with the reason.
     """
 
     def __init__(
         self,
         joints: Sequence[str],
         source: CommandSource,
+        clock: Clock,
         present: Callable[[], FloatArray],
         tolerance: FloatArray,
     ) -> None:
-        super().__init__(joints, source)
+        super().__init__(joints, source, clock)
         self._present, self._tolerance = present, tolerance
 
-    def send(
+    def position(
         self,
         position: Sequence[float],
         velocity: Sequence[float] | None = None,
         *,
         sent_ns: int | None = None,
-    ) -> tuple[FloatArray, FloatArray | None]:
-        """Check and admit as ``JointStream.send``; return both as arrays."""
-        target = self.values("position", position)
-        speed = None if velocity is None else self.values("velocity", velocity)
-        stands = bool((np.abs(target - self._present()) <= self._tolerance).all())
-        self.source.admit(moves=not stands or (speed is not None and bool(speed.any())))
-        return target, speed
+    ) -> StreamCommand:
+        """Return a command as of ``JointStream.send``."""
+        target = self._values("position", position)
+        speed = None if velocity is None else self._values("velocity", velocity)
+        self._admit(target, speed)
+        return StreamCommand(target, speed, self._time_ns(sent_ns))
 
-    def send_velocity(self, velocity: Sequence[float], *, sent_ns: int | None = None) -> FloatArray:
-        """Check and admit as ``JointStream.send_velocity``; return it as an array."""
-        speed = self.values("velocity", velocity)
+    def velocity(self, velocity: Sequence[float], sent_ns: int | None = None) -> StreamCommand:
+        """Return a command as of ``JointStream.send_velocity``."""
+        speed = self._values("velocity", velocity)
         self.source.admit(moves=bool(speed.any()))
-        return speed
+        return StreamCommand(None, speed, self._time_ns(sent_ns))
 
-    def send_points(
+    def points(
         self,
         times_ns: Sequence[int],
         position: FloatArray | Sequence[Sequence[float]],
         velocity: FloatArray | Sequence[Sequence[float]] | None = None,
         *,
         sent_ns: int | None = None,
-    ) -> tuple[FloatArray, FloatArray]:
-        """Check and admit as ``JointStream.send_points``; return both as arrays."""
+    ) -> StreamCommand:
+        """Return a command as of ``JointStream.send_points``."""
         if not times_ns or any(later <= each for each, later in pairwise(times_ns)):
             raise InvalidArgument("times of the points must increase, and there must be one")
         positions = self._rows("position", position, len(times_ns))
@@ -103,9 +110,13 @@ class JointChecks(StreamChecks):
             speeds = _slopes(times_ns, positions)
         else:
             speeds = self._rows("velocity", velocity, len(times_ns))
-        stands = bool((np.abs(positions[-1] - self._present()) <= self._tolerance).all())
-        self.source.admit(moves=not stands or bool(speeds.any()))
-        return positions, speeds
+        self._admit(positions[-1], speeds)
+        window = PointWindow(times_ns, positions, speeds)
+        return StreamCommand(positions[-1], speeds[-1], self._time_ns(sent_ns), window)
+
+    def _admit(self, target: FloatArray, speed: FloatArray | None) -> None:
+        stands = bool((np.abs(target - self._present()) <= self._tolerance).all())
+        self.source.admit(moves=not stands or (speed is not None and bool(speed.any())))
 
     def _rows(
         self, what: str, rows: FloatArray | Sequence[Sequence[float]], count: int
@@ -117,43 +128,44 @@ class JointChecks(StreamChecks):
             values: FloatArray = np.array(rows, np.float64)
             if np.isfinite(values).all():
                 return values
-        return np.array([self.values(what, row) for row in rows])  # raises, with the reason
+        return np.array([self._values(what, row) for row in rows])  # raises, with the reason
 
 
 class JointStream(OpenStream[StreamMotion]):
     """Open stream of some joints, made by ``Robot.stream``; a context that closes it.
 
     ``send``, ``send_velocity`` and ``send_points`` may be called by any thread and never block.
+    They raise as ``JointCommands``, and NotReady when the stream has ended; in the mode ``smooth``
+    InvalidArgument for all but positions.
 
     Args:
-        checks: of its commands.
+        commands: makes its commands.
         motion: moves the joints.
         release: stops ``motion`` and gives the joints back.
         columns: (k,) index of the stream's joints among the m joints of ``limits``.
         limits: of all joints.
-        clock: of the control loop.
     """
 
     def __init__(
         self,
-        checks: JointChecks,
+        commands: JointCommands,
         motion: StreamMotion,
         release: Callable[[StreamMotion], None],
         columns: IntArray,
         limits: JointLimits,
-        clock: Clock,
     ) -> None:
-        super().__init__(checks, motion, release)
-        self._checks, self._columns, self._clock = checks, columns, clock
-        self._names = limits.names
+        super().__init__(commands.joints, commands.source, motion, release)
+        self._commands, self._columns, self._count = commands, columns, len(limits.names)
         self._units = tuple(limits.units[column] for column in columns)
-        self._position_limits = limits.lower[columns], limits.upper[columns]
-        self._velocity_limits = -limits.velocity[columns], limits.velocity[columns]
+        self._limits = {
+            "position": (limits.lower[columns], limits.upper[columns]),
+            "velocity": (-limits.velocity[columns], limits.velocity[columns]),
+        }
 
     @property
     def statistics(self) -> StreamStatistics:
         """Counts so far."""
-        return StreamStatistics(self._commands, self._clipped, self._motion.timeouts)
+        return StreamStatistics(self._received, self._clipped, self._motion.timeouts)
 
     def send(
         self,
@@ -167,31 +179,20 @@ class JointStream(OpenStream[StreamMotion]):
         Args:
             position: one for each of ``joints``, in rad or m.
             velocity: at ``position``, in rad/s or m/s: the joints go on with it until the next
-                command, without a lag. None: the target stands still. Not in the mode ``smooth``.
-            sent_ns: time of the command on the robot's clock, from which its age counts; None: now.
-
-        Raises:
-            InvalidArgument: a wrong number of values, or one that is not finite.
-            NotReady: the stream has ended, or its client went on commanding while motion was
-                rejected and has to begin anew; with the reason.
+                command, without a lag. None: the target stands still.
+            sent_ns: see ``JointCommands``.
         """
-        if velocity is not None and self._motion.mode is StreamMode.SMOOTH:
-            raise InvalidArgument("velocity: a smooth stream takes positions only")
         self._require_open()
-        target, speed = self._checks.send(position, velocity)
-        self._put(
-            self._clip("position", target, *self._position_limits, self._units), speed, sent_ns
-        )
+        self.put(self._commands.position(position, velocity, sent_ns=sent_ns))
 
     def send_velocity(self, velocity: Sequence[float], *, sent_ns: int | None = None) -> None:
         """Move with ``velocity``, one for each of ``joints``, in rad/s or m/s.
 
         Velocities beyond a limit are clipped and counted. A joint comes to rest at its position
-        limit. ``sent_ns`` and errors: as of ``send``.
+        limit.
         """
         self._require_open()
-        speed = self._checks.send_velocity(velocity)
-        self._put(None, self._clip("velocity", speed, *self._velocity_limits, self._units), sent_ns)
+        self.put(self._commands.velocity(velocity, sent_ns))
 
     def send_points(
         self,
@@ -206,54 +207,55 @@ class JointStream(OpenStream[StreamMotion]):
         They replace those of the call before from the first one on, and the motion goes on from
         one call to the next. After the last one the joints continue with its velocity until the
         next call, or ``timeout_s`` after ``sent_ns``. Points in the past are passed over. What is
-        beyond a limit is clipped and counted. Not in the mode ``smooth``.
+        beyond a limit is clipped and counted.
 
         Args:
             times_ns: (n,) increasing, on the robot's clock.
             position: (n, k) for each of ``joints``, in rad or m.
             velocity: (n, k) in rad/s or m/s; None: those of a curve through the points, 0 at the
                 last.
-            sent_ns: as of ``send``.
-
-        Raises as ``send``.
+            sent_ns: see ``JointCommands``.
         """
-        if self._motion.mode is StreamMode.SMOOTH:
-            raise InvalidArgument("points: a smooth stream takes positions only")
         self._require_open()
-        positions, velocities = self._checks.send_points(times_ns, position, velocity)
-        positions = self._clip("position", positions, *self._position_limits, self._units)
-        velocities = self._clip("velocity", velocities, *self._velocity_limits, self._units)
-        sent_ns = self._clock.now_ns() if sent_ns is None else sent_ns
-        # All points are passed before the time-out; the end of a motion is rounded off.
-        end_ns = times_ns[-1]
-        if not velocities[-1].any():
-            end_ns += round(WIDTH_S * NANOSECONDS)
-        time_ns = max(sent_ns, end_ns - self._motion.timeout_ns)
-        window = PointWindow(times_ns, self._all(positions), self._all(velocities))
-        self._commands += 1
-        last = window.position[-1], window.velocity[-1]
-        self._motion.put(StreamCommand(*last, time_ns, window))
+        self.put(self._commands.points(times_ns, position, velocity, sent_ns=sent_ns))
+
+    def put(self, command: StreamCommand) -> None:
+        """Follow a command for the stream's joints, within their limits."""
+        position, velocity, time_ns, window = (
+            command.position,
+            command.velocity,
+            command.time_ns,
+            command.window,
+        )
+        if self._motion.mode is StreamMode.SMOOTH and velocity is not None and position is not None:
+            what = "velocity" if window is None else "points"
+            raise InvalidArgument(f"{what}: a smooth stream takes positions only")
+        self._require_open()
+        if window is not None:
+            # All points are passed before the time-out; the end of a motion is rounded off.
+            end_ns = window.times_ns[-1]
+            if not window.velocity[-1].any():
+                end_ns += round(WIDTH_S * NANOSECONDS)
+            time_ns = max(time_ns, end_ns - self._motion.timeout_ns)
+            window = PointWindow(
+                window.times_ns,
+                self._fitted("position", window.position),
+                self._fitted("velocity", window.velocity),
+            )
+            position, velocity = window.position[-1], window.velocity[-1]
+        else:
+            position = None if position is None else self._fitted("position", position)
+            velocity = None if velocity is None else self._fitted("velocity", velocity)
+        self._received += 1
+        self._motion.put(StreamCommand(position, velocity, time_ns, window))
 
     def _counts(self) -> dict[str, int]:
         return {**super()._counts(), "timeouts": self._motion.timeouts}
 
-    def _put(
-        self, position: FloatArray | None, velocity: FloatArray | None, sent_ns: int | None
-    ) -> None:
-        self._commands += 1
-        time_ns = self._clock.now_ns() if sent_ns is None else sent_ns
-        self._motion.put(
-            StreamCommand(
-                None if position is None else self._all(position),
-                None if velocity is None else self._all(velocity),
-                time_ns,
-            )
-        )
-
-    def _all(self, values: FloatArray) -> FloatArray:
-        """Return (..., m) values of all joints, NaN for those of others."""
-        every: FloatArray = np.full((*values.shape[:-1], len(self._names)), np.nan)
-        every[..., self._columns] = values
+    def _fitted(self, what: str, values: FloatArray) -> FloatArray:
+        """Return (..., m) values within the limits, of all joints; NaN for those of others."""
+        every: FloatArray = np.full((*values.shape[:-1], self._count), np.nan)
+        every[..., self._columns] = self._clip(what, values, *self._limits[what], self._units)
         return every
 
 
@@ -359,8 +361,8 @@ class JointStreams:
         motion = self._motion.start(
             lambda state: partial(watched, state), owner=owner, takeover=allowed
         )
-        checks = self._checks(columns, source)
-        return JointStream(checks, motion, self._motion.release, columns, slowed, self._clock)
+        commands = self._commands(columns, source)
+        return JointStream(commands, motion, self._motion.release, columns, slowed)
 
     def source(self, name: str, timeout_s: float) -> CommandSource:
         """Return a new source of commands for the joints; nothing has rejected it yet."""
@@ -382,12 +384,13 @@ class JointStreams:
             self, timeout_s=timeout_s, owner=owner, ends_when_silent=True, source=source
         )
         every: IntArray = np.arange(len(self._joint_axes))
-        return StreamClient(self._checks(every, source), open_stream)
+        return StreamClient(self._commands(every, source), open_stream)
 
-    def _checks(self, columns: IntArray, source: CommandSource) -> JointChecks:
-        names = [self._limits.names[column] for column in columns]
-        tolerance = self._tolerance[columns]
-        return JointChecks(names, source, lambda: self._motion.command()[columns], tolerance)
+    def _commands(self, columns: IntArray, source: CommandSource) -> JointCommands:
+        names, tolerance = [self._limits.names[each] for each in columns], self._tolerance[columns]
+        return JointCommands(
+            names, source, self._clock, lambda: self._motion.command()[columns], tolerance
+        )
 
 
 def _slopes(times_ns: Sequence[int], position: FloatArray) -> FloatArray:

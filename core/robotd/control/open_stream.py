@@ -1,8 +1,9 @@
-"""Open stream of commands to some joints: checks, counts, and its end."""
+"""Streams of some joints: commands that are checked, the open stream, and its clients."""
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, Self, TypeVar
@@ -10,6 +11,7 @@ from typing import Any, Generic, Self, TypeVar
 import numpy as np
 
 from robotd.arrays import FloatArray, IntArray
+from robotd.clock import Clock
 from robotd.control.completion import Outcome
 from robotd.control.rearming import CommandSource
 from robotd.control.source_slot import SetpointSource
@@ -22,21 +24,30 @@ Motion = TypeVar("Motion", bound=SetpointSource)
 Stream_co = TypeVar("Stream_co", bound="OpenStream[Any]", covariant=True)
 
 
-class StreamChecks:
-    """Base of the checks of a stream's commands, also before it is opened. Any thread.
+class StreamCommands:
+    """Base of what makes the commands of a stream, also before it is opened. Any thread.
+
+    A command is checked and admitted when it is made; a stream takes it by ``put``.
 
     Args:
         joints: names, in the order of the values.
         source: of the commands.
+        clock: of the control loop.
 
     Attributes:
         joints, source: as above.
     """
 
-    def __init__(self, joints: Sequence[str], source: CommandSource) -> None:
-        self.joints, self.source = tuple(joints), source
+    def __init__(self, joints: Sequence[str], source: CommandSource, clock: Clock) -> None:
+        self.joints, self.source, self._clock = tuple(joints), source, clock
 
-    def values(self, what: str, values: Sequence[float]) -> FloatArray:
+    def check_opening(self, command: Any) -> None:
+        """Raise NotReady for a command that no stream is opened for."""
+
+    def _time_ns(self, sent_ns: int | None) -> int:
+        return self._clock.now_ns() if sent_ns is None else sent_ns
+
+    def _values(self, what: str, values: Sequence[float]) -> FloatArray:
         """Return one finite value for each joint. Raises InvalidArgument."""
         array = np.array(values, np.float64)
         if array.shape != (len(self.joints),):
@@ -50,11 +61,11 @@ class StreamChecks:
         return array
 
 
-class OpenStream(Generic[Motion]):
+class OpenStream(ABC, Generic[Motion]):
     """Base of streams; a context that closes it. Any thread, except ``close``: a worker.
 
     Args:
-        checks: of its commands.
+        joints, source: of its commands.
         motion: moves the joints.
         release: stops ``motion`` and gives the joints back.
 
@@ -63,12 +74,23 @@ class OpenStream(Generic[Motion]):
     """
 
     def __init__(
-        self, checks: StreamChecks, motion: Motion, release: Callable[[Motion], None]
+        self,
+        joints: Sequence[str],
+        source: CommandSource,
+        motion: Motion,
+        release: Callable[[Motion], None],
     ) -> None:
-        self.joints, self._source = checks.joints, checks.source
+        self.joints, self._source = tuple(joints), source
         self._motion, self._release = motion, release
-        self._commands = self._clipped = 0
+        self._received = self._clipped = 0
         self._closed = False
+
+    @abstractmethod
+    def put(self, command: Any) -> None:
+        """Follow ``command`` of the stream's ``StreamCommands``; never blocks. Any thread.
+
+        Raises NotReady, with the reason, after the end.
+        """
 
     @property
     def open(self) -> bool:
@@ -110,7 +132,7 @@ class OpenStream(Generic[Motion]):
 
     def _counts(self) -> dict[str, int]:
         """Counts for the log."""
-        return {"commands": self._commands, "clipped": self._clipped}
+        return {"commands": self._received, "clipped": self._clipped}
 
     def _require_open(self) -> None:
         """Raise NotReady, with the reason, after the end."""
@@ -149,11 +171,11 @@ class StreamClient(Generic[Stream_co]):
     """Client that opens a stream when it has something to command.
 
     Attributes:
-        checks: takes the commands of a stream; raises what rejects them, and nothing moves.
+        commands: makes the commands of a stream; raises what rejects them, and nothing moves.
         open: returns an open stream. Worker.
     """
 
-    checks: StreamChecks
+    commands: StreamCommands
     open: Callable[[], Stream_co]
 
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, Clock, wait_until
-from robotd.control.problem import Problem, ProblemKind, Problems
+from robotd.control.problem import Problem, ProblemKind
+from robotd.control.problem_finder import Problems
 from robotd.control.servos import Servos
 from robotd.device.axes import Axes, each
 from robotd.device.connection import Connection

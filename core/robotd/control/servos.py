@@ -7,7 +7,7 @@ from contextlib import suppress
 from robotd.control.joint_group import JointGroups
 from robotd.control.mobile_base import MobileBase
 from robotd.control.motion_stop import QUICK_STOP_S
-from robotd.control.problem import limit_problems
+from robotd.control.problem_finder import limit_problems
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes, each
 from robotd.device.connection import Connection

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,8 +15,8 @@ from robotd.control.joint_motion import JointMotion
 from robotd.control.joint_source import JointSource, Phase
 from robotd.control.open_stream import (
     OpenStream,
-    StreamChecks,
     StreamClient,
+    StreamCommands,
     chosen_columns,
     chosen_timeout,
 )
@@ -139,21 +140,30 @@ NEUTRAL = "torques of 0, which are not applied"
 _UNITS = {"rad": "N·m", "m": "N"}
 
 
-class TorqueChecks(StreamChecks):
-    """Checks of torques of some joints."""
+class TorqueCommand(NamedTuple):
+    """Command of a torque stream.
 
-    def admit(self, torque: Sequence[float]) -> FloatArray | None:
-        """Check and admit as ``TorqueStream.send``; return it as an array.
+    Attributes:
+        torque: (k,) N·m or N; None: torques of 0 that have armed their source. They are not
+            applied: an arm would fall.
+        time_ns: at which it was sent.
+    """
 
-        None: torques of 0 that arm the source. They are not applied: an arm would fall.
-        """
-        values = self.values("torque", torque)
+    torque: FloatArray | None
+    time_ns: int
+
+
+class TorqueCommands(StreamCommands):
+    """Commands of torques to some joints."""
+
+    def torque(self, torque: Sequence[float], *, sent_ns: int | None = None) -> TorqueCommand:
+        """Return a command as of ``TorqueStream.send``, which raises the same."""
+        values = self._values("torque", torque)
         admission = self.source.admit(moves=bool(values.any()))
-        return None if admission.only_arms else values
+        return TorqueCommand(None if admission.only_arms else values, self._time_ns(sent_ns))
 
-    def send(self, torque: Sequence[float], *, sent_ns: int | None = None) -> None:
-        """Check and admit a command that a stream is opened for. Raises as ``admit``."""
-        if self.admit(torque) is None:
+    def check_opening(self, command: TorqueCommand) -> None:
+        if command.torque is None:
             raise NotReady("torques of 0 allow the next command, and are not applied")
 
 
@@ -163,26 +173,23 @@ class TorqueStream(OpenStream[TorqueMotion]):
     Gravity, friction and contact are the client's: at a torque of 0 an arm falls.
 
     Args:
-        checks: of its commands.
+        commands: makes its commands.
         units: of their torques, "N·m" or "N".
         limit: (k,) highest torque of each.
         motion: applies the torques.
         release: stops ``motion`` and gives the joints back.
-        clock: of the control loop.
     """
 
     def __init__(
         self,
-        checks: TorqueChecks,
+        commands: TorqueCommands,
         units: Sequence[str],
         limit: FloatArray,
         motion: TorqueMotion,
         release: Callable[[TorqueMotion], None],
-        clock: Clock,
     ) -> None:
-        super().__init__(checks, motion, release)
-        self._checks = checks
-        self._units, self._limit, self._clock = tuple(units), limit, clock
+        super().__init__(commands.joints, commands.source, motion, release)
+        self._commands, self._units, self._limit = commands, tuple(units), limit
 
     def send(self, torque: Sequence[float], *, sent_ns: int | None = None) -> None:
         """Apply ``torque`` until the next command; beyond a limit it is clipped and counted.
@@ -199,12 +206,15 @@ class TorqueStream(OpenStream[TorqueMotion]):
                 rejected and has to begin anew; with the reason.
         """
         self._require_open()
-        values = self._checks.admit(torque)
-        self._commands += 1
-        if values is None:
-            return
-        clipped = self._clip("torque", values, -self._limit, self._limit, self._units)
-        self._motion.put(clipped, self._clock.now_ns() if sent_ns is None else sent_ns)
+        self.put(self._commands.torque(torque, sent_ns=sent_ns))
+
+    def put(self, command: TorqueCommand) -> None:
+        """Apply a command, within the limits."""
+        self._require_open()
+        self._received += 1
+        if command.torque is not None:
+            clipped = self._clip("torque", command.torque, -self._limit, self._limit, self._units)
+            self._motion.put(clipped, command.time_ns)
 
 
 class TorqueStreams:
@@ -291,8 +301,8 @@ class TorqueStreams:
 
         motion = self._motion.start_alone(axes.tolist(), CommandMode.TORQUE, watched, owner)
         units = [_UNITS[unit] for unit in limits.units]
-        checks = TorqueChecks(limits.names, source)
-        return TorqueStream(checks, units, limit, motion, self._motion.release, self._clock)
+        commands = TorqueCommands(limits.names, source, self._clock)
+        return TorqueStream(commands, units, limit, motion, self._motion.release)
 
     def _source(self, name: str, axes: IntArray, timeout_s: float) -> CommandSource:
         return CommandSource(
@@ -304,7 +314,7 @@ class TorqueStreams:
         axes = np.array([joint.axis for joint in self._joints], np.int64)
         source = self._source(owner, axes, timeout_s)
         open_stream = partial(self, timeout_s=timeout_s, owner=owner, source=source)
-        return StreamClient(TorqueChecks(self._limits.names, source), open_stream)
+        return StreamClient(TorqueCommands(self._limits.names, source, self._clock), open_stream)
 
     def _torque_limits(self, chosen: IntArray) -> FloatArray:
         limits = []

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from operator import methodcaller
 from typing import Any
 
 from robotd.clock import NANOSECONDS
+from robotd.control.joint_stream import JointCommands
 from robotd.device.axes import Jog
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode
@@ -65,7 +65,7 @@ class AxisJog:
         for group, stream in self._streams:
             if any(jog.axis in group.joint_axes for jog in streamed):
                 velocity = [_velocity(axis, streamed) for axis in group.joint_axes]
-                stream.apply(methodcaller("send_velocity", velocity, sent_ns=sent_ns))
+                stream.apply(JointCommands.velocity, velocity, sent_ns)
 
     def check(self, image: ProcessImage) -> None:
         """Stop the axes whose messages have stopped."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from control_msgs.msg import JointJog
@@ -12,8 +13,9 @@ from std_msgs.msg import Float64MultiArray
 
 from robotd.control.joint_group import JointGroup
 from robotd.control.joint_motion import OWNER
-from robotd.control.joint_stream import JointStream
-from robotd.control.torque_stream import TorqueStream
+from robotd.control.joint_stream import JointCommands
+from robotd.control.stream_setpoints import StreamCommand
+from robotd.control.torque_stream import TorqueCommand, TorqueCommands
 from robotd.errors import DescriptorError, InvalidArgument, unknown_name
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
@@ -57,7 +59,7 @@ class JointCommandNode(Node):
             stream = TopicStream(client, host, topics.trajectory)
             TrajectoryTopic(self, robot, group, host, topics.trajectory, stream, self._timeout_s)
         for topic, message_type, command in (
-            (topics.position, Float64MultiArray, _positions_or_efforts),
+            (topics.position, Float64MultiArray, _positions),
             (topics.velocity, Float64MultiArray, _velocities),
             (topics.jog, JointJog, _jog),
         ):
@@ -67,7 +69,7 @@ class JointCommandNode(Node):
         if topics.effort:
             torques = group.torque_stream.client(topics.effort, self._timeout_s)
             efforts = TopicStream(torques, host, topics.effort)
-            self._forward(topics.effort, Float64MultiArray, efforts, _positions_or_efforts)
+            self._forward(topics.effort, Float64MultiArray, efforts, _efforts)
         if topics.state:
             publisher = ControllerStateTopic(self, robot, group, topics.state)
             robot.control_loop.every(self._state_rate_hz, "controller state", publisher.publish)
@@ -80,23 +82,19 @@ class JointCommandNode(Node):
         self, topic: str, message_type: Any, stream: TopicStream[Any], command: Any
     ) -> None:
         """Let every message of ``topic`` command ``stream``."""
-
-        def on_message(message: Any, sent_ns: int) -> None:
-            stream.apply(lambda open_stream: command(message, open_stream, sent_ns))
-
         add_command_subscription(
             self,
             self._host,
             self._robot,
             message_type,
             topic,
-            on_message,
+            partial(stream.apply, command),
             STREAM,
             self._timeout_s,
         )
 
 
-def named_values(
+def joint_values(
     known: Sequence[str], names: Sequence[str], values: Sequence[float]
 ) -> list[float]:
     """Return one value for each of ``known``, 0 for joints without one.
@@ -114,16 +112,20 @@ def named_values(
     return [given.get(name, 0.0) for name in known]
 
 
-def _positions_or_efforts(message: Any, stream: JointStream | TorqueStream, sent_ns: int) -> None:
-    stream.send(message.data, sent_ns=sent_ns)
+def _positions(commands: JointCommands, message: Any, sent_ns: int) -> StreamCommand:
+    return commands.position(message.data, sent_ns=sent_ns)
 
 
-def _velocities(message: Any, stream: JointStream, sent_ns: int) -> None:
-    stream.send_velocity(message.data, sent_ns=sent_ns)
+def _efforts(commands: TorqueCommands, message: Any, sent_ns: int) -> TorqueCommand:
+    return commands.torque(message.data, sent_ns=sent_ns)
 
 
-def _jog(message: Any, stream: JointStream, sent_ns: int) -> None:
+def _velocities(commands: JointCommands, message: Any, sent_ns: int) -> StreamCommand:
+    return commands.velocity(message.data, sent_ns)
+
+
+def _jog(commands: JointCommands, message: Any, sent_ns: int) -> StreamCommand:
     if len(message.displacements):
         raise InvalidArgument("displacements are not supported; send velocities")
-    velocity = named_values(stream.joints, message.joint_names, message.velocities)
-    stream.send_velocity(velocity, sent_ns=sent_ns)
+    velocity = joint_values(commands.joints, message.joint_names, message.velocities)
+    return commands.velocity(velocity, sent_ns)

@@ -32,20 +32,26 @@ class TopicStream(Generic[Stream]):
         self._rejections = RejectionLog(host)
         self._lock = threading.Lock()  # of the three below
         self._stream: Stream | None = None
-        self._waiting: Callable[[Stream], None] | None = None
+        self._waiting: Any = None  # command
         self._opening = False
 
-    def apply(self, command: Callable[[Any], None]) -> None:
-        """Run ``command`` with the open stream, or open one for it; a rejection is logged."""
+    def apply(self, make: Callable[..., Any], *given: Any) -> None:
+        """Give a command to the open stream, or open one for it; a rejection is logged.
+
+        Args:
+            make: returns the command; called with the stream's ``StreamCommands`` and ``given``.
+            given: a message, and when it was sent, for example.
+        """
         try:
+            command = make(self._client.commands, *given)
             if self._stream is None:
-                command(self._client.checks)
+                self._client.commands.check_opening(command)
             with self._lock:
                 stream, is_first = self._stream, not self._opening
                 if stream is None:
                     self._waiting, self._opening = command, True
             if stream is not None:
-                command(stream)
+                stream.put(command)
                 self._rejections.accepted(self._topic, ())
             elif is_first:
                 self._open()
@@ -54,7 +60,7 @@ class TopicStream(Generic[Stream]):
 
     def stop(self) -> None:
         """End the stream: the joints slow to rest. It is a command without motion."""
-        self._client.checks.source.admit(moves=False)
+        self._client.commands.source.admit(moves=False)
         with self._lock:
             self._waiting, stream = None, self._stream
         if stream is not None:
@@ -87,7 +93,9 @@ class TopicStream(Generic[Stream]):
             try:
                 if command is not None:
                     with self._rejections.noting(self._topic):
-                        command(stream)
+                        # Motion may have been rejected since the command was made.
+                        self._client.commands.source.admit(moves=True)
+                        stream.put(command)
                 stream.wait()
             finally:
                 with self._lock:

@@ -12,9 +12,10 @@ from trajectory_msgs.msg import JointTrajectory
 
 from robotd.clock import NANOSECONDS
 from robotd.control.joint_group import JointGroup
-from robotd.control.joint_stream import JointStream
+from robotd.control.joint_stream import JointCommands, JointStream
 from robotd.control.open_stream import chosen_columns
 from robotd.control.rearming import Admission
+from robotd.control.stream_setpoints import StreamCommand
 from robotd.control.trajectory_execution import TrajectoryExecution
 from robotd.errors import InvalidArgument, NotReady, RobotdError
 from robotd.log import get_logger
@@ -100,14 +101,14 @@ class TrajectoryTopic:
                 if self._execution is not None:
                     self._execution.cancel()
         elif self._is_streamed(message):
-            self._stream.apply(lambda stream: self._send(message, stream, sent_ns))
+            self._stream.apply(self._command, message, sent_ns)
         else:
             self._execute(message)
 
-    def _send(self, message: Any, stream: JointStream, sent_ns: int) -> None:
-        """Send the points of ``message``; joints that it does not name hold."""
+    def _command(self, commands: JointCommands, message: Any, sent_ns: int) -> StreamCommand:
+        """Return the command of the points of ``message``; joints that it does not name hold."""
         points = message.points
-        columns = chosen_columns(message.joint_names or None, stream.joints).tolist()
+        columns = chosen_columns(message.joint_names or None, commands.joints).tolist()
         if any(point.effort for point in points):
             raise InvalidArgument("effort in the point is not supported; leave it empty")
         moves = len(points[0].velocities) > 0
@@ -128,11 +129,11 @@ class TrajectoryTopic:
             velocity[:, columns] = [point.velocities for point in points]
         if len(points) == 1:
             target = velocity[0].tolist() if velocity.any() else None
-            stream.send(position[0].tolist(), target, sent_ns=sent_ns)
-            return
+            return commands.position(position[0].tolist(), target, sent_ns=sent_ns)
         begin_ns = start_time_ns(message, self._ros_clock, self._clock) or sent_ns
         times_ns = [begin_ns + duration_ns(point.time_from_start) for point in points]
-        stream.send_points(times_ns, position, velocity if moves else None, sent_ns=sent_ns)
+        speeds = velocity if moves else None
+        return commands.points(times_ns, position, speeds, sent_ns=sent_ns)
 
     def _execute(self, message: Any) -> None:
         """Let a worker execute a trajectory; a rejection is logged."""

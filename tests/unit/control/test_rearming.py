@@ -94,20 +94,20 @@ class TopicClient(Client):
 
     stream: JointStream | None
 
-    def command(self, apply: Callable[[Any], object]) -> None:
+    def command(self, make: Callable[[Any], Any]) -> None:
         if self.stream is not None and not self.stream.open:
             self.stream.close()
             self.stream = None
+        command = make(self.client.commands)
         if self.stream is None:
-            apply(self.client.checks)
             self.stream = self.client.open()
             self.opened += 1
-        apply(self.stream)
+        self.stream.put(command)
 
 
 class Positions(TopicClient):
     def send(self, speed: float) -> None:
-        self.command(lambda stream: stream.send([self.target, 0.0, 0.0]))
+        self.command(lambda commands: commands.position([self.target, 0.0, 0.0]))
 
     def stand(self) -> None:
         self.begin_at_the_present_position()
@@ -117,12 +117,12 @@ class Positions(TopicClient):
 class MovingPositions(Positions):
     def send(self, speed: float) -> None:
         velocity = [speed, 0.0, 0.0] if speed else None
-        self.command(lambda stream: stream.send([self.target, 0.0, 0.0], velocity))
+        self.command(lambda commands: commands.position([self.target, 0.0, 0.0], velocity))
 
 
 class Velocities(TopicClient):
     def send(self, speed: float) -> None:
-        self.command(lambda stream: stream.send_velocity([speed, 0.0, 0.0]))
+        self.command(lambda commands: commands.velocity([speed, 0.0, 0.0]))
 
     def stand(self) -> None:
         self.send(0.0)
@@ -136,7 +136,7 @@ class Windows(Positions):
         position, velocity = np.zeros((2, len(times_s), 3))
         position[:, 0], velocity[:, 0] = self.target + speed * times_s, speed
         times_ns = [now_ns + round(each * NANOSECONDS) for each in times_s]
-        self.command(lambda stream: stream.send_points(times_ns, position, velocity))
+        self.command(lambda commands: commands.points(times_ns, position, velocity))
 
 
 class Program(Client):
@@ -397,7 +397,7 @@ def test_a_command_that_waited_for_its_stream_is_rejected_when_motion_was_stoppe
     harness: Harness,
 ) -> None:
     client = harness.robot.stream.client("topic", TIMEOUT_S)
-    client.checks.send([1.0, 0.0, 0.0])  # type: ignore[attr-defined]
+    client.commands.position([1.0, 0.0, 0.0])  # type: ignore[attr-defined]
     harness.robot.stop()
     harness.robot.reset()
     with client.open() as stream, pytest.raises(NotReady, match="kept commanding"):
