@@ -104,7 +104,7 @@ def test_recover_is_1_while_a_stop_stays_in_force(simulated: RobotProcess) -> No
     assert robotd(simulated.domain, "pause")[0] == 0
     code, output, _ = robotd(simulated.domain, "recover")
     assert code == 0
-    assert output.endswith("motion is paused; To go on: robotd resume\n")
+    assert output.endswith("motion is paused. To go on: robotd resume\n")
 
 
 @pytest.mark.parametrize("words", [("move", "joint1=1.5", "--time", "30"), ("jog", "joint1", "1")])

@@ -86,7 +86,7 @@ def test_a_jog_of_a_paused_or_stopped_robot_is_an_error(
     arm: RobotProcess, arm_client: Client
 ) -> None:
     for stop, allow, reason in (
-        ("pause", "resume", "motion is paused or at speed 0 %; robotd resume or robotd speed"),
+        ("pause", "resume", "motion is paused. To go on: robotd resume"),
         ("stop", "reset", "motion is stopped: by a client of the stop service; robotd reset"),
     ):
         assert arm_client.call(Trigger, f"/robotd/{stop}").success

@@ -48,7 +48,7 @@ class ProblemListener:
 
 def with_remedy(problem: Problem) -> str:
     """Return a problem in one line, with what to do about it."""
-    return "; ".join(filter(None, (str(problem), problem.remedy)))
+    return f"{problem}. {problem.remedy}" if problem.remedy else str(problem)
 
 
 def require(client: RosClient, *kinds: ProblemKind) -> None:
