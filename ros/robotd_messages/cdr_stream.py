@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS
@@ -58,8 +60,12 @@ class CdrWriter:
     def floats(self, values: Sequence[float] | FloatArray) -> int:
         """Add a sequence of float64; return the offset of the first value."""
         self.number("I", len(values))
-        offset = self._align(8) if len(values) else len(self._data)
-        self._data += np.asarray(values, "<f8").tobytes()
+        return self.array(np.asarray(values, "<f8"))
+
+    def array(self, values: NDArray[Any]) -> int:
+        """Add little-endian numbers of one type; return the offset of the first."""
+        offset = self._align(values.itemsize) if len(values) else len(self._data)
+        self._data += values.tobytes()
         return offset
 
     def octets(self, data: bytes) -> None:

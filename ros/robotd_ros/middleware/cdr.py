@@ -14,7 +14,6 @@ Shown by: tests/ros/test_cdr.py, tools/bench/middleware.py.
 
 from __future__ import annotations
 
-import random
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any, Protocol
@@ -26,20 +25,17 @@ from rclpy.event_handler import PublisherEventCallbacks, UnsupportedEventTypeErr
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import serialize_message
 
 from robotd.clock import NANOSECONDS
 from robotd.log import get_logger
-from robotd_ros.middleware.message_fields import MessageField, time_paths
+from robotd_ros.middleware.message_fields import MessageEncoder, MessageField, time_paths
 
 log = get_logger("ros")
 
 # Length of the encapsulation header; CDR aligns everything relative to its end.
 _HEADER_BYTES = 4
 _ALIGNMENT_BYTES = 8
-# Each round leaves a wrong place for a one-byte field a chance of 1 in 2, so 2^-24 in the end. Two
-# or three are usual; 24 for each message would add 15 ms to the start of a robot.
-_MAX_ROUNDS = 24
 
 
 class LayoutError(ValueError):
@@ -62,34 +58,34 @@ class HotMessage(Protocol):
 class PatchedMessage:
     """The CDR bytes of ``template``, with a writable numpy view for each path of ``views``.
 
-    The template's strings and array lengths are constant from now on. Where a field lies is found
-    by serializing the template with random numbers in it and looking for them, so it needs no
-    knowledge of the type or of the encoding; a message read back from the patched bytes must
-    then equal the template with the same numbers. The template itself is left unchanged.
+    The template's strings and array lengths are constant from now on. The template is encoded here,
+    which gives the offset of each field; the middleware's bytes must be the same.
 
     Raises:
         ValueError: a path does not exist or does not mean numbers of one type.
-        LayoutError: a field was not found in the bytes, or reading back gave something else.
+        LayoutError: the middleware encodes the message in another way, or the numbers of a path do
+            not lie side by side.
     """
 
     def __init__(self, template: Any, views: Iterable[str]) -> None:
-        times = list(time_paths(template))
+        name, times = type(template).__name__, list(time_paths(template))
         paths = [*views, *(f"{path}.{part}" for path in times for part in ("sec", "nanosec"))]
         fields = [MessageField(template, path) for path in paths]
-        originals = [field.get() for field in fields]
+        data = serialize_message(template)
         try:
-            offsets = _find(template, fields)
-            self._buffer = _aligned_copy(serialize_message(template))
-            self._views = {
-                field.path: np.ndarray(field.count, field.dtype, self._buffer, offset)
-                for field, offset in zip(fields, offsets, strict=True)
-            }
-            self._verify(template, fields)
-        finally:
-            for field, original in zip(fields, originals, strict=True):
-                field.set(original)
-        for field, original in zip(fields, originals, strict=True):
-            self._views[field.path][:] = original
+            encoder = MessageEncoder(template)
+        except ValueError as error:
+            raise LayoutError(f"{name}: {error}") from error
+        if not encoder.is_in(data):
+            raise LayoutError(f"{name}: the middleware encodes it in another way")
+        offsets = encoder.offsets
+        self._buffer = _aligned_copy(data)
+        self._views = {
+            field.path: np.ndarray(
+                field.count, field.dtype, self._buffer, offset_of(field, offsets)
+            )
+            for field in fields
+        }
         self._times = [
             (self._views[f"{t}.sec"].data, self._views[f"{t}.nanosec"].data) for t in times
         ]
@@ -105,15 +101,6 @@ class PatchedMessage:
 
     def payload(self) -> bytes:
         return self._buffer.tobytes()
-
-    def _verify(self, template: Any, fields: list[MessageField]) -> None:
-        """Patch other numbers than the ones in the bytes, read back, compare with the template."""
-        _randomize(random.Random(_MAX_ROUNDS), fields)  # noqa: S311 - no secret
-        for field in fields:
-            self._views[field.path][:] = field.get()
-        # repr, because a NaN in another field would differ from itself.
-        if repr(deserialize_message(self.payload(), type(template))) != repr(template):
-            raise LayoutError(f"{type(template).__name__}: patched bytes read back differently")
 
 
 class PlainMessage:
@@ -246,48 +233,14 @@ def _aligned_copy(data: bytes) -> NDArray[np.uint8]:
     return copy
 
 
-def _find(template: Any, fields: list[MessageField]) -> list[int]:
-    """Offset of each field in the serialized template: the one place that follows every change."""
-    generator = random.Random(0)  # noqa: S311 - no secret
-    candidates: dict[str, set[int]] = {}
-    ambiguous = [field for field in fields if field.count]
-    for _ in range(_MAX_ROUNDS):
-        _randomize(generator, fields)
-        data = serialize_message(template)
-        for field in ambiguous:
-            found = _occurrences(data, field.get().tobytes())
-            candidates[field.path] = candidates.get(field.path, found) & found
-        ambiguous = [field for field in ambiguous if len(candidates[field.path]) != 1]
-        if not ambiguous:
-            break
-    for field in ambiguous:
-        places = len(candidates[field.path])
-        what = f"{type(template).__name__}.{field.path}: found at {places} places, not at 1"
-        raise LayoutError(what)
-    return [min(candidates.get(field.path, {0})) for field in fields]
-
-
-def _occurrences(data: bytes, pattern: bytes) -> set[int]:
-    found = set()
-    position = data.find(pattern, _HEADER_BYTES)
-    while position >= 0:
-        found.add(position)
-        position = data.find(pattern, position + 1)
-    return found
-
-
-def _randomize(generator: random.Random, fields: list[MessageField]) -> None:
-    for field in fields:
-        field.set(_random_values(generator, field))
-
-
-def _random_values(generator: random.Random, field: MessageField) -> NDArray[Any]:
-    """Finite numbers of the field's type; ``numpy.random`` would be 30 modules more."""
-    if field.dtype.kind == "f":
-        numbers: list[float] = [generator.random() for _ in range(field.count)]
-    elif field.dtype.kind == "b":
-        numbers = [generator.getrandbits(1) for _ in range(field.count)]
-    else:
-        limits = np.iinfo(field.dtype)
-        numbers = [generator.randint(limits.min, limits.max) for _ in range(field.count)]
-    return np.array(numbers, field.dtype)
+def offset_of(field: MessageField, offsets: Mapping[str, int]) -> int:
+    """Return the offset of the first number of ``field``. Raises LayoutError."""
+    if field.path in offsets:
+        return offsets[field.path]
+    # A message stands for its numbers, which lie side by side unless it has sequences.
+    parts = [at for path, at in offsets.items() if path.startswith(f"{field.path}.")]
+    if parts != list(
+        range(parts[0], parts[0] + field.count * field.dtype.itemsize, field.dtype.itemsize)
+    ):
+        raise LayoutError(f"{field.path}: its numbers do not lie side by side")
+    return parts[0]

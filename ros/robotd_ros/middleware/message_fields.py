@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from robotd_messages.cdr_stream import CdrWriter
+
 # Primitive types of the ROS 2 interface language and what rosidl maps them to.
 _DTYPES = {
     "boolean": np.dtype(np.bool_),
@@ -95,6 +97,57 @@ def time_paths(message: Any, prefix: str = "") -> Iterator[str]:
                 yield path
             else:
                 yield from time_paths(element, f"{path}.")
+
+
+class MessageEncoder(CdrWriter):
+    """CDR of a message, and the places of its numbers.
+
+    Attributes:
+        offsets: of each number, or array of numbers, by its path.
+        padding: offsets of the bytes without a meaning.
+
+    Raises ValueError: the message has a field of a type that is not known here, such as wstring.
+    """
+
+    def __init__(self, message: Any) -> None:
+        super().__init__()
+        self.offsets: dict[str, int] = {}
+        self.padding: list[int] = []
+        self._add(message, "")
+
+    def is_in(self, data: bytes) -> bool:
+        """Return True where ``data`` is the same message; there may be bytes behind it."""
+        own, other = bytearray(self.payload()), bytearray(data[: len(self.payload())])
+        for offset in self.padding:  # not initialized by the middleware
+            own[offset : offset + 1] = other[offset : offset + 1]
+        return own == other
+
+    def _add(self, message: Any, prefix: str) -> None:
+        for name, type_name in message.get_fields_and_field_types().items():
+            path, value, element = (
+                f"{prefix}{name}",
+                getattr(message, name),
+                _element_type(type_name),
+            )
+            is_array = element != type_name
+            if is_array and type_name.startswith("sequence"):
+                self.number("I", len(value))
+            elements = value if is_array else [value]
+            if (dtype := _DTYPES.get(element)) is not None:
+                self.offsets[path] = self.array(np.asarray(elements, dtype))
+            elif element == "string":
+                for text in elements:
+                    self.string(text)
+            elif "/" in element:
+                for index, each in enumerate(elements):
+                    self._add(each, f"{path}.{index}." if is_array else f"{path}.")
+            else:
+                raise ValueError(f"{path}: {type_name} is not known")
+
+    def _align(self, size: int) -> int:
+        begin, end = len(self._data), super()._align(size)
+        self.padding += range(begin, end)
+        return end
 
 
 def _slots(message: Any, path: str) -> Iterator[_Slot]:
