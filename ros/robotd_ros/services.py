@@ -133,20 +133,17 @@ def add_timed_subscription(
 
     def on_message(data: bytes, info: Mapping[str, Any]) -> None:
         with host.callback_guard():
-            if rate_limit.is_left():
-                with rate_limit.spent():
-                    handle(data, info["source_timestamp"])
-            elif rate_limit.is_news:
-                log.warning("messages exceed the rate limit, some are dropped", topic=topic)
-
-    def handle(data: bytes, source_ns: int) -> None:
-        try:
-            with host.sent_by_topic(subscription.topic_name):
-                handler(deserialize_message(data, message_type), source_ns)
-        except RobotdError as error:
-            log.warning("message rejected", topic=topic, reason=str(error))
-        except Exception:
-            log.exception("message handler raised", topic=topic)
+            if not rate_limit.is_left():
+                if rate_limit.is_news:
+                    log.warning("messages exceed the rate limit, some are dropped", topic=topic)
+                return
+            try:
+                with rate_limit.spent(), host.sent_by_topic(subscription.topic_name):
+                    handler(deserialize_message(data, message_type), info["source_timestamp"])
+            except RobotdError as error:
+                log.warning("message rejected", topic=topic, reason=str(error))
+            except Exception:
+                log.exception("message handler raised", topic=topic)
 
     subscription = node.create_subscription(
         message_type, topic, with_message_info(on_message), qos, raw=True

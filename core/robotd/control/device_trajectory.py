@@ -46,7 +46,7 @@ class DeviceTrajectory(TrajectoryExecution):
 
     Args:
         driver: of the axes.
-        goal, start_ns: as of ``TrajectoryExecution``; nothing moves before ``start_ns``.
+        goal, start_ns: see ``TrajectoryExecution``; nothing moves before ``start_ns``.
     """
 
     streams = False

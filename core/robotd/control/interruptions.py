@@ -119,7 +119,7 @@ class Interruptions:
         Args:
             axes: of the command.
             modes: that it needs; empty: any.
-            follows_speed: as of ``newest``.
+            follows_speed: see ``newest``.
         """
         if rejection := self._axes.stop_latch.rejection:
             return NotReady(rejection)

@@ -74,7 +74,7 @@ class JointGroups(dict[str, JointGroup]):
     """Groups of a robot by name; every joint is in one. Any thread.
 
     Args:
-        descriptor, axes, clock, driver, backend, rearming: as of ``JointGroup``, with all joints.
+        descriptor, axes, clock, driver, backend, rearming: see ``JointGroup``, with all joints.
         mixer: makes a slot for each group.
 
     Raises Unsupported: there are several and the device interpolates trajectories itself.

@@ -34,7 +34,7 @@ class JointSource(SetpointSource):
 
     Args:
         limits: of the joints.
-        axes, start_ns, setpoint: as of ``SetpointSource``.
+        axes, start_ns, setpoint: see ``SetpointSource``.
         stopped_velocity: (m,) rad/s or m/s below which a joint is at rest.
 
     Attributes:

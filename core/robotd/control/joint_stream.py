@@ -82,14 +82,14 @@ class JointCommands(StreamCommands):
         *,
         sent_ns: int | None = None,
     ) -> StreamCommand:
-        """Return a command as of ``JointStream.send``."""
+        """Return the command of ``JointStream.send``."""
         target = self._values("position", position)
         speed = None if velocity is None else self._values("velocity", velocity)
         self._admit(target, speed)
         return StreamCommand(target, speed, self._time_ns(sent_ns))
 
     def velocity(self, velocity: Sequence[float], sent_ns: int | None = None) -> StreamCommand:
-        """Return a command as of ``JointStream.send_velocity``."""
+        """Return the command of ``JointStream.send_velocity``."""
         speed = self._values("velocity", velocity)
         self.source.admit(moves=bool(speed.any()))
         return StreamCommand(None, speed, self._time_ns(sent_ns))
@@ -102,7 +102,7 @@ class JointCommands(StreamCommands):
         *,
         sent_ns: int | None = None,
     ) -> StreamCommand:
-        """Return a command as of ``JointStream.send_points``."""
+        """Return the command of ``JointStream.send_points``."""
         if not times_ns or any(later <= each for each, later in pairwise(times_ns)):
             raise InvalidArgument("times of the points must increase, and there must be one")
         positions = self._rows("position", position, len(times_ns))

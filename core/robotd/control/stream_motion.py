@@ -108,33 +108,31 @@ class StreamMotion(JointSource):
 
     def advance(self, time_ns: int, period_ns: int, image: ProcessImage) -> bool:
         """Compute the setpoint for ``time_ns + period_ns``; holds it after the end."""
+        if self.completion.done:
+            return True
         with self._lock:
-            if not self.completion.done:
-                self._advance(time_ns, period_ns, image)
+            self._due_ns = time_ns + period_ns
+            seconds = (time_ns - self.start_ns) / NANOSECONDS
+            self._check_drives(image, seconds, self._begin_period(time_ns))
+            if not self._speed.scale:
+                self.completion.request(Outcome.STOPPED, f"motion is {self._speed.text}")
+            reached = self.stall_recovery.resume(time_ns, period_ns / NANOSECONDS)
+            if reached is not None:
+                position, velocity = reached
+                state = MotionState(position, velocity, np.zeros_like(position))
+                self._setpoints.reset(state, AFTER_STALL)
+                self.stall_recovery.left_plan = self._due_ns <= self._settled_until_ns
+            self._follow_commands(time_ns)
+            self.setpoint[:] = self._setpoints.advance(self._due_ns)
+            if self._phase is not Phase.RUNNING and self._setpoints.at_rest:
+                if self._phase is Phase.STOPPING:
+                    self._enter(Phase.RESTING, time_ns)
+                self._end_at_rest(time_ns, image)
         return True
 
     def sent(self, due_ns: int) -> None:
         """Note that ``setpoint`` was handed to the device, to be reached at ``due_ns``."""
         self.stall_recovery.sent(self.setpoint[:2], due_ns)
-
-    def _advance(self, time_ns: int, period_ns: int, image: ProcessImage) -> None:
-        self._due_ns = time_ns + period_ns
-        seconds = (time_ns - self.start_ns) / NANOSECONDS
-        self._check_drives(image, seconds, self._begin_period(time_ns))
-        if not self._speed.scale:
-            self.completion.request(Outcome.STOPPED, f"motion is {self._speed.text}")
-        reached = self.stall_recovery.resume(time_ns, period_ns / NANOSECONDS)
-        if reached is not None:
-            position, velocity = reached
-            state = MotionState(position, velocity, np.zeros_like(position))
-            self._setpoints.reset(state, AFTER_STALL)
-            self.stall_recovery.left_plan = self._due_ns <= self._settled_until_ns
-        self._follow_commands(time_ns)
-        self.setpoint[:] = self._setpoints.advance(self._due_ns)
-        if self._phase is not Phase.RUNNING and self._setpoints.at_rest:
-            if self._phase is Phase.STOPPING:
-                self._enter(Phase.RESTING, time_ns)
-            self._end_at_rest(time_ns, image)
 
     def _follow_commands(self, time_ns: int) -> None:
         """Take what has arrived; slow to rest when nothing has, or an end was requested."""

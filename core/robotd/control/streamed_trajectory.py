@@ -26,7 +26,7 @@ class StreamedTrajectory(TrajectoryExecution):
     not 1.
 
     Args:
-        goal, start_ns, feedback_period_s: as of ``TrajectoryExecution``.
+        goal, start_ns, feedback_period_s: see ``TrajectoryExecution``.
         underrun: behaviour of the device when setpoints are missing.
         buffer_s: duration of the setpoints that the device holds ahead, s.
         speed: sets the rate of trajectory time; None: real time.

@@ -52,7 +52,7 @@ class TorqueMotion(JointSource):
         timeout_s: age of the last command at which it ends.
         stopped_velocity: (m,) rad/s or m/s below which a joint is at rest.
         speed: of the operator; it ends at 0.
-        feedback_period_s: as of ``AxisDriver``.
+        feedback_period_s: see ``AxisDriver``.
     """
 
     def __init__(
@@ -157,7 +157,7 @@ class TorqueCommands(StreamCommands):
     """Commands of torques to some joints."""
 
     def torque(self, torque: Sequence[float], *, sent_ns: int | None = None) -> TorqueCommand:
-        """Return a command as of ``TorqueStream.send``, which raises the same."""
+        """Return the command of ``TorqueStream.send``, which raises the same."""
         values = self._values("torque", torque)
         admission = self.source.admit(moves=bool(values.any()))
         return TorqueCommand(None if admission.only_arms else values, self._time_ns(sent_ns))

@@ -53,7 +53,7 @@ class TrajectoryExecution(JointSource):
     Args:
         goal: to execute.
         start_ns: monotonic time of the trajectory's time 0.
-        feedback_period_s: as of ``AxisDriver``; the command of that time ago is compared with the
+        feedback_period_s: see ``AxisDriver``; the command of that time ago is compared with the
             measured values. 0: that of the present period.
 
     Attributes:

@@ -51,7 +51,7 @@ class SlidingWindow:
         return self._stands
 
     def replace(self, times_ns: Sequence[int], position: FloatArray, velocity: FloatArray) -> None:
-        """Replace the points from the first of ``times_ns`` on; arguments as of the class."""
+        """Replace the points from the first of ``times_ns`` on; arguments: those of the class."""
         begin = bisect_right(self._times_ns, times_ns[0] - round(PAST_S * NANOSECONDS))
         end = bisect_right(self._times_ns, times_ns[0] - 1)
         self._set(

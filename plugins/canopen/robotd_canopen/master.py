@@ -111,7 +111,7 @@ class Master(Cia402Master[CanopenDrive]):
     def start(self, timeout_s: float) -> None:
         """Configure and start the nodes that are not online. Raises ConnectError.
 
-        ``timeout_s``: as of ``BringUp.start``.
+        ``timeout_s``: see ``BringUp.start``.
         """
         if self.bus.fault is not None:
             self.bus.open()

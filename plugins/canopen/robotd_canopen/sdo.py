@@ -98,7 +98,7 @@ class Sdo:
     def write(self, index: int, sub: int, value: int, *, retry: bool = True) -> None:
         """Write an integer of its size in the dictionary (4 bytes for an unknown object).
 
-        ``retry``: as of ``download``.
+        ``retry``: see ``download``.
         """
         found = variable(self.dictionary, index, sub)
         size = len(found) // 8 if found is not None else 4

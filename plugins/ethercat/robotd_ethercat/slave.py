@@ -98,7 +98,7 @@ class Slave(FieldbusNode):
     def download(self, index: int, sub: int, data: bytes, *, retry: bool = True) -> None:
         """Write an object, raw. Raises SdoAbort, DeviceTimeout, OperationError.
 
-        ``retry``: as of ``Soem.download``.
+        ``retry``: see ``Soem.download``.
         """
 
         def write() -> None:

@@ -127,7 +127,7 @@ def set_output(client: RosClient, name: str, on: bool) -> str:
 
 
 def read_object(client: RosClient, **fields: int) -> str:
-    """Return the value of an object as text; fields as of the service.
+    """Return the value of an object as text; fields: those of the service.
 
     Raises OperationError with the robot's reason, DeviceTimeout without a robot.
     """

@@ -57,7 +57,7 @@ def add_command_subscription(
     dropped and counted; the first one is logged, and their number when one is in time again.
 
     Args:
-        node, host, message_type, topic, qos: as of ``add_subscription``.
+        node, host, message_type, topic, qos: see ``add_subscription``.
         robot: is commanded.
         handler: executor thread; may raise.
         timeout_s: age at which a command is dropped, or a function of the message.

@@ -368,7 +368,7 @@ class Harness:
     def follow(
         self, times_s: Sequence[float], rows: Sequence[FloatArray], *, velocities: bool = False
     ) -> TrajectoryExecution:
-        """Follow a trajectory until it ends; arguments as of ``following``."""
+        """Follow a trajectory until it ends; arguments: see ``following``."""
         with self.following(times_s, rows, velocities) as execution:
             self.until(lambda: execution.done, "the trajectory ends")
         return execution
@@ -426,4 +426,4 @@ class InjectedFaults:
 
 
 MakeHarness = Callable[..., Harness]
-"""Fixture ``make_harness``; keywords as of ``KitTarget.build``."""
+"""Fixture ``make_harness``; keywords: see ``KitTarget.build``."""
