@@ -25,7 +25,7 @@ Stream_co = TypeVar("Stream_co", bound="OpenStream[Any]", covariant=True)
 
 
 class StreamCommands:
-    """Base of what makes the commands of a stream, also before it is opened. Any thread.
+    """Makes the commands of a stream, also before it is opened. Any thread.
 
     A command is checked and admitted when it is made; a stream takes it by ``put``.
 

@@ -77,5 +77,5 @@ class Problem:
 
     @property
     def forbids_motion(self) -> bool:
-        """It prevents motion, and is no setting of a client, as a servo or the speed are."""
+        """It prevents motion and is no setting of a client, as the speed is."""
         return self.prevents_motion and self.kind not in SETTINGS

@@ -179,7 +179,7 @@ class Backend(Plugin):
         return load_code_tables(self.origin.module.partition(".")[0])[0]
 
     def advise(self, code: int) -> str:
-        """Return what to do about the code of a drive's alarm; "" where it is not known."""
+        """Return what to do about the code of an alarm; "" where unknown."""
         return next(filter(None, (table.advice(code) for table in self.code_tables)), "")
 
     def context(self, robot: RobotDescriptor, clock: Clock | None = None) -> DeviceContext[Any]:

@@ -36,7 +36,7 @@ class TopicStream(Generic[Stream]):
         self._opening = False
 
     def apply(self, make: Callable[..., Any], *given: Any) -> None:
-        """Give a command to the open stream, or open one for it; a rejection is logged.
+        """Give a command to the open stream, or open one; log a rejection.
 
         Args:
             make: returns the command; called with the stream's ``StreamCommands`` and ``given``.
