@@ -142,7 +142,7 @@ class AxisDriver(ABC):
     def device_limits(self) -> Sequence[AxisLimits]:
         """Limits that the device itself clips or rejects by, one per axis; empty: not known.
 
-        inf for a value without a limit, ``unit`` that of the axis. Read once, before the device is
+        inf for a value without a limit, ``unit`` as of the axis. Read once, before the device is
         opened. Every command is checked against the smaller of these and those of the descriptor.
         """
         return ()
@@ -254,7 +254,7 @@ class AxisDriver(ABC):
 
         Args:
             torque: (n_axes,) in N·m or N; NaN: unchanged, at first the torque that holds the axis.
-            due_ns: see ``stream``.
+            due_ns: as of ``stream``.
         """
         raise Unsupported("torque setpoints")
 
