@@ -14,11 +14,11 @@ from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
 from robotd_mujoco.physics import Physics
 
-# Poses of cr3a whose fingers are beside a cube at y = ±0.15, and 100 mm above.
-LEFT = (0.74855224, -0.11370677, -1.8616441, 0.40456556, 1.57079633, 2.31934857)
-LEFT_ABOVE = (0.74855224, -0.04622459, -1.48981195, -0.03474877, 1.57079633, 2.31934857)
-RIGHT = (-0.06123133, *LEFT[1:5], 1.509565)
-RIGHT_ABOVE = (-0.06123133, *LEFT_ABOVE[1:5], 1.509565)
+# Poses of cr3a whose fingers are beside a cube on the table, and 100 mm above.
+LEFT = (0.6, -0.11370677, -1.8616441, 0.40456556, 1.57079633, 2.17079633)
+LEFT_ABOVE = (0.6, -0.04622459, -1.48981195, -0.03474877, 1.57079633, 2.17079633)
+RIGHT, RIGHT_ABOVE = (-0.6, *LEFT[1:]), (-0.6, *LEFT_ABOVE[1:])
+CUBE_M, CARRIED_M = (0.3684, 0.0966, 0.12), (0.2236, -0.3085, 0.12)
 CLOSED_M, OPEN_M = 0.045, 0.0
 
 

@@ -40,8 +40,8 @@ def test_the_recipes_install_what_there_is() -> None:
     names = tomllib.loads((ROOT / "interfaces/pyproject.toml").read_text("utf-8"))["project"]
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     assert f'"{names["name"]} @ $ROBOTD#subdirectory=interfaces"' in install
-    assert '"robotd[ros,testing] @ $ROBOTD"' in install
-    assert {"ros", "testing"} <= set(extras["optional-dependencies"])
+    assert '"robotd[ros,testing,mujoco] @ $ROBOTD"' in install
+    assert {"ros", "testing", "mujoco"} <= set(extras["optional-dependencies"])
 
 
 def test_what_the_recipes_run_passes(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from robotd.api import (
     DeviceDriver,
     FaultInjector,
     IoDriver,
+    NodeRegistry,
     PassiveJoints,
     PluginError,
     World,
@@ -37,6 +38,17 @@ def robotd_backend() -> BackendInfo:
             {Capability.VELOCITY_MODE, Capability.SIMULATED, Capability.CONTACTS}
         ),
         options=MujocoOptions,
+    )
+
+
+@hookimpl
+def robotd_register_nodes(registry: NodeRegistry) -> None:
+    """Add the node of the cameras and the wrist."""
+    registry.add(
+        "mujoco",
+        "robotd_mujoco.node:MujocoNode",
+        summary="cameras of the scene, force and torque at the wrist",
+        parameters="robotd.plugin.parameter_reader:no_parameters",
     )
 
 

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
+
+from numpy.typing import NDArray
 
 from robotd.api import (
     ConnectionState,
@@ -12,9 +15,11 @@ from robotd.api import (
     NotReady,
     PassiveJoints,
     World,
+    WorldCamera,
     WorldObject,
 )
 from robotd_mujoco.physics import IMAGE_BYTES, Physics
+from robotd_mujoco.renderer import Renderer
 
 
 class MujocoDevice(DeviceDriver):
@@ -125,6 +130,7 @@ class MujocoWorld(World):
     def __init__(self, physics: Physics) -> None:
         self._physics = physics
         self._model = physics.robot_model
+        self._renderer = Renderer(physics)
 
     @property
     def frame(self) -> str:
@@ -147,3 +153,10 @@ class MujocoWorld(World):
         with self._physics.lock:
             self._physics.advance()
             self._physics.place_object(name, pose)
+
+    @property
+    def cameras(self) -> Sequence[WorldCamera]:
+        return self._model.cameras
+
+    def image(self, camera: str) -> NDArray[Any]:
+        return self._renderer.image(camera)

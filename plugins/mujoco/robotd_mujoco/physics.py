@@ -280,6 +280,15 @@ class Physics:
         self.model.eq_data[drive.lock, 0] = self.data.qpos[drive.qpos]
         self.data.eq_active[drive.lock] = self._blocked[axis] or (braked and not slows)
 
+    def wrenches(self) -> FloatArray:
+        """Return force and torque (n_wrists, 6) on the arm at each wrist, N and N·m.
+
+        In the frame of the link: that of a hanging load points down.
+        """
+        sensors = self.robot_model.sensors
+        with self.lock:  # MuJoCo has the force of the arm on the link
+            return -np.array([self.data.sensordata[each : each + 6] for each in sensors])
+
     # I/O and gripper
 
     def write_outputs(self, byte: int, values: bytes) -> None:

@@ -9,7 +9,7 @@ drives compensate gravity, within their torque limits.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
@@ -77,7 +77,8 @@ class RobotModel:
         cameras: of the scene.
         root: name of the frame that poses of objects refer to.
         base_m: position of that frame.
-        robot_bodies: bodies of the robot's links.
+        wrists: links behind the last joint of each arm, with a force/torque sensor.
+        sensors: address of the first value of each one: force and torque.
     """
 
     model: mujoco.MjModel
@@ -89,7 +90,8 @@ class RobotModel:
     cameras: list[WorldCamera]
     root: str
     base_m: FloatArray
-    robot_bodies: frozenset[int] = field(default_factory=frozenset)
+    wrists: list[str]
+    sensors: list[int]
 
 
 def build_model(robot: RobotDescriptor, options: MujocoOptions) -> RobotModel:
@@ -113,6 +115,7 @@ def build_model(robot: RobotDescriptor, options: MujocoOptions) -> RobotModel:
             add_objects(spec, scene, scene_file.parent)
     objects = describe_objects(spec, links)
     _add_drives(spec, robot, options, joints)
+    wrists = _add_wrists(spec, robot)
     add_gripper(spec, robot, options)
     add_cameras(spec, scene.cameras)
     _set_physics(spec, options)
@@ -122,7 +125,7 @@ def build_model(robot: RobotDescriptor, options: MujocoOptions) -> RobotModel:
         _exclude_touching(spec, model, links, joints, start)
         model = _compile(spec, robot)
     _tune(model, joints, options)
-    return _described(model, robot, objects, links, joints, root, options, scene)
+    return _described(model, robot, objects, wrists, joints, root, options, scene)
 
 
 def start_positions(robot: RobotDescriptor, options: MujocoOptions) -> FloatArray:
@@ -216,6 +219,32 @@ def _add_lock(spec: mujoco.MjSpec, joint: str, options: MujocoOptions) -> None:
     make_stiff(lock, options)
 
 
+def _add_wrists(spec: mujoco.MjSpec, robot: RobotDescriptor) -> list[str]:
+    """Add a force/torque sensor behind the last joint of each arm; return its link.
+
+    It measures what the link and all beyond it exert on the arm, in the frame of the link.
+    """
+    names = [joint.name for joint in robot.joints if spec.joint(joint.name) is not None]
+    inner = set()
+    for name in names:
+        body = spec.joint(name).parent.parent
+        while body is not None:
+            inner |= {joint.name for joint in body.joints}
+            body = body.parent
+    wrists = [spec.joint(name).parent.name for name in names if name not in inner]
+    for link in wrists:
+        spec.body(link).add_site(name=f"{link}_wrist")
+        for kind, sensor in (
+            ("force", mujoco.mjtSensor.mjSENS_FORCE),
+            ("torque", mujoco.mjtSensor.mjSENS_TORQUE),
+        ):
+            spec.add_sensor(
+                name=f"{link}_{kind}", type=sensor, objname=f"{link}_wrist",
+                objtype=mujoco.mjtObj.mjOBJ_SITE,
+            )  # fmt: skip
+    return wrists
+
+
 def _set_physics(spec: mujoco.MjSpec, options: MujocoOptions) -> None:
     spec.option.timestep = options.step_s
     spec.option.gravity = options.gravity_m_s2
@@ -285,7 +314,7 @@ def _described(
     model: mujoco.MjModel,
     robot: RobotDescriptor,
     objects: list[WorldObject],
-    links: Sequence[str],
+    wrists: list[str],
     joints: Sequence[str],
     root: str,
     options: MujocoOptions,
@@ -321,7 +350,8 @@ def _described(
         cameras=describe_cameras(scene.cameras),
         root=root,
         base_m=np.array(options.base_m),
-        robot_bodies=frozenset(model.body(name).id for name in links),
+        wrists=wrists,
+        sensors=[int(model.sensor(f"{link}_force").adr[0]) for link in wrists],
     )
 
 

@@ -54,7 +54,7 @@ class WorldNode(Node):
         )
         if not objects:
             return
-        self._clock = StampClock(self.get_clock())
+        self._stamps = StampClock(self.get_clock())
         transforms = [TransformStamped(child_frame_id=each.name) for each in objects]
         for each in transforms:
             each.header.frame_id = world.frame
@@ -72,7 +72,7 @@ class WorldNode(Node):
             return
         for view, pose in zip(self._views, self._world.poses(), strict=True):
             view[:] = pose
-        self._message.stamp(self._clock.at_ns(self._loop.started_ns))
+        self._message.stamp(self._stamps.at_ns(self._loop.started_ns))
         self._message.publish()
 
     def _reset(self, request: Any, response: Any) -> str:

@@ -1,4 +1,4 @@
-"""The arm as this application sees it: an action for its joints, a service for its gripper."""
+"""The arm as this application sees it: an action for its joints, and one for its gripper."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from typing import Any, Self
 
 import rclpy
 from builtin_interfaces.msg import Duration
-from control_msgs.action import FollowJointTrajectory
+from control_msgs.action import FollowJointTrajectory, GripperCommand
 from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
-from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 ACTION = "/movensys_manipulator_arm_controller/follow_joint_trajectory"
-GRIPPER = "/wmx/set_gripper"
+GRIPPER = "/gripper_controller/gripper_cmd"
+OPEN_M, CLOSED_M = 0.0, 0.045  # of the fingers
 JOINTS = [f"joint{number}" for number in range(1, 7)]
 ANSWER_S = 20.0
 
@@ -33,15 +33,14 @@ class Arm:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._action = ActionClient(self._node, FollowJointTrajectory, ACTION)
-        self._gripper = self._node.create_client(SetBool, GRIPPER)
-        if not self._action.wait_for_server(ANSWER_S) or not self._gripper.wait_for_service(
-            ANSWER_S
-        ):
+        self._gripper = ActionClient(self._node, GripperCommand, GRIPPER)
+        if not all(each.wait_for_server(ANSWER_S) for each in (self._action, self._gripper)):
             raise ArmFailed("no robot answers")
         return self
 
     def __exit__(self, *_: object) -> None:
         self._action.destroy()
+        self._gripper.destroy()
         self._executor.shutdown()
         self._node.destroy_node()
         self._context.try_shutdown()
@@ -60,10 +59,13 @@ class Arm:
             raise ArmFailed(result.error_string)
 
     def grip(self, *, closed: bool) -> None:
-        """Close the gripper, or open it. Raises ArmFailed."""
-        answer = self._wait(self._gripper.call_async(SetBool.Request(data=closed)))
-        if not answer.success:
-            raise ArmFailed(answer.message)
+        """Close the gripper, or open it, until the fingers rest. Raises ArmFailed."""
+        goal = GripperCommand.Goal()
+        goal.command.position = CLOSED_M if closed else OPEN_M
+        handle = self._wait(self._gripper.send_goal_async(goal))
+        result = self._wait(handle.get_result_async()).result
+        if not (result.reached_goal or (closed and result.stalled)):
+            raise ArmFailed(f"the gripper stopped at {result.position:.4f} m")
 
     def _wait(self, future: Any) -> Any:
         self._executor.spin_until_future_complete(future, ANSWER_S)

@@ -12,20 +12,21 @@ LIFT_S = 0.8
 
 @dataclass(frozen=True)
 class Place:
-    """Position of a part: angles of base and shoulder joint, in rad."""
+    """Position of a part, 0.12 m high: joint angles with the fingers beside it, in rad."""
 
     base: float
-    shoulder: float = 0.7
-    elbow: float = 0.8
+    shoulder: float = -0.11370677
+    elbow: float = -1.8616441
+    wrist: float = 0.40456556
 
     @property
     def joints(self) -> list[float]:
-        return [self.base, self.shoulder, self.elbow, 0.0, 0.0, 0.0]
+        return [self.base, self.shoulder, self.elbow, self.wrist, 1.57079633, 2.17079633]
 
     @property
     def above(self) -> Place:
-        """The same place from above."""
-        return replace(self, shoulder=self.shoulder - 0.3)
+        """The same place from 0.1 m above."""
+        return replace(self, shoulder=-0.04622459, elbow=-1.48981195, wrist=-0.03474877)
 
 
 LEFT, RIGHT = Place(0.6), Place(-0.6)

@@ -1,0 +1,165 @@
+"""Node of the backend mujoco: cameras of the scene, force and torque at the wrist."""
+
+from __future__ import annotations
+
+import array
+import io
+import threading
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import WrenchStamped
+from numpy.typing import NDArray
+from rclpy.node import Node
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+
+from robotd.api import NANOSECONDS, ProcessImage, RobotdError, WorldCamera, get_logger
+from robotd_mujoco.physics import Physics
+from robotd_mujoco.renderer import Renderer
+from robotd_ros.api import HotPublisher, Robot, RosHost, StampClock, ticks
+
+NAME = "mujoco"
+WRENCH = "force_torque_sensor_broadcaster/wrench"
+WRENCH_RATE_HZ = 100.0
+JPEG_QUALITY = 90
+THREAD_END_S = 2.0
+
+log = get_logger("mujoco")
+
+
+class MujocoNode(Node):
+    """Node of the backend; served with every robot on it."""
+
+    def __init__(self, robot: Robot, host: RosHost) -> None:
+        super().__init__(NAME, context=host.context)
+        physics: Physics = robot.device.physics
+        self.rates_hz: dict[str, float] = {}
+        self._robot, self._physics = robot, physics
+        self._stamps = StampClock(self.get_clock())
+        self._wrenches = [
+            HotPublisher(self, topic, 10, WrenchStamped(header=_header(link)), ["wrench"])
+            for topic, link in wrench_topics(physics)
+        ]
+        self._views = [each.view("wrench") for each in self._wrenches]
+        if self._wrenches:
+            rate_hz = min(WRENCH_RATE_HZ, robot.descriptor.cycle.rate_hz)
+            robot.control_loop.every(rate_hz, "wrench", self._publish_wrench)
+            self.rates_hz |= {each.topic: rate_hz for each in self._wrenches}
+        self._cameras = [CameraTopics(self, each) for each in physics.robot_model.cameras]
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._render, name="robotd-cameras", daemon=True)
+        if self._cameras:
+            self._thread.start()
+
+    def destroy_node(self) -> None:
+        """End the thread of the cameras, too."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join(THREAD_END_S)
+        super().destroy_node()
+
+    def _publish_wrench(self, image: ProcessImage) -> None:
+        """Control loop."""
+        if not self._robot.connection.ready:
+            return
+        stamp_ns = self._stamps.at_ns(self._robot.control_loop.started_ns)
+        wrenches = self._physics.wrenches()
+        for message, view, wrench in zip(self._wrenches, self._views, wrenches, strict=True):
+            if message.has_readers:
+                view[:] = wrench
+                message.stamp(stamp_ns)
+                message.publish()
+
+    def _render(self) -> None:
+        """Thread of the cameras: a picture of each at its rate, while there are subscribers."""
+        renderer = Renderer(self._physics)
+        period_s = 1.0 / max(each.camera.rate_hz for each in self._cameras)
+        try:
+            with ticks(self._stop, round(period_s * NANOSECONDS), self._robot.clock) as moments:
+                for _ in moments:
+                    now_ns = self._robot.clock.now_ns()
+                    for each in self._cameras:
+                        if each.is_due(now_ns):
+                            picture = renderer.image(each.camera.name)
+                            each.publish(picture, self._stamps.at_ns(now_ns))
+        except RobotdError as error:
+            log.error("no pictures of the cameras", reason=str(error))
+        except Exception:
+            log.exception("the cameras ended")
+        finally:
+            renderer.close()
+
+
+class CameraTopics:
+    """Topics of one camera, with the names of image_transport. Thread of the cameras.
+
+    Args:
+        node: its owner.
+        camera: described by the scene.
+    """
+
+    def __init__(self, node: Node, camera: WorldCamera) -> None:
+        self.camera = camera
+        self._raw = node.create_publisher(Image, f"{camera.name}/image_raw", 1)
+        compressed = f"{camera.name}/image_raw/compressed"
+        self._compressed = node.create_publisher(CompressedImage, compressed, 1)
+        self._info = node.create_publisher(CameraInfo, f"{camera.name}/camera_info", 1)
+        self._due_ns = 0
+
+    def is_due(self, now_ns: int) -> bool:
+        """Return True when a picture is due and wanted."""
+        if now_ns < self._due_ns:
+            return False
+        self._due_ns = now_ns + round(NANOSECONDS / self.camera.rate_hz * 0.99)
+        topics = (self._raw, self._compressed, self._info)
+        return any(each.get_subscription_count() for each in topics)
+
+    def publish(self, picture: NDArray[np.uint8], stamp_ns: int) -> None:
+        """Publish what has subscribers."""
+        camera = self.camera
+        header = _header(camera.name)
+        header.stamp.sec, header.stamp.nanosec = divmod(stamp_ns, NANOSECONDS)
+        if self._info.get_subscription_count():
+            self._info.publish(camera_info(camera, header))
+        if self._raw.get_subscription_count():
+            message = Image(header=header, height=camera.height, width=camera.width)
+            message.encoding, message.step = "rgb8", 3 * camera.width
+            message.data = array.array("B", picture.tobytes())
+            self._raw.publish(message)
+        if self._compressed.get_subscription_count():
+            message = CompressedImage(header=header, format="rgb8; jpeg compressed bgr8")
+            message.data = array.array("B", jpeg(picture))
+            self._compressed.publish(message)
+
+
+def camera_info(camera: WorldCamera, header: Any) -> CameraInfo:
+    """Return the pinhole model of a camera without distortion."""
+    focal, middle_x, middle_y = camera.focal_px, camera.width / 2, camera.height / 2
+    message = CameraInfo(header=header, height=camera.height, width=camera.width)
+    message.distortion_model, message.d = "plumb_bob", [0.0] * 5
+    message.k = [focal, 0.0, middle_x, 0.0, focal, middle_y, 0.0, 0.0, 1.0]
+    message.r = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
+    message.p = [focal, 0.0, middle_x, 0.0, 0.0, focal, middle_y, 0.0, 0.0, 0.0, 1.0, 0.0]
+    return message
+
+
+def jpeg(picture: NDArray[np.uint8]) -> bytes:
+    """Return a picture as JPEG."""
+    from PIL import Image as Pillow
+
+    stream = io.BytesIO()
+    Pillow.fromarray(picture).save(stream, "JPEG", quality=JPEG_QUALITY)
+    return stream.getvalue()
+
+
+def wrench_topics(physics: Physics) -> list[tuple[str, str]]:
+    """Return topic and link of each wrist; with several, the link begins the topic."""
+    links = physics.robot_model.wrists
+    single = len(links) == 1
+    return [(WRENCH if single else f"{link}/{WRENCH}", link) for link in links]
+
+
+def _header(frame: str) -> Any:
+    from std_msgs.msg import Header
+
+    return Header(frame_id=frame)
