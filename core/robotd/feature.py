@@ -7,7 +7,8 @@ A feature is an object in the entry-point group ``robotd.features``:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from importlib.metadata import entry_points
@@ -56,6 +57,8 @@ class Feature:
             is a list of further nodes or None. "": none.
         node_names: names of the nodes that ``nodes`` may add.
         after: names of features that are opened before this one, as far as they are installed.
+        attributes: attributes of ``Robot`` by name: ``package.module:function``, called as
+            ``function(robot)`` when the attribute is first read. They need no ``open``.
     """
 
     summary: str
@@ -66,6 +69,7 @@ class Feature:
     nodes: str = ""
     node_names: tuple[str, ...] = ()
     after: tuple[str, ...] = ()
+    attributes: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def keys(self) -> tuple[str, ...]:

@@ -9,7 +9,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from pkgutil import resolve_name
+from typing import TYPE_CHECKING, Any
 
 from robotd.clock import Clock, MonotonicClock
 from robotd.clock.simulated import PacedClock, SimulatedClock, SteppedClock
@@ -42,6 +43,7 @@ from robotd.device.soft_limits import SoftLimitGuard
 from robotd.device.tool_pose import ToolPose, tool_poses
 from robotd.errors import InvalidArgument, RobotdError, Unsupported
 from robotd.events import EventLog
+from robotd.feature import installed_features
 from robotd.log import get_logger
 from robotd.plugin.call_timeout import end_idle_threads
 from robotd.plugin.driver_set import Drivers
@@ -247,6 +249,32 @@ class Robot:
         if injector is None:
             raise Unsupported("faults on request", self.backend.name)
         return injector
+
+    def attribute(self, name: str) -> Any:
+        """Return what a feature adds under ``name``, made at the first call; ``robot.name`` too.
+
+        Any thread, but the first call is to end before another one. Raises AttributeError: no
+        feature that is installed adds it; and what making it raises.
+        """
+        if name not in self._added:
+            targets = [each.attributes.get(name) for each in installed_features().values()]
+            target = next(filter(None, targets), None)
+            if target is None:
+                raise AttributeError(f"'Robot' has no attribute {name!r}, nor has a feature")
+            self._added[name] = resolve_name(target)(self)
+        return self._added[name]
+
+    @cached_property
+    def _added(self) -> dict[str, Any]:
+        """Attributes of features that have been made."""
+        return {}
+
+    if not TYPE_CHECKING:  # a checker is to find misspelt attributes
+
+        def __getattr__(self, name: str) -> Any:
+            if name.startswith("_"):
+                raise AttributeError(name)
+            return self.attribute(name)
 
     @cached_property
     def tools(self) -> tuple[ToolPose, ...]:

@@ -1,0 +1,198 @@
+"""Joint positions along a path of the tool."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotd.api import FloatArray
+from robotd_tool_space.kinematics import Kinematics
+from robotd_tool_space.obstacle import Obstacle, Unreachable
+from robotd_tool_space.rotations import pose_differences
+from robotd_tool_space.tool_path import ToolPath
+
+STEP_M, STEP_RAD = 0.002, 0.01  # of the tool between two samples
+MIN_SAMPLES, MAX_SAMPLES = 12, 4000  # of each piece
+DAMPING = 1e-12  # of squared singular values; lets a step through an exactly singular position end
+ACCURACY = 1e-9  # of the positions on the path: rad, and m divided by ``length_m``
+MAX_STEP_RAD = 0.3  # of a joint between two samples; a larger one skips something
+# Joint speed at full speed of the tool, as a multiple of its limit, that counts as singular: the
+# tool would have to slow down to less than a fiftieth.
+SINGULAR_RATIO = 50.0
+TRIES = 6
+
+
+@dataclass(frozen=True, eq=False)
+class JointPath:
+    """Joint positions at samples of a path, and between them.
+
+    Attributes:
+        at_s: (k,) parameter of the path, increasing.
+        positions: (k, n), rad or m.
+        slopes: (k, n) derivatives by the parameter, from the Jacobian.
+    """
+
+    kinematics: Kinematics
+    path: ToolPath
+    at_s: FloatArray
+    positions: FloatArray
+    slopes: FloatArray
+
+    def exact(self, at_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return positions and derivatives by the parameter, (m, n) each, at (m,) parameters."""
+        index = np.clip(np.searchsorted(self.at_s, at_s, "right") - 1, 0, len(self.at_s) - 2)
+        width = (self.at_s[index + 1] - self.at_s[index])[:, None]
+        part = (at_s[:, None] - self.at_s[index][:, None]) / width
+        guess = hermite(
+            part,
+            self.positions[index],
+            self.positions[index + 1],
+            width * self.slopes[index],
+            width * self.slopes[index + 1],
+        )
+        positions = correct(self.kinematics, guess, self.path.poses(at_s), iterations=4)
+        return positions, slopes(self.kinematics, self.path, at_s, positions)
+
+
+def hermite(
+    part: FloatArray, start: FloatArray, end: FloatArray, leave: FloatArray, arrive: FloatArray
+) -> FloatArray:
+    """Return the cubic between two values with two derivatives, at ``part`` 0 to 1."""
+    rest = 1.0 - part
+    return (
+        rest * rest * (1.0 + 2.0 * part) * start
+        + part * part * (3.0 - 2.0 * part) * end
+        + part * rest * (rest * leave - part * arrive)
+    )
+
+
+def follow_path(kinematics: Kinematics, path: ToolPath, start: FloatArray) -> JointPath:
+    """Return the joint positions of ``path``, continuously from ``start`` (n,).
+
+    Raises Unreachable: the arm leaves its limits, or is singular; with the place.
+    """
+    at_s = _samples(path)
+    poses = path.poses(at_s)
+    positions = np.empty((len(at_s), len(start)))
+    slope = np.empty_like(positions)
+    positions[0] = start
+    slope[0] = slopes(kinematics, path, at_s[:1], start[None])[0]
+    for index in range(1, len(at_s)):
+        step_s = at_s[index] - at_s[index - 1]
+        guess = positions[index - 1] + step_s * slope[index - 1]
+        here = correct(kinematics, guess[None], poses[index][None], iterations=TRIES)[0]
+        place = float(at_s[index] / at_s[-1])
+        positions[index] = here
+        slope[index] = slopes(kinematics, path, at_s[index : index + 1], here[None])[0]
+        _check(kinematics, positions[index - 1], here, poses[index], place)
+    _check_slopes(kinematics, at_s, slope)
+    return JointPath(kinematics, path, at_s, positions, slope)
+
+
+def correct(
+    kinematics: Kinematics, positions: FloatArray, poses: FloatArray, iterations: int
+) -> FloatArray:
+    """Return positions (k, n) brought to the poses (k, 4, 4) by Newton's iteration."""
+    weights = _weights(kinematics)
+    task, chain = kinematics.task, kinematics.chain
+    for _ in range(iterations):
+        pose, jacobian = chain.forward_and_jacobian(positions)
+        error = task.errors(pose_differences(pose, poses) * weights, pose, poses)
+        if np.abs(error).max() < ACCURACY:
+            break
+        rows = task.rows(jacobian * weights[:, None], pose)
+        positions = positions + _least_squares(rows, error)
+    return positions
+
+
+def slopes(
+    kinematics: Kinematics, path: ToolPath, at_s: FloatArray, positions: FloatArray
+) -> FloatArray:
+    """Return the joint velocities (k, n) at unit speed of the parameter."""
+    weights, half_s = _weights(kinematics), 1e-5 * path.length_s
+    # One-sided at both ends and never across a corner that is a stop: the piece decides.
+    before, behind = np.maximum(at_s - half_s, 0.0), np.minimum(at_s + half_s, path.length_s)
+    for edge in path.edges_s[1:-1]:
+        near = np.abs(at_s - edge) < half_s
+        before = np.where(near & (at_s >= edge), np.maximum(before, edge), before)
+        behind = np.where(near & (at_s < edge), np.minimum(behind, edge), behind)
+    difference = pose_differences(path.poses(before), path.poses(behind))
+    twist = difference / np.maximum(behind - before, 1e-12)[:, None] * weights
+    pose, jacobian = kinematics.chain.forward_and_jacobian(positions)
+    rows = kinematics.task.rows(jacobian * weights[:, None], pose)
+    wanted = twist @ kinematics.task.chosen.T
+    if kinematics.task.about_axis:
+        z = pose[..., :3, 2]
+        across = twist[:, 3:] - z * (z * twist[:, 3:]).sum(axis=-1, keepdims=True)
+        wanted = np.concatenate([wanted, across], axis=-1)
+    return _least_squares(rows, wanted)
+
+
+def _least_squares(rows: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the smallest (k, n) whose product with the rows is the values."""
+    transposed = np.swapaxes(rows, -1, -2)
+    count, joints = rows.shape[-2:]
+    if count > joints:  # more components than joints
+        normal = transposed @ rows + DAMPING * np.eye(joints)
+        found = np.linalg.solve(normal, transposed @ values[..., None])
+    else:
+        found = transposed @ np.linalg.solve(
+            rows @ transposed + DAMPING * np.eye(count), values[..., None]
+        )
+    return np.asarray(found[..., 0], np.float64)
+
+
+def _weights(kinematics: Kinematics) -> FloatArray:
+    return np.array([1.0 / kinematics.length_m] * 3 + [1.0] * 3)
+
+
+def _samples(path: ToolPath) -> FloatArray:
+    """Return the parameters to compute joints at; each end of a piece is one."""
+    at_s = [np.zeros(1)]
+    for first, piece in zip(path.edges_s, path.pieces, strict=False):
+        way = np.abs(piece.way) + np.abs(piece.onward)
+        steps = max(np.linalg.norm(way[:3]) / STEP_M, np.linalg.norm(way[3:]) / STEP_RAD)
+        count = int(min(max(np.ceil(steps), MIN_SAMPLES), MAX_SAMPLES))
+        at_s.append(first + piece.length_s * np.arange(1, count + 1) / count)
+    return np.concatenate(at_s)
+
+
+def _check(
+    kinematics: Kinematics, before: FloatArray, here: FloatArray, pose: FloatArray, place: float
+) -> None:
+    """Raise Unreachable for positions outside of the limits, off the path, or too far."""
+    names, units = kinematics.chain.names, kinematics.units
+    step = np.abs(here - before)
+    error = pose_differences(kinematics.forward(here), pose) @ kinematics.task.chosen.T
+    lost = not np.isfinite(here).all() or np.abs(error).max() > 1e-6
+    joint = int(np.argmax(np.nan_to_num(step, nan=np.inf)))
+    if lost or step[joint] > MAX_STEP_RAD:
+        if kinematics.singularity(before) < 0.05:
+            text = f"{names[joint]} cannot follow the line: the arm is singular"
+            raise Unreachable(Obstacle.SINGULAR, text, place)
+        raise Unreachable(Obstacle.OUT_OF_REACH, "the line leaves the reach of the arm", place)
+    excess = np.maximum(kinematics.lower - here, here - kinematics.upper)
+    joint = int(np.argmax(excess))
+    if excess[joint] > 1e-9:
+        limit = (kinematics.lower if here[joint] < kinematics.lower[joint] else kinematics.upper)[
+            joint
+        ]
+        unit = units[joint]
+        text = (
+            f"{names[joint]} would have to be at {here[joint]:.4g} {unit}, its limit is"
+            f" {limit:.4g} {unit}"
+        )
+        raise Unreachable(Obstacle.LIMITS, text, place)
+
+
+def _check_slopes(kinematics: Kinematics, at_s: FloatArray, slope: FloatArray) -> None:
+    """Raise Unreachable where a joint would have to be far too fast."""
+    ratio = np.abs(slope) / kinematics.velocity
+    index, joint = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
+    if ratio[index, joint] > SINGULAR_RATIO:
+        text = (
+            f"{kinematics.chain.names[joint]} would have to be {ratio[index, joint]:.0f} times as"
+            " fast as its limit: the arm is nearly singular"
+        )
+        raise Unreachable(Obstacle.SINGULAR, text, float(at_s[index] / at_s[-1]))

@@ -1,0 +1,387 @@
+"""Tool of a robot's joint group: its pose, its frames, and its motion."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import cached_property
+
+import numpy as np
+
+from robotd.api import (
+    DescriptorError,
+    FloatArray,
+    InvalidArgument,
+    NotReady,
+    OperationError,
+    Unsupported,
+    did_you_mean,
+    get_logger,
+    wait_until,
+)
+from robotd.api.features import (
+    EventKind,
+    JointGroup,
+    Level,
+    Outcome,
+    ProcessImage,
+    Robot,
+    RobotdError,
+    TrajectoryExecution,
+    TrajectoryRequest,
+)
+from robotd_tool_space.feature import ToolSpaceKeys
+from robotd_tool_space.kinematics import Kinematics
+from robotd_tool_space.rotations import checked_pose, inverse_pose, pose_of, rpy_of
+from robotd_tool_space.tool_motion import (
+    ToolMotion,
+    ToolSpeed,
+    plan_joint_motion,
+    plan_lines,
+)
+
+log = get_logger("tool")
+
+BASE, TOOL = "base", "tool"
+MIN_SPEED = 0.01
+POLL_S = 0.01
+
+
+class RobotTool:
+    """Tool of one joint group. Any worker thread.
+
+    Poses are of the chosen tool in the chosen work frame, matrices (4, 4), m; where no work frame
+    is chosen, in the base of the arm.
+
+    Args:
+        robot: of the tool.
+        group: joint group that moves it.
+
+    Raises Unsupported, DescriptorError: as ``Kinematics.of_descriptor``.
+    """
+
+    def __init__(self, robot: Robot, group: JointGroup) -> None:
+        self.group = group
+        self._robot = robot
+        self._settings = robot.descriptor.settings(ToolSpaceKeys).tool_space
+        self._bare = Kinematics.of_descriptor(robot.descriptor, group.name, group.follower.limits)
+        self._lock = threading.Lock()
+        self._tool = self._settings.tool or ""
+        self._work_frame = self._settings.work_frame or ""
+        self._kinematics = self._with_tool(self._tool)
+
+    @property
+    def base(self) -> str:
+        """Link that the poses are in without a work frame."""
+        return self._bare.chain.base
+
+    @property
+    def link(self) -> str:
+        """Link that the tools are fixed to."""
+        return self._bare.chain.link
+
+    @property
+    def tool_name(self) -> str:
+        """Name of the chosen tool; "" for the link itself."""
+        return self._tool
+
+    @property
+    def work_frame_name(self) -> str:
+        """Name of the chosen work frame; "" for the base."""
+        return self._work_frame
+
+    @property
+    def tool_names(self) -> tuple[str, ...]:
+        """Names of the tools in the robot's file."""
+        return tuple(self._settings.tools)
+
+    @property
+    def work_frame_names(self) -> tuple[str, ...]:
+        """Names of the work frames in the robot's file."""
+        return tuple(self._settings.work_frames)
+
+    def named_frames(self) -> list[tuple[str, str, FloatArray]]:
+        """Return parent, name and pose (4, 4) of each tool and work frame."""
+        tools = [(self.link, *each) for each in self._settings.tools.items()]
+        frames = [(self.base, *each) for each in self._settings.work_frames.items()]
+        return [(parent, name, frame.pose) for parent, name, frame in (*tools, *frames)]
+
+    @property
+    def kinematics(self) -> Kinematics:
+        """Of the chosen tool, in the base of the arm."""
+        return self._kinematics
+
+    @property
+    def work_frame(self) -> FloatArray:
+        """The chosen work frame in the base, (4, 4)."""
+        chosen = self._settings.work_frames.get(self._work_frame)
+        return np.eye(4) if chosen is None else chosen.pose
+
+    @cached_property
+    def speed(self) -> ToolSpeed:
+        """Limits of the tool, of the robot's file."""
+        settings = self._settings
+        return ToolSpeed(
+            settings.velocity_m_s, settings.angular_velocity_rad_s, settings.acceleration_m_s2
+        )
+
+    def select_tool(self, name: str) -> None:
+        """Choose a tool by its name in the robot's file; "" for the link itself.
+
+        Raises InvalidArgument: unknown name; NotReady: the joints move.
+        """
+        self._require_known("tool", name, self.tool_names)
+        with self.group.motion.lock, self._lock:
+            self._require_rest(f"tool {name!r}")
+            self._kinematics = self._with_tool(name)
+            self._tool = name
+        log.info("tool chosen", group=self.group.name, tool=name or self.link)
+
+    def select_work_frame(self, name: str) -> None:
+        """Choose a work frame by its name; "" for the base. Raises as above."""
+        self._require_known("work frame", name, self.work_frame_names)
+        with self.group.motion.lock, self._lock:
+            self._require_rest(f"work frame {name!r}")
+            self._work_frame = name
+        log.info("work frame chosen", group=self.group.name, work_frame=name or self.base)
+
+    def measured_pose(self, image: ProcessImage | None = None) -> FloatArray | None:
+        """Return the measured pose; None while a position is unknown.
+
+        Args:
+            image: a copy, which does not change meanwhile; None: the present one.
+        """
+        positions = (image or self._robot.image.copy()).position[list(self.group.joint_axes)]
+        if not np.isfinite(positions).all():
+            return None
+        return inverse_pose(self.work_frame) @ self._kinematics.forward(positions)
+
+    @property
+    def pose(self) -> FloatArray:
+        """Pose where the joints are commanded to be: that which a move starts from.
+
+        Raises NotReady: not known, as the joints move.
+        """
+        return inverse_pose(self.work_frame) @ self._kinematics.forward(self.start())
+
+    def start(self) -> FloatArray:
+        """Return the commanded positions (n,) of the joints, which stand.
+
+        Raises NotReady: they move, or are not known.
+        """
+        self._require_rest("a move of the tool")
+        state = self.group.follower.state_at(self._robot.clock.now_ns())
+        if state is None or not np.isfinite(state.position).all():
+            raise NotReady("the positions of the joints are not known")
+        return np.array(state.position)
+
+    def pose_with(self, **components: float) -> FloatArray:
+        """Return the present pose with some of its components replaced, m and rad."""
+        pose = self.pose
+        values = dict(zip(COMPONENTS, [*pose[:3, 3], *rpy_of(pose)], strict=True))
+        values |= checked_components(components)
+        numbers = [float(values[name]) for name in COMPONENTS]
+        return pose_of(numbers[:3], numbers[3:])
+
+    def pose_relative(self, frame: str = BASE, **components: float) -> FloatArray:
+        """Return the pose at a way, m and rad, from the present one.
+
+        Args:
+            frame: "base": along the axes of the work frame; "tool": along those of the tool.
+            components: 0 where not given.
+        """
+        numbers = [checked_components(components).get(name, 0.0) for name in COMPONENTS]
+        return self.relative(pose_of(numbers[:3], numbers[3:]), frame)
+
+    def relative(self, way: FloatArray, frame: str = BASE) -> FloatArray:
+        """Return the pose at ``way`` (4, 4) from the present one; ``frame`` as above."""
+        if frame not in (BASE, TOOL):
+            raise InvalidArgument(f"frame {frame!r} must be {BASE!r} or {TOOL!r}")
+        pose, way = self.pose, checked_pose(way, "way")
+        if frame == TOOL:
+            return pose @ way
+        result = np.eye(4)
+        result[:3, :3] = way[:3, :3] @ pose[:3, :3]
+        result[:3, 3] = pose[:3, 3] + way[:3, 3]
+        return result
+
+    def inverse(self, pose: FloatArray, seed: FloatArray | None = None) -> FloatArray:
+        """Return joint positions (n,) of a pose; ``seed`` None: from where the joints are.
+
+        Raises Unreachable.
+        """
+        target = self.work_frame @ checked_pose(pose)
+        return self._kinematics.inverse(target, self.start() if seed is None else seed)
+
+    def plan_move(self, pose: FloatArray, speed: float = 1.0) -> ToolMotion:
+        """Return the motion to a pose, in which all joints move directly to their goals.
+
+        Of the solutions that is taken which the joints reach first.
+
+        Args:
+            pose: goal.
+            speed: 0.01 to 1 of the speeds of joints and tool.
+
+        Raises Unreachable, InvalidArgument, NotReady.
+        """
+        _check_speed(speed)
+        start = self.start()
+        target = self.work_frame @ checked_pose(pose)
+        goal = self._kinematics.solutions(target, start)[0]
+        limits, tool = self.group.follower.limits, self.speed.scaled(speed)
+        with self._noted():
+            return plan_joint_motion(self._kinematics, limits, start, goal, tool, speed)
+
+    def plan_lines(
+        self, poses: Sequence[FloatArray], speed: float = 1.0, blend_m: float = 0.0
+    ) -> ToolMotion:
+        """Return the motion along straight lines through ``poses``.
+
+        Args:
+            poses: at least one.
+            speed: 0.01 to 1 of the speed of the tool.
+            blend_m: distance from an inner pose at which the corner is rounded; 0: stops there.
+
+        Raises Unreachable: with the place; InvalidArgument, NotReady.
+        """
+        _check_speed(speed)
+        if not poses:
+            raise InvalidArgument("a line needs a pose")
+        if not (np.isfinite(blend_m) and blend_m >= 0.0):
+            raise InvalidArgument(f"blend_m is {blend_m}, must be at least 0 and finite")
+        targets = [self.work_frame @ checked_pose(pose) for pose in poses]
+        limits, tool = self.group.follower.limits, self.speed.scaled(speed)
+        with self._noted():
+            return plan_lines(self._kinematics, limits, self.start(), targets, tool, blend_m)
+
+    def move_to(self, pose: FloatArray, speed: float = 1.0) -> None:
+        """Move to a pose, and return when the tool is there. Arguments as of ``plan_move``.
+
+        Raises Unreachable, InvalidArgument, NotReady: nothing has moved; OperationError: the
+        motion ended elsewhere, with the reason.
+        """
+        self.execute(self.plan_move(pose, speed))
+
+    def move_line(self, *poses: FloatArray, speed: float = 1.0, blend_m: float = 0.0) -> None:
+        """Move along straight lines through ``poses``, and return when the tool is there.
+
+        Arguments as of ``plan_lines``, errors as of ``move_to``.
+        """
+        self.execute(self.plan_lines(poses, speed, blend_m))
+
+    def execute(self, motion: ToolMotion) -> None:
+        """Execute a planned motion to its end. Raises OperationError: it ended elsewhere."""
+        with self.follow(motion) as execution:
+            self.wait(execution)
+            outcome, message = execution.outcome, execution.message
+        if outcome is not Outcome.SUCCEEDED:
+            raise OperationError(f"the motion of the tool ended early: {message}")
+
+    def wait(self, execution: TrajectoryExecution) -> None:
+        """Wait for the end of a motion; a stepped clock is stepped."""
+        while not wait_until(
+            lambda: execution.outcome is not None, 60.0, self._robot.clock, POLL_S
+        ):
+            pass
+
+    @contextmanager
+    def follow(self, motion: ToolMotion, ticket: int = 0) -> Iterator[TrajectoryExecution]:
+        """Start a planned motion as a context; leaving it stops the motion.
+
+        Raises NotReady, TrajectoryRejected: the joints have moved since, or cannot be commanded.
+        """
+        request = TrajectoryRequest(
+            self.group.joint_names, motion.times_s, motion.positions, motion.velocities
+        )
+        with self.group.follower.follow(request, ticket=ticket) as execution:
+            yield execution
+
+    @contextmanager
+    def _noted(self) -> Iterator[None]:
+        """Note an error as the rejection of a goal, as trajectories do."""
+        try:
+            yield
+        except RobotdError as error:
+            data = {"outcome": "rejected", "joints": list(self.group.joint_names)}
+            self._robot.events.add(
+                EventKind.GOAL, "tool", f"goal rejected: {error}", level=Level.WARNING, data=data
+            )
+            raise
+
+    def _with_tool(self, name: str) -> Kinematics:
+        chosen = self._settings.tools.get(name)
+        return self._bare if chosen is None else self._bare.with_tool(chosen.pose)
+
+    def _require_rest(self, what: str) -> None:
+        if self.group.motion.moving:
+            raise NotReady(f"{what}: the joints move")
+
+    @staticmethod
+    def _require_known(kind: str, name: str, known: Sequence[str]) -> None:
+        if name and name not in known:
+            available = ", ".join(known) or "none"
+            hint = did_you_mean(name, known)
+            raise InvalidArgument(f"unknown {kind} {name!r} (available: {available}){hint}")
+
+
+COMPONENTS = ("x", "y", "z", "roll", "pitch", "yaw")
+
+
+def checked_components(components: dict[str, float]) -> dict[str, float]:
+    """Return components of a pose by name. Raises InvalidArgument."""
+    for name, value in components.items():
+        if name not in COMPONENTS:
+            hint = did_you_mean(name, COMPONENTS)
+            raise InvalidArgument(f"{name!r} is none of {', '.join(COMPONENTS)}{hint}")
+        if not np.isfinite(value):
+            raise InvalidArgument(f"{name} is {value}, must be a finite number")
+    return components
+
+
+def _check_speed(speed: float) -> None:
+    if not MIN_SPEED <= speed <= 1.0:
+        raise InvalidArgument(f"speed is {speed:g}, must be {MIN_SPEED:g} to 1")
+
+
+class ToolGroups(dict[str, RobotTool]):
+    """Tools of a robot by the name of their joint group.
+
+    Raises Unsupported, DescriptorError: none of the groups has a usable chain.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        super().__init__()
+        error: RobotdError | None = None
+        for name, group in robot.groups.items():
+            try:
+                if group.joint_names:
+                    self[name] = RobotTool(robot, group)
+            except (DescriptorError, Unsupported) as failed:
+                error = failed
+        if not self:
+            raise error or Unsupported(f"the tool of {robot.descriptor.name}, which has no joints")
+
+    def of(self, group: str = "") -> RobotTool:
+        """Return the tool of a group, "" for the only one. Raises InvalidArgument."""
+        if not group and len(self) == 1:
+            return next(iter(self.values()))
+        if group not in self:
+            raise InvalidArgument(f"group {group!r} is none of {', '.join(self)}")
+        return self[group]
+
+
+def tool_groups(robot: Robot) -> ToolGroups | None:
+    """Return ``robot.tool_groups``; None, with a line in the log, where there are none."""
+    try:
+        groups: ToolGroups = robot.attribute("tool_groups")
+    except (DescriptorError, Unsupported) as error:
+        log.warning("no motion of the tool", reason=str(error))
+        return None
+    return groups
+
+
+def only_tool(robot: Robot) -> RobotTool:
+    """Return the tool of the only joint group. Raises InvalidArgument with several groups."""
+    groups: ToolGroups = robot.attribute("tool_groups")
+    return groups.of()

@@ -1,0 +1,143 @@
+"""Times along a path: as fast as the limits of tool and joints allow.
+
+The squared speed x = (ds/dt)² of the parameter s is limited by the joint speeds, and its slope
+2·d²s/dt² by the joint accelerations q'·s̈ + q''·x. That is linear in x, so that the fastest motion
+is found in two passes: backward for the highest speed from which the rest of the path can be kept,
+forward for the highest acceleration that stays below it (reachability analysis: Pham and Pham, "A
+New Approach to Time-Optimal Path Parameterization Based on Reachability Analysis", IEEE Trans.
+Robotics 34(3), 2018). The accelerations then have steps; a moving average over ``smooth_s`` turns
+them into ramps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotd.api import FloatArray
+from robotd_tool_space.joint_path import JointPath
+
+SAMPLE_S = 0.002  # of the moving average
+MIN_SPEED = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Timing:
+    """Parameter of a path over time.
+
+    Attributes:
+        times_s: (k,) equidistant, from 0.
+        at_s: (k,) parameter of the path.
+        speeds: (k,) derivatives of ``at_s``.
+    """
+
+    times_s: FloatArray
+    at_s: FloatArray
+    speeds: FloatArray
+
+    def at(self, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return parameter and speed, (m,) each, at (m,) times."""
+        at_s = np.interp(times_s, self.times_s, self.at_s)
+        return at_s, np.interp(times_s, self.times_s, self.speeds)
+
+
+def time_path(
+    joints: JointPath,
+    velocity: FloatArray,
+    acceleration: FloatArray,
+    tool_acceleration_s: float,
+    smooth_s: float,
+) -> Timing:
+    """Return the fastest timing of a path that starts and ends at rest.
+
+    Args:
+        joints: along the path.
+        velocity, acceleration: (n,) limits of the joints.
+        tool_acceleration_s: limit of d²s/dt², 1/s: full speed of the tool in its inverse.
+        smooth_s: duration of the moving average.
+    """
+    at_s = joints.at_s
+    slope = np.hstack([joints.slopes, np.ones((len(at_s), 1))])
+    bend = np.hstack([_bends(joints), np.zeros((len(at_s), 1))])
+    limit = np.append(acceleration, tool_acceleration_s)
+    speeds = np.append(velocity, 1.0)
+    highest = _highest(slope, bend, speeds, limit)
+    edges = joints.path.edges_s
+    for piece in joints.path.stops:
+        highest[np.abs(at_s - edges[piece + 1]).argmin()] = 0.0
+    squared = _passes(at_s, slope, bend, highest, limit)
+    return _smoothed(at_s, np.sqrt(squared), smooth_s)
+
+
+def _bends(joints: JointPath) -> FloatArray:
+    """Return the second derivatives (k, n) of the positions by the parameter."""
+    bends: FloatArray = np.gradient(joints.slopes, joints.at_s, axis=0)
+    return bends
+
+
+def _highest(
+    slope: FloatArray, bend: FloatArray, speeds: FloatArray, limit: FloatArray
+) -> FloatArray:
+    """Return the highest squared speed (k,) at each sample by itself; 0 at both ends."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        highest = ((speeds / np.abs(slope)) ** 2).min(axis=1)
+        half, turn = limit / np.abs(slope), -bend / slope
+        turn = np.where(np.isfinite(turn), turn, 0.0)
+        # Where a joint turns round, only x is left of its acceleration.
+        resting = np.abs(slope) < 1e-9
+        lone = np.where(resting, limit / np.abs(bend), np.inf).min(axis=1)
+        difference = turn[:, :, None] - turn[:, None, :]
+        pairs = np.where(
+            difference > 1e-12, (half[:, :, None] + half[:, None, :]) / difference, np.inf
+        )
+    highest = np.minimum(np.minimum(highest, lone), pairs.min(axis=(1, 2)))
+    highest[0] = highest[-1] = 0.0
+    return highest
+
+
+def _passes(
+    at_s: FloatArray,
+    slope: FloatArray,
+    bend: FloatArray,
+    highest: FloatArray,
+    limit: FloatArray,
+) -> FloatArray:
+    """Return the squared speeds (k,) of the fastest motion."""
+    slope = np.where(np.abs(slope) < 1e-9, 1e-9, slope)
+    half, turn = limit / np.abs(slope), -bend / slope
+    double = 2.0 * np.diff(at_s)
+    squared = highest.copy()
+    for index in range(len(at_s) - 2, -1, -1):
+        divisor = 1.0 + double[index] * turn[index]
+        reach = squared[index + 1] + double[index] * half[index]
+        bounded = divisor > 1e-9
+        if bounded.any():
+            most = (reach[bounded] / divisor[bounded]).min()
+            squared[index] = min(squared[index], most)
+    for index in range(len(at_s) - 1):
+        fastest = (half[index] + turn[index] * squared[index]).min()
+        reached = squared[index] + double[index] * max(fastest, 0.0)
+        squared[index + 1] = min(squared[index + 1], reached)
+    return squared
+
+
+def _smoothed(at_s: FloatArray, speed: FloatArray, smooth_s: float) -> Timing:
+    """Return the timing of the speeds at the samples, averaged over ``smooth_s``."""
+    mean = np.maximum(0.5 * (speed[1:] + speed[:-1]), MIN_SPEED)
+    times_s = np.concatenate([[0.0], np.cumsum(np.diff(at_s) / mean)])
+    window = max(round(smooth_s / SAMPLE_S), 1)
+    count = int(np.ceil(times_s[-1] / SAMPLE_S)) + window + 1
+    grid = np.arange(count, dtype=np.float64) * SAMPLE_S
+    # Between two samples the acceleration is constant: the speed is linear in time.
+    rate = np.interp(grid, times_s, speed, right=0.0)
+    index = np.clip(np.searchsorted(times_s, grid, "right") - 1, 0, len(times_s) - 2)
+    since = grid - times_s[index]
+    raw = np.where(grid >= times_s[-1], at_s[-1], at_s[index] + 0.5 * (speed[index] + rate) * since)
+    delayed = np.concatenate([np.zeros(window), raw[:-window]])
+    # The integral of the parameter over the window; its derivative is the difference of its ends.
+    total = np.concatenate([[0.0], np.cumsum(0.5 * (raw[1:] + raw[:-1]))])
+    earlier = np.concatenate([np.zeros(window), total[:-window]])
+    averaged = (total - earlier) / window
+    averaged[-1] = at_s[-1]
+    return Timing(grid, averaged, (raw - delayed) / (window * SAMPLE_S))

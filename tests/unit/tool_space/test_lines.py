@@ -1,0 +1,159 @@
+"""Lines of the tool as trajectories of the joints."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicHermiteSpline
+
+from robotd.api import FloatArray, load_robot_descriptor
+from robotd.api.features import JointLimits, read_urdf
+from robotd_tool_space import Kinematics, Obstacle, Unreachable, pose_differences, pose_of
+from robotd_tool_space.tool_motion import (
+    LINE_TOLERANCE_M,
+    LINE_TOLERANCE_RAD,
+    ToolMotion,
+    ToolSpeed,
+    plan_joint_motion,
+    plan_lines,
+)
+
+PERIOD_S = 0.002
+STARTS = {
+    "cr3a": [0.0, 0.3, 1.4, -0.2, 1.2, 0.0],
+    "scara": [0.4, 0.9, 0.05, 0.3],
+    "gantry": [0.5, 0.0, -0.3],
+    "palletiser": [0.3, 0.2, 0.6, 0.1],
+}
+WAYS = {
+    "cr3a": ([0.0, 0.2, -0.1], [0.1, 0.0, 0.5]),
+    "scara": ([-0.08, 0.1, 0.03], [0.0, 0.0, 1.5]),
+    "gantry": ([0.8, -0.3, 0.2], [0.0, 0.0, 0.0]),
+    "palletiser": ([-0.2, 0.5, 0.3], [0.0, 0.0, 1.0]),
+}
+SPEED = ToolSpeed(0.5, 1.5, 2.0)
+
+
+class Arm:
+    def __init__(self, name: str) -> None:
+        self.descriptor = load_robot_descriptor(name)
+        self.kinematics = Kinematics.of_descriptor(self.descriptor, "joints")
+        self.limits = JointLimits.of_joints(self.descriptor.joints)
+        self.start = np.array(STARTS[name])
+        self.pose = self.kinematics.forward(self.start)
+
+    def moved(self, xyz: list[float], rpy: list[float] | None = None) -> FloatArray:
+        target = pose_of(rpy=rpy or [0.0] * 3) @ self.pose
+        target[:3, 3] = self.pose[:3, 3] + xyz
+        return target
+
+    def plan(self, *poses: FloatArray, speed: ToolSpeed = SPEED, blend_m: float = 0) -> ToolMotion:
+        return plan_lines(self.kinematics, self.limits, self.start, poses, speed, blend_m)
+
+
+def poses_of(arm: Arm, motion: ToolMotion) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Times, joint positions and poses of each period, by other code than that which plans."""
+    assert arm.descriptor.urdf is not None
+    urdf, link = read_urdf(arm.descriptor.urdf), arm.kinematics.chain.link
+    spline = CubicHermiteSpline(motion.times_s, motion.positions, motion.velocities)
+    times_s = np.arange(0.0, motion.duration_s + PERIOD_S, PERIOD_S).clip(max=motion.duration_s)
+    names = arm.kinematics.chain.names
+    rows = spline(times_s)
+    poses = [urdf.pose(link, dict(zip(names, row.tolist(), strict=True))) for row in rows]
+    return times_s, rows, np.array(poses)
+
+
+@pytest.mark.parametrize("name", STARTS)
+def test_a_line_is_straight_at_every_period(name: str) -> None:
+    arm = Arm(name)
+    target = arm.moved(*WAYS[name])
+    motion = arm.plan(target)
+    _, rows, poses = poses_of(arm, motion)
+    assert poses[-1] == pytest.approx(target, abs=1e-6)
+    assert rows[0] == pytest.approx(arm.start)
+    way = target[:3, 3] - arm.pose[:3, 3]
+    along = way / np.linalg.norm(way)
+    off = poses[:, :3, 3] - arm.pose[:3, 3]
+    lateral = np.linalg.norm(off - np.outer(off @ along, along), axis=1)
+    assert lateral.max() < LINE_TOLERANCE_M
+    # The rotation is about one axis, in step with the translation.
+    turn = pose_differences(arm.pose, target)[3:]
+    part = np.clip(off @ along / np.linalg.norm(way), 0.0, 1.0)
+    turned = pose_differences(np.tile(arm.pose, (len(poses), 1, 1)), poses)[:, 3:]
+    assert np.linalg.norm(turned - part[:, None] * turn, axis=1).max() < LINE_TOLERANCE_RAD
+
+
+@pytest.mark.parametrize("name", STARTS)
+def test_limits_of_tool_and_joints_are_kept(name: str) -> None:
+    arm = Arm(name)
+    motion = arm.plan(arm.moved(*WAYS[name]), speed=ToolSpeed(5.0, 20.0, 50.0))
+    spline = CubicHermiteSpline(motion.times_s, motion.positions, motion.velocities)
+    times_s = np.linspace(0.0, motion.duration_s, 5000)
+    assert (np.abs(spline(times_s, 1)).max(axis=0) <= arm.limits.velocity * 1.0001).all()
+    assert (np.abs(spline(times_s, 2)).max(axis=0) <= arm.limits.acceleration * 1.001).all()
+    slow = ToolSpeed(0.1, 0.5, 1.0)
+    times_s, _, poses = poses_of(arm, arm.plan(arm.moved(*WAYS[name]), speed=slow))
+    steps = pose_differences(poses[:-2], poses[1:-1]) / PERIOD_S
+    assert np.linalg.norm(steps[:, :3], axis=1).max() < 0.1 * 1.01
+    assert np.linalg.norm(steps[:, 3:], axis=1).max() < 0.5 * 1.01
+
+
+def test_corners_stop_or_are_rounded() -> None:
+    arm = Arm("cr3a")
+    corners = [arm.moved(xyz) for xyz in ([0, 0.1, 0], [0, 0.1, -0.1], [0, 0, -0.1])]
+    sharp, round_ = arm.plan(*corners), arm.plan(*corners, blend_m=0.02)
+    assert round_.duration_s < 0.7 * sharp.duration_s
+    place = corners[0][:3, 3]
+    nearest = [
+        np.linalg.norm(poses_of(arm, each)[2][:, :3, 3] - place, axis=1).min()
+        for each in (sharp, round_)
+    ]
+    assert nearest[0] < 1e-4
+    assert 0.002 < nearest[1] < 0.02
+    assert round_.deviation_m < LINE_TOLERANCE_M
+
+
+@pytest.mark.parametrize(
+    ("xyz", "obstacle", "text"),
+    [
+        ([0.0, 0.0, 2.0], None, r"^at \d+ % "),
+        ([0.0, 0.0, 0.6], Obstacle.SINGULAR, r"^at \d+ % joint3 .*singular"),
+    ],
+)
+def test_a_line_that_cannot_be_is_rejected_with_the_place(
+    xyz: list[float], obstacle: Obstacle | None, text: str
+) -> None:
+    arm = Arm("cr3a")
+    with pytest.raises(Unreachable, match=text) as rejected:
+        arm.plan(arm.moved(xyz))
+    assert rejected.value.place is not None
+    assert 0.0 < rejected.value.place < 1.0
+    assert obstacle in (None, rejected.value.obstacle)
+
+
+def test_a_joint_limit_on_the_line_is_named() -> None:
+    arm = Arm("gantry")
+    with pytest.raises(Unreachable, match=r"^at 50 % joint2 would have to be at .* m, its limit"):
+        arm.plan(arm.moved([0.0, 1.0, 0.0]))
+    with pytest.raises(Unreachable, match=r"rotation about z by .* rad, which no joint"):
+        arm.plan(arm.moved([0.0, 0.1, 0.0], [0.0, 0.0, 0.3]))
+
+
+def test_a_tool_that_is_there_already_stands() -> None:
+    arm = Arm("cr3a")
+    motion = arm.plan(arm.pose)
+    assert (motion.positions == arm.start).all()
+    assert (motion.velocities == 0.0).all()
+
+
+def test_joints_move_together_within_their_limits() -> None:
+    arm = Arm("cr3a")
+    goal = arm.start + np.array([1.0, -0.5, 0.3, 0.0, 0.2, 2.0])
+    fast = ToolSpeed(100.0, 100.0, 100.0)
+    motion = plan_joint_motion(arm.kinematics, arm.limits, arm.start, goal, fast)
+    spline = CubicHermiteSpline(motion.times_s, motion.positions, motion.velocities)
+    speeds = np.abs(spline(np.linspace(0.0, motion.duration_s, 2000), 1)).max(axis=0)
+    assert (speeds <= arm.limits.velocity * 1.0001).all()
+    assert motion.positions[-1] == pytest.approx(goal)
+    slow = plan_joint_motion(arm.kinematics, arm.limits, arm.start, goal, SPEED)
+    assert slow.duration_s > motion.duration_s, "the speed of the tool counts"

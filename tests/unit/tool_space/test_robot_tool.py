@@ -1,0 +1,145 @@
+"""The tool of a simulated robot: moves, frames, rejections."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robotd import Robot, open_robot
+from robotd.api import InvalidArgument, NotReady, OperationError
+from robotd.clock.simulated import SteppedClock
+from robotd_tool_space import Unreachable, pose_differences, pose_of
+from robotd_tool_space.robot_tool import RobotTool
+from robotd_tool_space.tool_motion import plan_joint_motion
+
+BENT = np.array([0.0, 0.3, 1.4, -0.2, 1.2, 0.0])
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("arm") / "arm" / "robot.yaml"
+    path.parent.mkdir()
+    path.write_text(
+        "extends: cr3a\nname: arm\ntool_space:\n"
+        "  velocity_m_s: 0.4\n"
+        "  tools:\n    tip: {xyz_m: [0.0, 0.0, 0.15]}\n"
+        "  work_frames:\n    table: {xyz_m: [0.3, 0.0, 0.0], "
+        f"rpy_rad: [0.0, 0.0, {np.pi / 2}]}}\n",
+        encoding="utf-8",
+    )
+    return path
+
+
+@pytest.fixture
+def robot(file: Path) -> Iterator[Robot]:
+    with open_robot(file, "sim", clock=SteppedClock()) as robot:
+        tool = robot.attribute("tool")
+        limits = tool.group.follower.limits
+        tool.execute(plan_joint_motion(tool.kinematics, limits, tool.start(), BENT, tool.speed))
+        yield robot
+
+
+@pytest.fixture
+def tool(robot: Robot) -> RobotTool:
+    only: RobotTool = robot.attribute("tool")
+    return only
+
+
+def test_a_line_moves_the_tool(robot: Robot, tool: RobotTool) -> None:
+    before = tool.pose
+    tool.move_line(tool.pose_relative(z=0.05))
+    expected = before.copy()
+    expected[2, 3] += 0.05
+    assert tool.pose == pytest.approx(expected, abs=1e-6)
+    measured = tool.measured_pose()
+    assert measured is not None
+    assert measured == pytest.approx(expected, abs=1e-3)
+
+
+def test_ways_in_the_frame_of_the_tool(tool: RobotTool) -> None:
+    before = tool.pose
+    tool.move_to(tool.pose_relative("tool", z=0.03, yaw=0.2))
+    assert tool.pose == pytest.approx(before @ pose_of([0, 0, 0.03], [0, 0, 0.2]), abs=1e-5)
+    with pytest.raises(InvalidArgument, match="'world' must be 'base' or 'tool'"):
+        tool.pose_relative("world", z=0.1)
+
+
+def test_components_that_are_not_given_stay(tool: RobotTool) -> None:
+    wanted = tool.pose_with(z=tool.pose[2, 3] - 0.02)
+    assert wanted[:2, 3] == pytest.approx(tool.pose[:2, 3])
+    assert wanted[:3, :3] == pytest.approx(tool.pose[:3, :3])
+    with pytest.raises(InvalidArgument, match="'hight' is none of x, y, z"):
+        tool.pose_with(hight=1.0)
+    with pytest.raises(InvalidArgument, match="z is nan, must be a finite number"):
+        tool.pose_with(z=np.nan)
+
+
+def test_what_cannot_be_reached_moves_nothing_and_is_an_event(
+    robot: Robot, tool: RobotTool
+) -> None:
+    before = robot.image.copy().position.copy()
+    with pytest.raises(Unreachable, match=r"^at \d+ % "):
+        tool.move_line(tool.pose_relative(z=2.0))
+    assert (robot.image.copy().position == before).all()
+    texts = [each.text for each in robot.events.since(0)[0]]
+    assert any(text.startswith("goal rejected: at ") for text in texts)
+
+
+def test_frames_are_chosen_by_name_and_only_at_rest(robot: Robot, tool: RobotTool) -> None:
+    bare = tool.pose
+    tool.select_tool("tip")
+    assert tool.pose == pytest.approx(bare @ pose_of([0.0, 0.0, 0.15]))
+    tool.select_work_frame("table")
+    table = pose_of([0.3, 0.0, 0.0], [0.0, 0.0, np.pi / 2])
+    assert table @ tool.pose == pytest.approx(bare @ pose_of([0.0, 0.0, 0.15]))
+    with pytest.raises(InvalidArgument, match=r"unknown tool 'tipp' \(available: tip\)"):
+        tool.select_tool("tipp")
+    motion = tool.plan_lines([tool.pose_relative(x=0.05)])
+    with tool.follow(motion) as execution:
+        robot.step(20)
+        with pytest.raises(NotReady, match="tool '': the joints move"):
+            tool.select_tool("")
+        with pytest.raises(NotReady, match="a move of the tool: the joints move"):
+            tool.plan_lines([bare])
+        tool.wait(execution)
+    assert tool.tool_name == "tip"
+    tool.select_tool("")
+    tool.select_work_frame("")
+    moved = pose_differences(bare, tool.pose)
+    assert moved[1] == pytest.approx(0.05, abs=1e-5), "x of the table is y of the base"
+
+
+def test_a_stop_ends_the_motion_on_the_line(robot: Robot, tool: RobotTool) -> None:
+    before = tool.pose
+    motion = tool.plan_lines([tool.pose_relative(y=0.15)], speed=0.5)
+    with tool.follow(motion) as execution:
+        robot.step(200)
+        execution.cancel()
+        tool.wait(execution)
+    off = pose_differences(before, tool.pose)
+    assert 0.001 < off[1] < 0.149
+    assert np.abs(np.delete(off, 1)).max() < 1e-4
+
+
+def test_bad_speeds_and_an_early_end(robot: Robot, tool: RobotTool) -> None:
+    with pytest.raises(InvalidArgument, match=r"speed is 2, must be 0.01 to 1"):
+        tool.plan_lines([tool.pose], speed=2.0)
+    with pytest.raises(InvalidArgument, match="blend_m is -1"):
+        tool.plan_lines([tool.pose], blend_m=-1.0)
+    with pytest.raises(InvalidArgument, match="a line needs a pose"):
+        tool.plan_lines([])
+    robot.stop()
+    with pytest.raises(OperationError):
+        tool.move_line(tool.pose_relative(z=0.02))
+    robot.reset()
+
+
+def test_a_base_has_no_tool() -> None:
+    with open_robot("baymax", "sim", clock=SteppedClock()) as base:
+        with pytest.raises(OperationError, match="the tool of baymax, which has no"):
+            base.attribute("tool")
+        with pytest.raises(AttributeError, match="no attribute 'tol'"):
+            base.attribute("tol")
