@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
@@ -12,25 +14,42 @@ from robotd.errors import OperationError
 SUFFIX = ".in"  # so that no tool treats a template as source code
 
 
-def write_package(templates: Path, folder: Path, words: dict[str, str]) -> None:
-    """Fill the templates in the folder ``templates`` into ``folder``. Raises OperationError."""
+def package_files(templates: Path, words: Mapping[str, str]) -> dict[str, bytes]:
+    """Return the files of a package by their paths: the filled templates of a folder."""
     files = dict[str, bytes]()
     for path in sorted(templates.rglob(f"*{SUFFIX}")):
         name = path.relative_to(templates).as_posix().removesuffix(SUFFIX)
         text = Template(path.read_text(encoding="utf-8")).substitute(words)
         files[name.replace("PACKAGE", words["package"])] = text.encode()
-    write_files(folder, files)
+    return files
 
 
-def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write files by their paths in ``folder``. Raises OperationError, naming the path."""
+def write_folder(folder: Path, files: Mapping[str, bytes | Path]) -> None:
+    """Make a folder with files: all of them, or nothing.
+
+    Args:
+        folder: must not exist; its parents are made.
+        files: contents, or files to copy, by their paths in the folder.
+
+    Raises OperationError: the folder exists, or cannot be written; it names the reason.
+    """
+    if folder.exists():
+        raise OperationError(f"folder {folder} exists already")
+    made = next((each for each in [folder, *folder.parents][::-1] if not each.exists()), folder)
+    unfinished = folder.with_name(f".{folder.name}.unfinished-{os.getpid()}")
     try:
         for name, content in files.items():
-            target = folder / name
+            target = unfinished / name
             target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_bytes(content)
+            if isinstance(content, Path):
+                shutil.copyfile(content, target)
+            else:
+                target.write_bytes(content)
+        unfinished.rename(folder)
     except OSError as error:
-        raise OperationError(f"{error.filename}: {error.strerror}") from error
+        shutil.rmtree(unfinished if made == folder else made, ignore_errors=True)
+        what = f"folder {folder} cannot be written, nothing is left of it: {error.strerror}"
+        raise OperationError(what) from error
 
 
 def package_words(name: str) -> dict[str, str]:

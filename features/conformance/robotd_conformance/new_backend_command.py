@@ -8,8 +8,8 @@ from pathlib import Path
 import click
 
 from robotd.cli.options import FOLDER, log_options
-from robotd.cli.package_templates import package_words, write_package
-from robotd.errors import InvalidArgument, OperationError
+from robotd.cli.package_templates import package_files, package_words, write_folder
+from robotd.errors import InvalidArgument
 from robotd.plugin.manager import discover
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -42,7 +42,7 @@ def write_backend(name: str, into: Path, *, minimal: bool = False) -> None:
 
     Raises:
         InvalidArgument: the name is not one, or is taken by an installed backend.
-        OperationError: the folder exists.
+        OperationError: the folder exists, or cannot be written.
     """
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         raise InvalidArgument(
@@ -53,9 +53,7 @@ def write_backend(name: str, into: Path, *, minimal: bool = False) -> None:
         raise InvalidArgument(f"backend name {name!r} is taken by {taken[0]}")
     words = package_words(name)
     folder = into / words["distribution"]
-    if folder.exists():
-        raise OperationError(f"folder {folder} exists already")
-    write_package(TEMPLATES / ("minimal" if minimal else "backend"), folder, words)
+    write_folder(folder, package_files(TEMPLATES / ("minimal" if minimal else "backend"), words))
     click.echo(f"{folder} is a backend that moves imaginary drives. Install it and check it:\n")
     click.echo(f"  pip install --editable {folder}\n  robotd conform --backend {name}\n")
     replaces = f"{words['package']}.py: replace the class Controller" if minimal else "README.md"

@@ -95,14 +95,19 @@ def legal_names(urdf: UrdfRobot) -> dict[str, str]:
     for joint in urdf.joints:
         if not joint.moves or NAME.fullmatch(joint.name):
             continue
-        plain = re.sub(r"[^A-Za-z0-9_]+", "_", joint.name).strip("_")
-        plain = plain if plain[:1].isalpha() else f"joint_{plain}".rstrip("_")
+        plain = legal_name(joint.name, "joint")
         name, number = plain, 2
         while name in taken:
             name, number = f"{plain}_{number}", number + 1
         taken.add(name)
         renamed[joint.name] = name
     return renamed
+
+
+def legal_name(name: str, kind: str) -> str:
+    """Return a name that descriptors and ROS allow; it begins with ``kind`` if need be."""
+    plain = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_")
+    return plain if plain[:1].isalpha() else f"{kind}_{plain}".rstrip("_")
 
 
 def with_joint_names(text: str, renamed: Mapping[str, str], links: Iterable[str]) -> str:

@@ -8,12 +8,13 @@ from itertools import takewhile
 
 from robotd.descriptor.section import NAME
 from robotd.descriptor.urdf import UrdfJoint, UrdfRobot
+from robotd_new_robot.answers import legal_name
 
 _GENERIC = re.compile(r"_*(joint|axis|link)?_*[0-9]*$", re.IGNORECASE)
 
 
 def propose_groups(
-    urdf: UrdfRobot, joints: Sequence[UrdfJoint]
+    urdf: UrdfRobot, joints: Sequence[UrdfJoint], known: Mapping[str, Sequence[str]] | None = None
 ) -> Mapping[str, tuple[UrdfJoint, ...]]:
     """Return groups by name; empty for a single chain, which needs none.
 
@@ -23,7 +24,21 @@ def propose_groups(
     Args:
         urdf: of the robot.
         joints: with an axis each, depth first.
+        known: names of joints of groups that share none; chains are proposed for the other joints.
     """
+    taken = {joint.name for joint in joints}
+    groups: dict[str, tuple[UrdfJoint, ...]] = {}
+    for name, members in (known or {}).items():
+        if held := tuple(joint for joint in joints if joint.name in members):
+            groups[_legal(name, taken)] = held
+    rest = [joint for joint in joints if not any(joint in held for held in groups.values())]
+    chains = _chains(urdf, rest)
+    if not groups and len(chains) < 2:
+        return {}
+    return {**groups, **dict(zip(_names(chains, taken), map(tuple, chains), strict=True))}
+
+
+def _chains(urdf: UrdfRobot, joints: Sequence[UrdfJoint]) -> list[list[UrdfJoint]]:
     carrier = {joint.name: _carrier(urdf, joint, joints) for joint in joints}
     carried = {each.name: [j for j in joints if carrier[j.name] is each] for each in joints}
     chain_of: dict[str, list[UrdfJoint]] = {}
@@ -37,14 +52,20 @@ def propose_groups(
             chains.append(chain)
         chain.append(joint)
         chain_of[joint.name] = chain
-    if len(chains) < 2:
-        return {}
-    names = [_name([joint.name for joint in chain]) for chain in chains]
-    if not _usable(names, joints):  # joints such as joint_1, whose links say more
-        names = [_name([joint.child for joint in chain]) for chain in chains]
-    if not _usable(names, joints):
-        names = [f"group{number}" for number in range(1, len(chains) + 1)]
-    return {name: tuple(chain) for name, chain in zip(names, chains, strict=True)}
+    return chains
+
+
+def _names(chains: Sequence[Sequence[UrdfJoint]], taken: set[str]) -> list[str]:
+    """Return a name for each chain that is none of ``taken``.
+
+    Where the common beginnings of the joints say nothing, as of joint_1 to joint_14, the links say
+    more; where they do not either, the last link names the chain.
+    """
+    for part in ("name", "child"):
+        names = [_common_beginning([getattr(joint, part) for joint in chain]) for chain in chains]
+        if _usable(names, taken):
+            return names
+    return [_legal(chain[-1].child, taken) for chain in chains]
 
 
 def _carrier(urdf: UrdfRobot, joint: UrdfJoint, joints: Sequence[UrdfJoint]) -> UrdfJoint | None:
@@ -58,13 +79,24 @@ def _carrier(urdf: UrdfRobot, joint: UrdfJoint, joints: Sequence[UrdfJoint]) -> 
     return None
 
 
-def _usable(names: Sequence[str], joints: Sequence[UrdfJoint]) -> bool:
-    """Return True for legal names that differ from each other and from the joints."""
-    clash = len({*names, *(joint.name for joint in joints)}) < len(names) + len(joints)
-    return not clash and all(map(NAME.fullmatch, names))
+def _usable(names: Sequence[str], taken: set[str]) -> bool:
+    """Return True for legal names that differ from each other and from those of ``taken``."""
+    return len({*names} - taken) == len(names) and all(map(NAME.fullmatch, names))
 
 
-def _name(names: Sequence[str]) -> str:
+def _legal(name: str, taken: set[str]) -> str:
+    """Return a legal name like ``name`` that is not in ``taken``, and add it there."""
+    plain = legal_name(name, "group")
+    if plain in taken:
+        plain = f"{plain}_group"
+    unique, number = plain, 2
+    while unique in taken:
+        unique, number = f"{plain}_{number}", number + 1
+    taken.add(unique)
+    return unique
+
+
+def _common_beginning(names: Sequence[str]) -> str:
     """Return the common beginning of the names, without ``joint`` and numbers; may be empty."""
     columns = zip(*names, strict=False)
     common = "".join(column[0] for column in takewhile(lambda each: len({*each}) == 1, columns))

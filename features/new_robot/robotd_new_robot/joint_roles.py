@@ -38,6 +38,7 @@ class Choices:
         base: False takes no joint for a wheel.
         gripper: actuator of the fingers.
         groups: propose joint groups where the tree has branches.
+        known_groups: joints of groups that have names, none in two of them.
         ramp_s: time to full speed, from which the accelerations follow.
         speeds: of joints, rad/s or m/s; for those that have none in the URDF, or less.
         limits: lower and upper of joints, rad or m.
@@ -49,6 +50,7 @@ class Choices:
     base: bool = True
     gripper: GripperDrive = GripperDrive.OUTPUT
     groups: bool = True
+    known_groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     ramp_s: float = 0.25
     speeds: Mapping[str, float] = field(default_factory=dict)
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -64,6 +66,7 @@ class Choices:
             self,
             wheels=tuple(map(key, self.wheels)),
             passive=tuple(map(key, self.passive)),
+            known_groups={name: tuple(map(key, each)) for name, each in self.known_groups.items()},
             speeds={key(name): speed for name, speed in self.speeds.items()},
             limits={key(name): limits for name, limits in self.limits.items()},
         )

@@ -14,7 +14,7 @@ from robotd.cli.check_command import check_robot
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.installed import load_robot
 from robotd.cli.options import FOLDER, names
-from robotd.cli.package_templates import package_words, write_files, write_package
+from robotd.cli.package_templates import package_files, package_words, write_folder
 from robotd.cli.preflight import import_ros
 from robotd.descriptor.urdf import read_urdf_text, urdf_text
 from robotd.descriptor.urdf.urdf_text import is_xacro, xml_root
@@ -23,6 +23,7 @@ from robotd.number_argument import NumberRange
 from robotd_new_robot import Choices, bus_robot_files, robot_files
 from robotd_new_robot.answers import ALL
 from robotd_new_robot.joint_roles import GripperDrive
+from robotd_new_robot.mesh_places import place_meshes
 from robotd_new_robot.xacro_file import expand_xacro
 from robotd_ros.commands.robot_client import client_options, robot_client
 
@@ -35,6 +36,7 @@ Examples:
   robotd canopen scan --channel can0 --json > bus.json
   robotd new-robot my_arm --urdf my_arm.urdf --bus bus.json
   robotd new-robot axes --bus bus.json   # without a URDF: a joint for each drive
+  robotd new-robot my_arm --urdf my_arm.urdf --srdf my_arm.srdf --copy-meshes
   robotd new-robot my_arm --urdf my_arm.urdf --package
   robotd new-robot cell7 --extends cr3a
   robotd new-robot my_arm                # the URDF that a running system publishes
@@ -90,6 +92,21 @@ def _xacro_arguments(
     callback=_xacro_arguments,
     help="Argument of a URDF in xacro, which the Python package xacro expands. May be repeated.",
 )
+@click.option(
+    "--srdf",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="SRDF of a MoveIt configuration: names of the joint groups, and passive joints.",
+)
+@click.option(
+    "--meshes",
+    metavar="FOLDER",
+    type=click.Path(path_type=Path, exists=True, file_okay=False),
+    multiple=True,
+    help="Folder with meshes that are neither beside the URDF nor in AMENT_PREFIX_PATH. May be"
+    " repeated.",
+)
+@click.option("--copy-meshes", is_flag=True, help="Copy the meshes into the robot's folder.")
 @click.option(
     "--bus",
     metavar="FILE",
@@ -187,18 +204,26 @@ def new_robot(*, name: str, into: Path, package: bool, **options: Any) -> ExitCo
     top = into / (words["distribution"] if package else name)
     if top.exists():
         raise OperationError(f"folder {top} exists already")
+    folder = top / words["package"] / "robots" / name if package else top
+    files: dict[str, bytes | Path] = {}
+    meshes = ""
     if options["extends"]:
-        files = {"robot.yaml": _extension(name, options["extends"])}
+        files["robot.yaml"] = _extension(name, options["extends"])
     elif options["bus"] and not options["urdf"]:
-        files = bus_robot_files(name, options["bus"], options["ramp_s"])
+        files |= bus_robot_files(name, options["bus"], options["ramp_s"])
     else:
         text, path = _urdf_text(options)
-        files = robot_files(name, text, path, _choices(options), options["bus"])
-    folder = top / words["package"] / "robots" / name if package else top
-    write_files(folder, files)
-    if package:
-        write_package(TEMPLATES, top, words)
-    click.echo(f"{folder} is a robot: {', '.join(files)}\n")
+        urdf = folder / f"{name}.urdf"
+        placed = place_meshes(text, path, urdf, options["meshes"], copy=options["copy_meshes"])
+        bus, srdf = options["bus"], options["srdf"]
+        files |= robot_files(name, placed.text, path, _choices(options), bus, srdf)
+        files |= placed.files
+        meshes = placed.summary
+    inside = folder.relative_to(top)
+    whole = {str(inside / file): content for file, content in files.items()}
+    write_folder(top, whole | (package_files(TEMPLATES, words) if package else {}))
+    click.echo(f"{folder} is a robot: {', '.join(file for file in files if '/' not in file)}")
+    click.echo(f"{meshes}\n" if meshes else "")
     status = check_robot(str(folder / "robot.yaml"), None, (), None)
     if status == ExitCode.OK:
         _show_next(name, folder, top if package else None)

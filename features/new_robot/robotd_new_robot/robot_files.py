@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from robotd_new_robot.bus_axes import bus_joints, bus_section, read_bus_scan
 from robotd_new_robot.drive_models import COULOMB_SHARE, VISCOUS_SHARE, per_axis
 from robotd_new_robot.joint_chains import propose_groups
 from robotd_new_robot.joint_roles import Choices, Fingers, Roles, assign_roles
+from robotd_new_robot.srdf_file import disjoint_groups, read_srdf
 
 log = get_logger("new-robot")
 
@@ -57,6 +59,7 @@ def robot_files(
     path: Path,
     choices: Choices,
     bus: Path | None = None,
+    srdf: Path | None = None,
 ) -> dict[str, bytes]:
     """Return the files of a robot's folder: ``robot.yaml`` and the URDF.
 
@@ -66,10 +69,16 @@ def robot_files(
         path: of the URDF, for errors.
         choices: answers that the URDF does not contain.
         bus: result of a bus scan, see ``BusScan``.
+        srdf: file that names groups and passive joints.
 
-    Raises DescriptorError: nothing can be driven; a scan that does not fit; see ``assign_roles``.
+    Raises DescriptorError: nothing can be driven; a scan that does not fit; see ``assign_roles``
+    and ``read_srdf``.
     """
     urdf = parse_urdf(text, path)
+    if srdf is not None:
+        named = read_srdf(srdf, urdf)
+        passive = (*choices.passive, *named.passive)
+        choices = replace(choices, known_groups=disjoint_groups(named.groups), passive=passive)
     renamed = legal_names(urdf)
     if renamed:
         text = with_joint_names(text, renamed, urdf.links)
@@ -86,7 +95,7 @@ def robot_files(
             f"{count} joints move, the limit is {MAX_AXES}: pass --passive JOINT,... for the rest"
         )
         raise DescriptorError(what, path=path)
-    groups = propose_groups(urdf, roles.arm) if choices.groups else {}
+    groups = propose_groups(urdf, roles.arm, choices.known_groups) if choices.groups else {}
     assumed = [joint.name for joint in roles.arm if not joint.velocity]
     if assumed:
         log.warning("speeds assumed: pass --speed JOINT=SPEED for the real ones", joints=assumed)
@@ -99,7 +108,7 @@ def robot_files(
             [*_head(name, urdf.name or name, path), f"urdf: {name}.urdf"],
             _renamed(renamed),
             _joints(arm, choices.ramp_s, _URDF_LIMITS, assumed),
-            _groups(groups),
+            _groups(groups, srdf),
             _base(roles),
             _gripper(urdf, roles.fingers),
             _passive(roles),
@@ -187,11 +196,12 @@ def _joint(joint: UrdfJoint, axis: int, ramp_s: float) -> Iterator[str]:
     yield f"acceleration_{acceleration}: {_rounded(speed / ramp_s)}"
 
 
-def _groups(groups: Mapping[str, Sequence[UrdfJoint]]) -> Iterator[str]:
+def _groups(groups: Mapping[str, Sequence[UrdfJoint]], srdf: Path | None) -> Iterator[str]:
     if not groups:
         return
+    origin = f"Groups of {srdf.name}, and branches of" if srdf else "The branches of"
     yield from _comment(
-        "The branches of the tree. Each group has goals and streams of its own, at the same time as"
+        f"{origin} the tree. Each group has goals and streams of its own, at the same time as"
         " the others; without groups, or with --no-groups, all joints are one."
     )
     yield "groups:"

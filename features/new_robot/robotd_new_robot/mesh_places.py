@@ -1,0 +1,99 @@
+"""Meshes of a URDF that moves into a robot's folder: found, named anew, copied on request."""
+
+from __future__ import annotations
+
+import html
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from robotd.descriptor.urdf.mesh_files import gltf_parts
+from robotd.descriptor.urdf.package_files import find_mesh, mesh_names
+from robotd.descriptor.urdf.urdf_text import xml_root
+
+FOLDER = "meshes"  # of a robot
+_FILENAME = re.compile(r"""(<mesh\b[^>]*?\bfilename\s*=\s*)(["'])(.*?)\2""")
+
+
+@dataclass(frozen=True)
+class PlacedMeshes:
+    """A URDF whose meshes are found from where it is written.
+
+    Attributes:
+        text: of the URDF.
+        files: to copy, by their paths in the folder of the URDF.
+        summary: one line for the user; "" for a URDF without meshes.
+    """
+
+    text: str
+    files: Mapping[str, Path]
+    summary: str
+
+
+def place_meshes(
+    text: str, path: Path, written: Path, folders: Sequence[Path], *, copy: bool
+) -> PlacedMeshes:
+    """Find the meshes of a URDF, and name them so that they are found from another folder.
+
+    Args:
+        text: of the URDF.
+        path: of the URDF that is read.
+        written: path that it gets.
+        folders: searched in addition, see ``find_mesh``.
+        copy: copy the meshes into the folder of ``written``.
+    """
+    names = mesh_names(xml_root(text, path))
+    found = {name: file for name in names if (file := find_mesh(name, path, folders))}
+    files: dict[str, Path] = {}
+    renamed: dict[str, str] = {}
+    for name, file in found.items():
+        if copy:
+            renamed[name] = _copied(file, files)
+        elif find_mesh(name, written) != file:
+            renamed[name] = file.absolute().as_uri()
+    return PlacedMeshes(
+        _with_mesh_names(text, renamed), files, _summary(names, [*found.values()], copy=copy)
+    )
+
+
+def _copied(file: Path, files: dict[str, Path]) -> str:
+    """Add a mesh and its parts to ``files``; return its name there."""
+    for known, source in files.items():
+        if source == file:
+            return known
+    taken = {Path(known).parts[1] for known in files}
+    parts = gltf_parts(file) if file.suffix.lower() == ".gltf" else []
+    name, number = (file.stem if parts else file.name), 2
+    while name in taken:
+        name, number = f"{number}_{file.stem if parts else file.name}", number + 1
+    place = f"{FOLDER}/{name}/{file.name}" if parts else f"{FOLDER}/{name}"
+    files[place] = file
+    files |= {f"{FOLDER}/{name}/{part}": file.parent / part for part in parts}
+    return place
+
+
+def _with_mesh_names(text: str, renamed: Mapping[str, str]) -> str:
+    def attribute(match: re.Match[str]) -> str:
+        head, quote, written = match.groups()
+        name = renamed.get(html.unescape(written))
+        return match[0] if name is None else f"{head}{quote}{html.escape(name)}{quote}"
+
+    return _FILENAME.sub(attribute, text) if renamed else text
+
+
+def _summary(names: Sequence[str], found: Sequence[Path], *, copy: bool) -> str:
+    if not names:
+        return ""
+    size = sum(file.stat().st_size for file in {*found})
+    mebibytes = f"{size / 2**20:.1f} MiB"
+    if copy:
+        text = f"{_count(len(found))} copied, {mebibytes}"
+    else:
+        text = f"{_count(len(found))} left in place, {mebibytes}; --copy-meshes copies them"
+    missing = len(names) - len(found)
+    return f"{text}; {_count(missing)} not found: --meshes FOLDER" if missing else text
+
+
+def _count(meshes: int) -> str:
+    return f"{meshes} mesh{'' if meshes == 1 else 'es'}"
