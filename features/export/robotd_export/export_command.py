@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import TextIO
+from pathlib import Path
 
 import click
 
 from robotd.cli.installed import load_installed
 from robotd.cli.options import log_options, which_robot
+from robotd.cli.package_templates import write_folder
 from robotd.descriptor import Override, load_robot_descriptor
 from robotd_export.export_input import ExportInput
 from robotd_export.targets import export_function, export_targets
@@ -37,10 +38,9 @@ def namespace(ctx: click.Context, option: click.Parameter, value: str) -> str:
 @click.option(
     "-o",
     "--output",
-    metavar="FILE",
-    type=click.File("w", encoding="utf-8", lazy=True),
-    default="-",
-    help="Write there instead of to standard output.",
+    metavar="FILE|FOLDER",
+    type=click.Path(path_type=Path),
+    help="Write there instead of to standard output; 'moveit_package' makes a new folder.",
 )
 @log_options
 def export(
@@ -49,14 +49,27 @@ def export(
     variant: str | None,
     overrides: Sequence[Override],
     namespace: str,
-    output: TextIO,
+    output: Path | None,
 ) -> None:
     """Print the configuration of a client of the robot, or its URDF."""
     installed = load_installed()
     installed.warn()
     descriptor = load_robot_descriptor(robot, variant, installed.search_path, overrides)
-    text = export_function(target)(ExportInput(descriptor, namespace))
+    exported = export_function(target)(ExportInput(descriptor, namespace))
+    if not isinstance(exported, str):
+        if output is None:
+            raise click.BadParameter(f"{target} is a folder: name one", param_hint="'--output'")
+        write_folder(output, {name: text.encode() for name, text in exported.items()})
+        click.echo(f"{output}: {', '.join(exported)}", err=True)
+    elif output is None or str(output) == "-":
+        click.echo(exported, nl=False)
+    else:
+        _write(output, exported)
+
+
+def _write(output: Path, text: str) -> None:
     try:
-        output.write(text)  # the file is opened here, so that a rejection leaves it alone
-    except click.FileError as error:
-        raise click.BadParameter(error.format_message(), param_hint="'--output'") from error
+        output.write_text(text, encoding="utf-8")
+    except OSError as error:
+        what = f"Could not open file {str(output)!r}: {error.strerror}"
+        raise click.BadParameter(what, param_hint="'--output'") from error

@@ -5,6 +5,7 @@ from __future__ import annotations
 import posixpath
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import yaml
@@ -54,10 +55,14 @@ class ExportInput:
 
     def urdf(self) -> str:
         """Return the text of the robot's URDF. Raises DescriptorError: missing or not XML."""
+        return read_urdf_text(self.urdf_path())
+
+    def urdf_path(self) -> Path:
+        """Return the file of the robot's URDF. Raises DescriptorError: it has none."""
         path = self.descriptor.urdf
         if path is None:
             raise self.rejection(f"{self.descriptor.name} has no urdf")
-        return read_urdf_text(path)
+        return path
 
     def rejection(self, reason: str) -> DescriptorError:
         """Return an error about the descriptor, ready to be raised."""

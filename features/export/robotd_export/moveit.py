@@ -27,7 +27,16 @@ MANAGER = "moveit_simple_controller_manager"
 
 
 def move_group_parameters(source: ExportInput) -> str:
-    """A ROS parameter file: controllers, joint limits, and how long an execution may take.
+    """Return a ROS parameter file: controllers, joint limits, execution, Servo.
+
+    Raises DescriptorError for a robot without joints or without the trajectory action.
+    """
+    content = move_group_content(source)
+    return source.document(_remarks(source), {"/**": {"ros__parameters": content}})
+
+
+def move_group_content(source: ExportInput) -> dict[str, Any]:
+    """Return the parameters of move_group and Servo that depend on the robot.
 
     Raises DescriptorError for a robot without joints or without the trajectory action.
     """
@@ -45,7 +54,7 @@ def move_group_parameters(source: ExportInput) -> str:
     topics = _servo_topics(source)
     if len(topics) == 1:
         content["moveit_servo"] = _servo(source, *topics)
-    return source.document(_remarks(source), {"/**": {"ros__parameters": content}})
+    return content
 
 
 def _actions(source: ExportInput) -> dict[str, Sequence[str]]:
@@ -107,9 +116,14 @@ def _servo(source: ExportInput, topic: str) -> dict[str, Any]:
 
 
 def _execution(source: ExportInput) -> dict[str, Any]:
-    """Return the start tolerance of the robot, and a margin within which its result comes."""
+    """Return the start tolerance of the robot, and a margin within which its result comes.
+
+    The duration is not watched: at a lower speed, or in a pause, an execution takes longer than
+    planned, and MoveIt would cancel it.
+    """
     rules = source.descriptor.trajectory
     return {
+        "execution_duration_monitoring": False,
         "allowed_start_tolerance": min(_start_tolerances(source.descriptor)),
         "allowed_goal_duration_margin": rules.goal_time_s + RESULT_DELAY_S,
     }

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import html
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from robotd.descriptor.urdf.mesh_files import gltf_parts
-from robotd.descriptor.urdf.package_files import find_mesh, mesh_names
+from robotd.descriptor.urdf.package_files import find_mesh, mesh_names, with_mesh_names
 from robotd.descriptor.urdf.urdf_text import xml_root
 
 FOLDER = "meshes"  # of a robot
-_FILENAME = re.compile(r"""(<mesh\b[^>]*?\bfilename\s*=\s*)(["'])(.*?)\2""")
 
 
 @dataclass(frozen=True)
@@ -53,7 +50,7 @@ def place_meshes(
         elif find_mesh(name, written) != file:
             renamed[name] = file.absolute().as_uri()
     return PlacedMeshes(
-        _with_mesh_names(text, renamed), files, _summary(names, [*found.values()], copy=copy)
+        with_mesh_names(text, renamed), files, _summary(names, [*found.values()], copy=copy)
     )
 
 
@@ -71,15 +68,6 @@ def _copied(file: Path, files: dict[str, Path]) -> str:
     files[place] = file
     files |= {f"{FOLDER}/{name}/{part}": file.parent / part for part in parts}
     return place
-
-
-def _with_mesh_names(text: str, renamed: Mapping[str, str]) -> str:
-    def attribute(match: re.Match[str]) -> str:
-        head, quote, written = match.groups()
-        name = renamed.get(html.unescape(written))
-        return match[0] if name is None else f"{head}{quote}{html.escape(name)}{quote}"
-
-    return _FILENAME.sub(attribute, text) if renamed else text
 
 
 def _summary(names: Sequence[str], found: Sequence[Path], *, copy: bool) -> str:

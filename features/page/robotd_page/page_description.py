@@ -60,6 +60,9 @@ def describe(
 
 def _axes(robot: Robot) -> list[dict[str, Any]]:
     joints = dict(zip(robot.joint_axes, robot.descriptor.joints, strict=True))
+    drive = robot.descriptor.drive
+    wheels = dict(zip(drive.axes, drive.wheel_joints, strict=False)) if drive else {}
+    group_of = {name: group for group, each in robot.groups.items() for name in each.joint_names}
     described = []
     for axis, (name, limits) in enumerate(zip(robot.axes.names, robot.axes.limits, strict=True)):
         joint = joints.get(axis)
@@ -68,6 +71,8 @@ def _axes(robot: Robot) -> list[dict[str, Any]]:
             {
                 "name": name,
                 "kind": kind,
+                "joint": name if joint else wheels.get(axis, ""),
+                "group": group_of.get(name, "") if len(robot.groups) > 1 else "",
                 "unit": limits.unit,
                 "lower": _finite(limits.lower),
                 "upper": _finite(limits.upper),

@@ -6,6 +6,7 @@ import json
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from robotd.log import get_logger
 from robotd_page.page_message import json_text
 from robotd_page.page_messages import ALL, CHANGES, FIRST, NEWEST, SAMPLES
 from robotd_page.remote_feed import RemoteFeed
+from robotd_ros.client.hindrances import PROBLEMS, read_hindrances
 from robotd_ros.client.ros_client import Listener, RosClient
 from robotd_ros.node_registry import IDENTITY
 from robotd_ros.qos import LATCHED
@@ -43,7 +45,7 @@ class RemoteRobots:
 
     def __init__(self, client: RosClient) -> None:
         self._client = client
-        self._found: dict[str, Listener] = {}  # by namespace
+        self._found: dict[str, _Known] = {}  # by namespace
         self._subscribed: dict[str, ExitStack] = {}
         self._feeds: dict[str, RemoteFeed] = {}
         self._directory = RemoteFeed("", self._message, "/mesh/-/")
@@ -73,11 +75,9 @@ class RemoteRobots:
             self._due_s = time.monotonic() + SEARCH_PERIOD_S
             self._search()
         self._robots = [
-            {"name": name, **told}
-            for name, listener in sorted(self._found.items())
-            if listener.newest is not None
-            for told in [_read(listener.newest.data)]
-            if "page" in told.get("features", ())
+            {"name": name, "problems": known.problem_texts(), **told}
+            for name, known in sorted(self._found.items())
+            if (told := known.identity_values()) and "page" in told.get("features", ())
         ]
         for name, feed in list(self._feeds.items()):
             if feed.is_watched and name not in self._subscribed:
@@ -89,8 +89,8 @@ class RemoteRobots:
         """End all subscriptions."""
         for subscriptions in self._subscribed.values():
             subscriptions.close()
-        for listener in self._found.values():
-            listener.__exit__()
+        for known in self._found.values():
+            known.close()
 
     def _search(self) -> None:
         node = self._client.node
@@ -101,10 +101,14 @@ class RemoteRobots:
         }
         for name in self._found.keys() - names:
             log.info("robot has gone", robot=name)
-            self._found.pop(name).__exit__()
+            self._found.pop(name).close()
         for name in sorted(names - self._found.keys())[: MAX_ROBOTS - len(self._found)]:
             log.info("robot found", robot=name)
-            self._found[name] = self._client.listen(String, _topic(name, IDENTITY), LATCHED)
+            identity, problems = (
+                self._client.listen(String, _topic(name, topic), LATCHED)
+                for topic in (IDENTITY, PROBLEMS)
+            )
+            self._found[name] = _Known(identity, problems)
 
     def _subscribe(self, name: str, feed: RemoteFeed) -> ExitStack:
         stack, node = ExitStack(), self._client.node
@@ -117,6 +121,28 @@ class RemoteRobots:
     def _message(self, shown: str) -> str:
         """Return the list of robots, for a page that shows ``shown`` of them."""
         return json_text({"type": "robots", "shown": shown, "robots": self._robots})
+
+
+@dataclass(frozen=True)
+class _Known:
+    """Latched topics of a robot that was found."""
+
+    identity: Listener
+    problems: Listener
+
+    def identity_values(self) -> dict[str, Any]:
+        """Return what the robot says of itself; empty before that."""
+        return _read(self.identity.newest.data) if self.identity.newest else {}
+
+    def problem_texts(self) -> list[str] | None:
+        """Return what keeps axes from moving; None before the robot has said it."""
+        if self.problems.newest is None:
+            return None
+        return [each.text for each in read_hindrances(self.problems.newest.data, 1.0)]
+
+    def close(self) -> None:
+        for listener in (self.identity, self.problems):
+            listener.__exit__()
 
 
 def _topic(robot: str, topic: str) -> str:

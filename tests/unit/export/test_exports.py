@@ -106,6 +106,7 @@ def test_moveit_gets_a_controller_for_each_joint_group() -> None:
 
 def test_moveit_waits_longer_than_the_robot_takes_for_a_result(cr3a: RobotDescriptor) -> None:
     assert move_group(ExportInput(cr3a))["trajectory_execution"] == {
+        "execution_duration_monitoring": False,
         "allowed_start_tolerance": cr3a.trajectory.start_tolerance_rad,
         "allowed_goal_duration_margin": cr3a.trajectory.goal_time_s + 5.0,
     }

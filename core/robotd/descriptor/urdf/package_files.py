@@ -2,19 +2,34 @@
 
 from __future__ import annotations
 
+import html
 import os
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlparse
 
 from robotd.descriptor.files import is_file
 
+_FILENAME = re.compile(r"""(<mesh\b[^>]*?\bfilename\s*=\s*)(["'])(.*?)\2""")
+
 
 def mesh_names(root: Any, kinds: Sequence[str] = ("visual", "collision")) -> list[str]:
     """Return the names of the meshes below the root element of a URDF, each once."""
     found = [mesh for kind in kinds for mesh in root.iterfind(f".//{kind}/geometry/mesh")]
     return list(dict.fromkeys(mesh.get("filename", "") for mesh in found))
+
+
+def with_mesh_names(text: str, renamed: Mapping[str, str]) -> str:
+    """Return the text of a URDF with other names of meshes."""
+
+    def attribute(match: re.Match[str]) -> str:
+        head, quote, written = match.groups()
+        name = renamed.get(html.unescape(written))
+        return match[0] if name is None else f"{head}{quote}{html.escape(name)}{quote}"
+
+    return _FILENAME.sub(attribute, text) if renamed else text
 
 
 def find_mesh(name: str, path: Path | None, folders: Sequence[Path] = ()) -> Path | None:

@@ -2,9 +2,19 @@
 
 import { axisColor } from "./colors";
 import { find, make, setClass, setText } from "./dom";
+import { type AxisGroup, FoldButton, groupsOf } from "./folded_groups";
 import { nameElements } from "./joint_names";
 import type { AxisDescription, AxisState, Description, Sample } from "./messages";
 import { signed, type Units } from "./units";
+
+const COLUMNS = 7;
+
+// Head of a folded group.
+interface Head {
+  axes: number[];
+  fold: FoldButton;
+  lamp: HTMLElement;
+}
 
 interface Row {
   body: HTMLElement;
@@ -30,6 +40,7 @@ export class AxesTable {
   private readonly table = find<HTMLTableElement>("axes");
   private description: Description | undefined;
   private rows: Row[] = [];
+  private heads: Head[] = []; // empty where the robot has one group
 
   constructor(private readonly units: Units) {}
 
@@ -37,7 +48,14 @@ export class AxesTable {
     this.description = description;
     for (const body of [...this.table.tBodies]) body.remove();
     const names = nameElements(description.axes.map((axis) => axis.name));
-    this.rows = description.axes.map((axis, index) => this.addRow(axis, index, names[index]!));
+    this.rows = description.axes.map((axis, index) => this.row(axis, index, names[index]!));
+    const groups = groupsOf(description.axes);
+    this.heads = groups.length > 1 ? groups.map((group) => this.head(group)) : [];
+    groups.forEach(({ axes }, group) => {
+      const head = this.heads[group]?.fold.element;
+      if (head) this.table.append(make("tbody", "group", make("tr", "", wide("th", head))));
+      this.table.append(...axes.map((axis) => this.rows[axis]!.body));
+    });
   }
 
   show(sample: Sample): void {
@@ -58,6 +76,7 @@ export class AxesTable {
   }
 
   update(states: AxisState[]): void {
+    for (const head of this.heads) showGroup(head, states);
     states.forEach((state, axis) => {
       const row = this.rows[axis];
       if (!row) return;
@@ -71,7 +90,13 @@ export class AxesTable {
     });
   }
 
-  private addRow(axis: AxisDescription, index: number, nameElement: HTMLElement): Row {
+  private head(group: AxisGroup): Head {
+    const lamp = make("span", "lamp idle");
+    const show = (on: boolean): void => group.axes.forEach((axis) => (this.rows[axis]!.body.hidden = !on));
+    return { axes: group.axes, lamp, fold: new FoldButton(group, this.rows.length, show, lamp) };
+  }
+
+  private row(axis: AxisDescription, index: number, nameElement: HTMLElement): Row {
     const name = make("th", "", swatch(index), nameElement);
     name.scope = "row";
     const cell = (label: string, ...children: Node[]): HTMLTableCellElement => {
@@ -100,13 +125,10 @@ export class AxesTable {
       cell("Following error", error),
       cell("State", state, owner),
     );
-    const faultCell = make("td", "", fault);
-    faultCell.colSpan = 7;
-    const faultRow = make("tr", "fault", faultCell);
+    const faultRow = make("tr", "fault", wide("td", fault));
     faultRow.hidden = true;
     const body = make("tbody", "", row, faultRow);
     body.dataset["axis"] = axis.name;
-    this.table.append(body);
     return { body, position, positionBar, velocity, velocityBar, torque, error, servo, state, owner, fault };
   }
 }
@@ -135,6 +157,22 @@ class Bar {
     this.element.setAttribute("aria-valuemax", String(upper));
     if (Number.isFinite(value)) this.element.setAttribute("aria-valuenow", value.toFixed(3));
   }
+}
+
+function wide<K extends "td" | "th">(tag: K, content: HTMLElement): HTMLTableCellElement {
+  const cell = make(tag, "", content);
+  cell.colSpan = COLUMNS;
+  return cell;
+}
+
+// State of a group in one word; a fault unfolds it once.
+function showGroup({ axes, fold, lamp }: Head, states: AxisState[]): void {
+  const own = axes.map((axis) => states[axis]).filter((each) => each !== undefined);
+  const on = own.filter((each) => each.servo).length;
+  const isFaulty = own.some((each) => each.fault || each.offline);
+  if (isFaulty && !lamp.classList.contains("bad")) fold.open(true);
+  setText(lamp, isFaulty ? "fault" : on === own.length ? "on" : on ? `${on} on` : "off");
+  lamp.className = `lamp ${isFaulty ? "bad" : on === own.length ? "good" : "idle"}`;
 }
 
 function swatch(axis: number): HTMLElement {

@@ -8,6 +8,7 @@ import { FaultForm } from "./fault_form";
 import { HeldButtons } from "./held_button";
 import { JogPanel } from "./jog_panel";
 import type { Description, Sample, State } from "./messages";
+import { highlight, hindranceOf } from "./next_step";
 import { OutputPanel } from "./output_panel";
 import type { Units } from "./units";
 
@@ -35,6 +36,7 @@ export class Control {
   );
   private readonly held = new HeldButtons(this.link, ({ name, step }) =>
     this.say(`${name}: ${step === null ? "moving while held" : "one step"}`, "busy"),
+    (name, reason) => this.say(`${name}: ${reason}`, "bad"),
   );
   private readonly jog: JogPanel;
   private readonly drive: DrivePanel;
@@ -82,6 +84,10 @@ export class Control {
     this.state = state;
     this.outputs.update(state);
     this.pause.setAttribute("aria-pressed", String(state.paused));
+    setText(this.pause, state.paused ? "Resume" : "Pause");
+    this.jog.update(state);
+    this.drive.update(state);
+    highlight(hindranceOf(state)?.button);
     if (document.activeElement !== this.speed) {
       this.speed.value = String(Math.round(100 * state.speed));
       this.showSpeed(100 * state.speed);
@@ -96,12 +102,13 @@ export class Control {
     if (!this.description) return;
     this.held.heartbeat_ms = welcome.heartbeat_ms;
     this.jog.open(welcome, this.description);
-    this.drive.open(welcome);
+    this.drive.open(welcome, this.description);
     this.outputs.open(welcome);
     this.faults.open(welcome, this.description);
     find("gripper").hidden = !welcome.gripper;
     setText(find("control-name"), `unlocked as ${welcome.name}`);
     this.setUnlocked(true);
+    if (this.state) this.update(this.state);
     this.say("Control is unlocked. Watch the robot, not the screen.", "good");
   }
 

@@ -3,34 +3,38 @@
 import type { Drive, Welcome } from "./control_messages";
 import { find, make, setText } from "./dom";
 import type { HeldButtons } from "./held_button";
+import type { Description, State } from "./messages";
+import { hindranceOfAxes, labelOf } from "./next_step";
 
 export class DrivePanel {
   private readonly slider = find<HTMLInputElement>("drive-speed");
   private drive: Drive | undefined;
+  private wheels: number[] = []; // axes
+  private buttons: HTMLButtonElement[] = [];
 
   constructor(private readonly held: HeldButtons) {
     this.slider.addEventListener("input", () => this.showSpeed());
   }
 
-  open({ drive }: Welcome): void {
+  open({ drive }: Welcome, { axes }: Description): void {
     find("drive").hidden = !drive;
     if (!drive) return;
     this.drive = drive;
-    find("drive-buttons").replaceChildren(
-      ...drive.motions.map(({ name, linear, lateral, angular }) => {
-        const button = make("button", "action", name);
-        button.type = "button";
-        this.held.add(button, () => {
-          const share = this.share();
-          return {
-            name,
-            step: null,
-            send: (link, hold) => link.drive(hold, share * linear, share * lateral, share * angular),
-          };
-        });
-        return button;
-      }),
-    );
+    this.wheels = axes.flatMap(({ kind }, axis) => (kind === "wheel" ? [axis] : []));
+    this.buttons = drive.motions.map(({ name, linear, lateral, angular }) => {
+      const button = make("button", "action", name);
+      button.type = "button";
+      this.held.add(button, () => {
+        const share = this.share();
+        return {
+          name,
+          step: null,
+          send: (link, hold) => link.drive(hold, share * linear, share * lateral, share * angular),
+        };
+      });
+      return button;
+    });
+    find("drive-buttons").replaceChildren(...this.buttons);
     const { release_s, rest_s, rest_m, linear } = drive;
     setText(
       find("drive-hint"),
@@ -39,6 +43,16 @@ export class DrivePanel {
         `${rest_s.toFixed(1)} s and ${(100 * rest_m).toFixed(0)} cm.`,
     );
     this.showSpeed();
+  }
+
+  // Disable what cannot move now, and say why.
+  update(state: State): void {
+    if (!this.drive) return;
+    const hindrance = hindranceOfAxes(state, this.wheels);
+    const next = hindrance?.button ? ` Next: ${labelOf(hindrance.button)}.` : "";
+    for (const button of this.buttons) this.held.block(button, hindrance?.reason ?? "");
+    find("drive-blocked").hidden = !hindrance;
+    setText(find("drive-blocked"), hindrance ? `The base cannot be driven: ${hindrance.reason}.${next}` : "");
   }
 
   private share(): number {

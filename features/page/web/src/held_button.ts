@@ -27,6 +27,7 @@ export class HeldButtons {
   constructor(
     private readonly link: ControlLink,
     private readonly onStart: (motion: Motion) => void,
+    private readonly onBlocked: (name: string, reason: string) => void,
   ) {
     addEventListener("blur", () => this.end("window lost focus"));
     addEventListener("pagehide", () => this.end("page left"));
@@ -73,8 +74,19 @@ export class HeldButtons {
     this.clear();
   }
 
+  // Disable a button, with the reason; "" enables it. It can be pressed on, to read the reason.
+  block(button: HTMLButtonElement, reason: string): void {
+    if (button.title === reason) return;
+    button.title = reason;
+    button.setAttribute("aria-disabled", String(reason !== ""));
+  }
+
   private begin(button: HTMLButtonElement, motion: Motion): void {
     this.end("released");
+    if (button.title) {
+      this.onBlocked(motion.name, button.title);
+      return;
+    }
     this.lastHold += 1;
     const hold = this.lastHold;
     this.held = {

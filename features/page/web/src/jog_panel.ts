@@ -1,10 +1,12 @@
 // Panel that jogs joints: a row with two buttons for each, speed, and steps.
 
 import { find, make, setClass, setText } from "./dom";
+import { type AxisGroup, FoldButton, groupsOf } from "./folded_groups";
 import type { Welcome } from "./control_messages";
 import type { HeldButtons, Motion } from "./held_button";
 import { nameElements } from "./joint_names";
-import type { AxisDescription, Description, Sample } from "./messages";
+import type { AxisDescription, Description, Sample, State } from "./messages";
+import { hindranceOf, hindranceOfAxes, labelOf } from "./next_step";
 import { signed, type Units } from "./units";
 
 // Distance of a step, by unit of the joint; 0: as long as the button is held.
@@ -36,11 +38,16 @@ export class JogPanel {
     this.axes = description.axes;
     this.velocities = welcome.jog_velocities;
     this.rows = [];
-    const joints = this.axes.flatMap((axis, index) => (axis.name in this.velocities ? [{ ...axis, index }] : []));
+    const groups = groupsOf(this.axes, ({ name }) => name in this.velocities);
+    const joints = groups.flatMap(({ axes }) => axes.map((axis) => this.axes[axis]!));
     find("jog").hidden = !joints.length;
     setClass(find("control-body"), "wide", joints.length > MANY);
     const names = nameElements(joints.map((joint) => joint.name));
-    find("jog-rows").replaceChildren(...joints.map((joint, row) => this.row(joint, joint.index, names[row]!)));
+    const lists = groups.map((group) => {
+      const rows = group.axes.map((axis) => this.row(this.axes[axis]!, axis, names[joints.indexOf(this.axes[axis]!)]!));
+      return groups.length > 1 ? [foldedRows(group, joints.length, rows)] : rows;
+    });
+    find("jog-rows").replaceChildren(...lists.flat());
     const units = [...new Set(joints.map((joint) => joint.unit as "rad" | "m"))];
     this.steps.replaceChildren(
       ...STEPS.map(({ text }, index) => {
@@ -52,6 +59,19 @@ export class JogPanel {
       }),
     );
     this.choose(this.step);
+  }
+
+  // Disable what cannot move now, and say why.
+  update(state: State): void {
+    for (const { axis, buttons } of this.rows) {
+      const reason = hindranceOfAxes(state, [axis])?.reason ?? "";
+      for (const button of buttons) this.held.block(button, reason);
+    }
+    const isBlocked = this.rows.length > 0 && this.rows.every(({ buttons }) => buttons[0]!.title);
+    const hindrance = isBlocked ? hindranceOf(state) : undefined;
+    const next = hindrance?.button ? ` Next: ${labelOf(hindrance.button)}.` : "";
+    find("jog-blocked").hidden = !hindrance;
+    setText(find("jog-blocked"), hindrance ? `No joint can be jogged: ${hindrance.reason}.${next}` : "");
   }
 
   show(sample: Sample): void {
@@ -111,4 +131,11 @@ export class JogPanel {
     });
     setText(find("jog-speed-text"), words.join(", "));
   }
+}
+
+// The rows of a group below a button that folds them.
+function foldedRows(group: AxisGroup, total: number, rows: HTMLElement[]): HTMLElement {
+  const list = make("ul", "jog-grid", ...rows);
+  const fold = new FoldButton(group, total, (on) => (list.hidden = !on));
+  return make("li", "jog-group", fold.element, list);
 }

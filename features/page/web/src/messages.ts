@@ -5,6 +5,8 @@ export const PROTOCOL = 2;
 export interface AxisDescription {
   name: string;
   kind: "joint" | "wheel" | "axis";
+  joint: string; // of the URDF, that the axis moves; "" for none
+  group: string; // of joints; "" where the robot has one group
   unit: string;
   lower: number | null; // null: no limit
   upper: number | null;
@@ -128,6 +130,7 @@ export interface RemoteRobot {
   backend: string;
   computer: string;
   simulated: boolean;
+  problems: string[] | null; // what keeps axes from moving; null: not known yet
 }
 
 export interface Robots {

@@ -36,19 +36,18 @@ export class HeadPanel {
 }
 
 export class GoalPanel {
-  private rows: { text: HTMLElement; bar: HTMLProgressElement; duration_s: number }[] = [];
+  private rows: { element: HTMLElement; text: HTMLElement; bar: HTMLProgressElement; duration_s: number }[] = [];
+  private readonly none = make("p", "hint", "No goal is running.");
 
   describe({ groups, axes }: Description): void {
     this.rows = groups.map((name) => {
-      const bar = make("progress");
+      const title = groups.length > 1 ? name : "Goal";
+      const [text, bar] = [make("p"), make("progress")];
       bar.setAttribute("aria-label", `Progress of the goal ${groups.length > 1 ? name : ""}`);
-      return { text: make("p"), bar, duration_s: 0 };
+      return { element: make("div", "goal-row", make("h2", "", title), text, bar), text, bar, duration_s: 0 };
     });
-    const titles = groups.map((name) => (groups.length > 1 ? name : "Goal"));
     find("goals").hidden = !axes.some((axis) => axis.kind === "joint");
-    find("goals").replaceChildren(
-      ...this.rows.map(({ text, bar }, group) => make("div", "goal-row", make("h2", "", titles[group]!), text, bar)),
-    );
+    find("goals").replaceChildren(...this.rows.map(({ element }) => element), this.none);
   }
 
   update({ goals }: State): void {
@@ -56,8 +55,10 @@ export class GoalPanel {
       const goal = goals[group];
       row.duration_s = goal?.duration_s ?? 0;
       row.bar.hidden = !goal;
+      row.element.hidden = !goal && this.rows.length > 1;
       setText(row.text, goal ? goalText(goal) : "no goal is running");
     });
+    this.none.hidden = this.rows.length === 1 || goals.some(Boolean);
   }
 
   show(sample: Sample): void {

@@ -20,7 +20,10 @@ export class RobotList {
     }
     this.nav.hidden = false;
     setText(this.hint, hintOf(robots, wanted));
-    this.list.replaceChildren(...robots.map((robot) => make("li", "", link(robot, robot.name === shown))));
+    this.list.className = shown ? "chips" : "cards";
+    document.body.classList.toggle("choosing", !shown);
+    const element = shown ? (robot: RemoteRobot) => link(robot, robot.name === shown) : card;
+    this.list.replaceChildren(...robots.map((robot) => make("li", "", element(robot))));
     document.body.dataset["robots"] = String(robots.length);
   }
 }
@@ -37,6 +40,23 @@ function link({ name, robot, backend, computer, simulated }: RemoteRobot, isShow
   made.href = address(name);
   made.title = `${backend}${simulated ? ", simulated" : ""}, on ${computer}`;
   if (isShown) made.setAttribute("aria-current", "page");
+  return made;
+}
+
+// A robot to choose, with its state.
+function card(robot: RemoteRobot): HTMLElement {
+  const { name, summary, backend, computer, simulated, problems } = robot;
+  const [text, look] = problems === null ? ["state not known", "idle"] : problems.length ? [problems.join("; "), "bad"] : ["ready", "good"];
+  const made = make(
+    "a",
+    "panel card",
+    make("strong", "", robot.robot),
+    make("span", "number", name === "/" ? "no namespace" : `namespace ${name}`),
+    make("span", "", summary),
+    make("span", "", `${backend}${simulated ? ", simulated" : ""}, on ${computer}`),
+    make("span", `lamp ${look}`, text),
+  );
+  made.href = address(name);
   return made;
 }
 

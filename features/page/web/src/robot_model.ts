@@ -3,9 +3,10 @@
 import * as THREE from "three";
 import { GLTFLoader } from "three/examples/jsm/loaders/GLTFLoader.js";
 import URDFLoader, { type URDFJoint, type URDFRobot } from "urdf-loader";
-import type { AxisDescription, Description, Sample } from "./messages";
+import type { Description, Sample } from "./messages";
 
 const CAPSULE_RADIUS = 0.12; // of the mean distance between joints
+const CAPSULE_COLOR = 0xb9c0c8;
 const FAULT = new THREE.Color(0xd11a1a);
 
 export class RobotModel {
@@ -13,6 +14,7 @@ export class RobotModel {
   private readonly robot: URDFRobot;
   private readonly joints: (URDFJoint | undefined)[]; // by axis
   private readonly faulty = new Set<number>();
+  private missing: { name: string; link: string }[] = []; // meshes
 
   constructor(
     private readonly description: Description,
@@ -20,15 +22,29 @@ export class RobotModel {
   ) {
     const loader = new URDFLoader(new THREE.LoadingManager(onMeshes));
     const loadOther = loader.loadMeshCb;
+    const document = this.withMeshUrls(description);
     loader.loadMeshCb = (url, manager, material, done) => {
-      if (!/\.(glb|gltf)$/i.test(url)) loadOther(url, manager, material, done);
-      else new GLTFLoader(manager).load(url, ({ scene }) => done(scene), undefined, (error) => done(undefined!, error as Error));
+      const loaded = (mesh: THREE.Object3D, error?: Error): void => {
+        if (error) this.miss(document, url);
+        else if (/\.dae$/i.test(url)) drawOpaque(mesh);
+        done(mesh, error);
+      };
+      if (!/\.(glb|gltf)$/i.test(url)) loadOther(url, manager, material, loaded);
+      else new GLTFLoader(manager).load(url, ({ scene }) => loaded(scene), undefined, (error) => loaded(undefined!, error as Error));
     };
-    this.robot = loader.parse(withMeshUrls(description));
+    this.robot = loader.parse(document);
     for (const joint of Object.values(this.robot.joints)) joint.ignoreLimits = true;
-    this.joints = description.axes.map((axis) => this.jointOf(axis));
-    if (!description.urdf.includes("<visual")) drawCapsules(this.robot);
+    this.joints = description.axes.map(({ joint }) => this.robot.joints[joint]);
+    if (!description.urdf.includes("<visual")) drawCapsules(this.robot, Object.keys(this.robot.links));
     this.object.add(this.robot);
+  }
+
+  // Draw capsules for the links whose meshes are missing; return the names of these meshes.
+  drawMissing(): string[] {
+    const { missing } = this;
+    this.missing = [];
+    drawCapsules(this.robot, new Set(missing.map(({ link }) => link)));
+    return [...new Set(missing.map(({ name }) => name))];
   }
 
   // Give each solid a material of its own: a fault colours one link.
@@ -81,22 +97,42 @@ export class RobotModel {
     return true;
   }
 
-  // The joint with the name of an axis, or with all words of a wheel's name such as "front left wheel".
-  private jointOf({ name, kind }: AxisDescription): URDFJoint | undefined {
-    if (kind !== "wheel") return this.robot.joints[name];
-    const wheels = Object.values(this.robot.joints).filter((each) => each.jointType === "continuous");
-    return wheels.find((each) => name.split(" ").every((word) => each.urdfName.toLowerCase().includes(word)));
+  private withMeshUrls({ urdf, meshes }: Description): Document {
+    const document = new DOMParser().parseFromString(urdf, "text/xml");
+    for (const mesh of document.querySelectorAll("mesh")) {
+      const name = mesh.getAttribute("filename") ?? "";
+      const url = meshes[name];
+      if (url) mesh.setAttribute("filename", url);
+      else {
+        if (mesh.closest("visual")) this.missing.push({ name, link: linkOf(mesh) });
+        mesh.closest("visual, collision")?.remove();
+      }
+    }
+    return document;
+  }
+
+  // A file that cannot be read is as good as missing.
+  private miss(document: Document, url: string): void {
+    for (const mesh of document.querySelectorAll("mesh")) {
+      if (mesh.getAttribute("filename") === url) this.missing.push({ name: url, link: linkOf(mesh) });
+    }
   }
 }
 
-function withMeshUrls({ urdf, meshes }: Description): Document {
-  const document = new DOMParser().parseFromString(urdf, "text/xml");
-  for (const mesh of document.querySelectorAll("mesh")) {
-    const url = meshes[mesh.getAttribute("filename") ?? ""];
-    if (url) mesh.setAttribute("filename", url);
-    else mesh.closest("visual, collision")?.remove();
-  }
-  return document;
+function linkOf(mesh: Element): string {
+  return mesh.closest("link")?.getAttribute("name") ?? "";
+}
+
+// Collada files with <transparency>0</transparency> mean opaque far more often than invisible, which A_ONE says.
+function drawOpaque(scene: THREE.Object3D): void {
+  scene.traverse((each) => {
+    if (!(each instanceof THREE.Mesh)) return;
+    for (const material of Array.isArray(each.material) ? each.material : [each.material as THREE.Material]) {
+      if (material.opacity > 0) continue;
+      material.opacity = 1;
+      material.transparent = false;
+    }
+  });
 }
 
 function standardMaterial(material: THREE.Material | THREE.Material[]): THREE.Material {
@@ -124,19 +160,21 @@ function ownMeshes(joint: URDFJoint): THREE.Mesh[] {
   return found;
 }
 
-// A robot without solids: capsules between the origins of its joints.
-function drawCapsules(robot: URDFRobot): void {
+// Capsules from the origin of each link to the joints that it carries; a ball for a link at the end.
+function drawCapsules(robot: URDFRobot, links: Iterable<string>): void {
   robot.updateMatrixWorld(true);
   const joints = Object.values(robot.joints).filter((each) => each.position.length() > 1e-3);
   const mean = joints.reduce((sum, each) => sum + each.position.length(), 0) / (joints.length || 1);
-  const radius = CAPSULE_RADIUS * mean;
-  const material = new THREE.MeshStandardMaterial({ color: 0xb9c0c8 });
-  for (const joint of joints) {
-    const length = joint.position.length();
-    const capsule = new THREE.Mesh(new THREE.CapsuleGeometry(radius, length, 6, 16), material);
-    capsule.position.copy(joint.position).multiplyScalar(0.5);
-    const direction = joint.position.clone().normalize();
-    capsule.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), direction);
-    joint.parent?.add(capsule);
+  const radius = CAPSULE_RADIUS * (mean || 1);
+  const material = new THREE.MeshStandardMaterial({ color: CAPSULE_COLOR });
+  for (const link of links) {
+    const carried = joints.filter((each) => each.parent === robot.links[link]);
+    for (const joint of carried) {
+      const capsule = new THREE.Mesh(new THREE.CapsuleGeometry(radius, joint.position.length(), 6, 16), material);
+      capsule.position.copy(joint.position).multiplyScalar(0.5);
+      capsule.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), joint.position.clone().normalize());
+      joint.parent?.add(capsule);
+    }
+    if (!carried.length) robot.links[link]?.add(new THREE.Mesh(new THREE.SphereGeometry(1.3 * radius, 16, 12), material));
   }
 }

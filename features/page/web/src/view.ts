@@ -8,11 +8,14 @@ import type { Description, Sample } from "./messages";
 import { RobotModel } from "./robot_model";
 
 const X_AXIS = new THREE.Vector3(1, 0, 0);
+const NAMED_MESHES = 3;
 const MARGIN = 1.15; // around the robot as it stands
 
 export class View {
   private readonly canvas = find<HTMLCanvasElement>("canvas");
   private readonly note = find("view-note");
+  private readonly meshNote = find("mesh-note");
+  private missing: string[] = []; // names of meshes
   private readonly scene = new THREE.Scene();
   private readonly camera = new THREE.PerspectiveCamera(32, 1, 0.01, 100);
   private renderer: THREE.WebGLRenderer | undefined;
@@ -52,6 +55,8 @@ export class View {
     if (!this.renderer) return;
     if (this.model) this.scene.remove(this.model.object);
     this.model = this.shown = undefined;
+    this.missing = [];
+    this.noteMissing([]);
     if (!description.urdf) {
       setText(this.note, "This robot has no URDF: there is nothing to draw.");
       return;
@@ -65,10 +70,20 @@ export class View {
 
   // All solids are there, also those of files.
   private complete(model: RobotModel): void {
+    this.noteMissing(model.drawMissing());
     model.ownMaterials();
     this.fit();
     this.resetCamera();
     this.canvas.dataset["meshes"] = "loaded";
+  }
+
+  private noteMissing(names: string[]): void {
+    this.missing.push(...names);
+    this.meshNote.hidden = !this.missing.length;
+    const first = this.missing.slice(0, NAMED_MESHES).map((name) => name.split("/").at(-1));
+    const rest = this.missing.length > NAMED_MESHES ? ", …" : "";
+    const are = this.missing.length === 1 ? "1 mesh is" : `${this.missing.length} meshes are`;
+    setText(this.meshNote, `${are} missing or not STL, DAE or glTF, capsules are shown instead: ${first.join(", ")}${rest}`);
   }
 
   show(sample: Sample): void {

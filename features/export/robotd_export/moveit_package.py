@@ -1,0 +1,162 @@
+"""A MoveIt configuration that can be started: the package that its Setup Assistant would write.
+
+Layout and names are those that ``MoveItConfigsBuilder`` of moveit_configs_utils reads (Jazzy).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from robotd.descriptor.urdf import parse_urdf
+from robotd.descriptor.urdf.package_files import find_mesh, mesh_names, with_mesh_names
+from robotd.descriptor.urdf.urdf_text import xml_root
+from robotd_export.export_input import ExportInput
+from robotd_export.moveit import move_group_content
+from robotd_export.srdf import chain_groups, semantic_description
+
+PLANNER = "RRTConnectkConfigDefault"
+OMPL = {
+    "planning_plugins": ["ompl_interface/OMPLPlanner"],
+    "request_adapters": [
+        "default_planning_request_adapters/ResolveConstraintFrames",
+        "default_planning_request_adapters/ValidateWorkspaceBounds",
+        "default_planning_request_adapters/CheckStartStateBounds",
+        "default_planning_request_adapters/CheckStartStateCollision",
+    ],
+    "response_adapters": [
+        "default_planning_response_adapters/AddTimeOptimalParameterization",
+        "default_planning_response_adapters/ValidateSolution",
+        "default_planning_response_adapters/DisplayMotionPath",
+    ],
+    "planner_configs": {PLANNER: {"type": "geometric::RRTConnect", "range": 0.0}},
+}
+KDL = {
+    "kinematics_solver": "kdl_kinematics_plugin/KDLKinematicsPlugin",
+    "kinematics_solver_search_resolution": 0.005,
+    "kinematics_solver_timeout": 0.05,
+}
+DEPENDENCIES = (
+    "launch_ros",
+    "moveit_configs_utils",
+    "moveit_kinematics",
+    "moveit_planners_ompl",
+    "moveit_ros_move_group",
+    "moveit_simple_controller_manager",
+    "robot_state_publisher",
+)
+
+
+def moveit_package(source: ExportInput) -> dict[str, str]:
+    """Return the files of the package by their paths: URDF, SRDF, parameters, launch file.
+
+    Raises DescriptorError for a robot without joints, trajectory action or URDF.
+    """
+    descriptor, name = source.descriptor, source.descriptor.name
+    content = move_group_content(source)
+    servo = content.pop("moveit_servo", None)
+    limits = content.pop("robot_description_planning")
+    text, path = _urdf_with_found_meshes(source), source.urdf_path()
+    urdf = parse_urdf(text, path)
+    groups = chain_groups(urdf, descriptor)
+    pipeline = OMPL | {group: {"planner_configs": [PLANNER]} for group in groups}
+    solvers = {group: KDL for group, (_, tip) in groups.items() if tip}
+    files = {
+        "package.xml": _package_xml(name),
+        "CMakeLists.txt": _cmake_lists(name),
+        ".setup_assistant": source.document([], _setup_assistant(name)),
+        f"config/{name}.urdf": text,
+        f"config/{name}.srdf": semantic_description(urdf, descriptor, text, path),
+        "config/joint_limits.yaml": source.document([], limits),
+        "config/kinematics.yaml": source.document([], solvers),
+        "config/moveit_controllers.yaml": source.document([], content),
+        "config/ompl_planning.yaml": source.document([], pipeline),
+        "launch/move_group.launch.py": _launch_file(source),
+    }
+    if servo is not None:
+        servo |= {"move_group_name": next(iter(groups))}
+        parameters = {"/**": {"ros__parameters": {"moveit_servo": servo}}}
+        files["config/servo.yaml"] = source.document([], parameters)
+    return files
+
+
+def package_name(robot: str) -> str:
+    """Return the name of the package of a robot's configuration."""
+    return f"{robot.lower()}_moveit_config"
+
+
+def _urdf_with_found_meshes(source: ExportInput) -> str:
+    """Return the URDF; meshes without a scheme, which MoveIt does not find, as ``file``."""
+    text, path = source.urdf(), source.urdf_path()
+    found = {name: find_mesh(name, path) for name in mesh_names(xml_root(text, path))}
+    renamed = {name: file.as_uri() for name, file in found.items() if file and "://" not in name}
+    return with_mesh_names(text, renamed)
+
+
+def _setup_assistant(name: str) -> dict[str, Any]:
+    return {
+        "moveit_setup_assistant_config": {
+            "urdf": {"package": package_name(name), "relative_path": f"config/{name}.urdf"},
+            "srdf": {"relative_path": f"config/{name}.srdf"},
+        }
+    }
+
+
+def _package_xml(name: str) -> str:
+    depends = "".join(f"  <exec_depend>{each}</exec_depend>\n" for each in DEPENDENCIES)
+    return f"""<?xml version="1.0"?>
+<package format="3">
+  <name>{package_name(name)}</name>
+  <version>0.1.0</version>
+  <description>MoveIt configuration of {name}, made by robotd export moveit_package</description>
+  <maintainer email="robotd@localhost">robotd</maintainer>
+  <license>MIT</license>
+  <buildtool_depend>ament_cmake</buildtool_depend>
+{depends}  <export>
+    <build_type>ament_cmake</build_type>
+  </export>
+</package>
+"""
+
+
+def _cmake_lists(name: str) -> str:
+    return f"""cmake_minimum_required(VERSION 3.22)
+project({package_name(name)})
+find_package(ament_cmake REQUIRED)
+ament_package()
+install(DIRECTORY config launch DESTINATION share/${{PROJECT_NAME}})
+install(FILES .setup_assistant DESTINATION share/${{PROJECT_NAME}})
+"""
+
+
+def _launch_file(source: ExportInput) -> str:
+    name = source.descriptor.name
+    publishes = "robot_state_publisher" in source.descriptor.nodes
+    publisher = (
+        ""
+        if publishes
+        else """        Node(
+            package="robot_state_publisher",
+            executable="robot_state_publisher",
+            parameters=[moveit.robot_description],
+        ),
+"""
+    )
+    return f'''"""move_group for {name}, beside: robotd run --robot {name}"""
+
+from launch import LaunchDescription
+from launch_ros.actions import Node
+from moveit_configs_utils import MoveItConfigsBuilder
+
+
+def generate_launch_description():
+    builder = MoveItConfigsBuilder("{name}", package_name="{package_name(name)}")
+    moveit = builder.planning_pipelines(pipelines=["ompl"]).to_moveit_configs()
+    return LaunchDescription([
+{publisher}        Node(
+            package="moveit_ros_move_group",
+            executable="move_group",
+            output="screen",
+            parameters=[moveit.to_dict()],
+        ),
+    ])
+'''

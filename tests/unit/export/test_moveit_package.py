@@ -1,0 +1,211 @@
+"""The MoveIt configuration: complete, consistent, and its disabled collisions cannot happen."""
+
+from __future__ import annotations
+
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from click.testing import CliRunner
+from lxml import etree
+
+from robotd.cli import main
+from robotd.descriptor import load_robot_descriptor
+from robotd.descriptor.urdf import UrdfRobot, parse_urdf, read_urdf, read_urdf_text
+from robotd_export.collision_shapes import Cover, collision_covers
+from robotd_export.disabled_collisions import disabled_collisions
+from robotd_export.export_input import ExportInput
+from robotd_export.moveit_package import moveit_package
+
+ROBOTS = ("cr3a", "dual_cr3a", "mobile_manipulator")
+SAMPLES = 2000
+
+
+class Package:
+    """Files of a package, parsed."""
+
+    def __init__(self, robot: str) -> None:
+        self.source = ExportInput(load_robot_descriptor(robot))
+        self.files = moveit_package(self.source)
+        self.urdf = parse_urdf(self.files[f"config/{robot}.urdf"], Path("x.urdf"))
+        self.srdf = etree.fromstring(self.files[f"config/{robot}.srdf"].encode())
+
+    def content(self, name: str) -> Any:
+        return yaml.safe_load(self.files[f"config/{name}.yaml"])
+
+
+@pytest.fixture(scope="module", params=ROBOTS)
+def package(request: pytest.FixtureRequest) -> Package:
+    return Package(request.param)
+
+
+def test_the_srdf_speaks_of_the_urdf(package: Package) -> None:
+    urdf, srdf = package.urdf, package.srdf
+    assert srdf.get("name") == urdf.name
+    links = [
+        each.get(key) for each in srdf.iter() for key in ("base_link", "tip_link") if each.get(key)
+    ]
+    links += [each.get("parent_link") for each in srdf.iterfind("end_effector")]
+    links += [
+        each.get(key) for each in srdf.iterfind("disable_collisions") for key in ("link1", "link2")
+    ]
+    assert links
+    assert set(links) <= set(urdf.links)
+    joints = {each.get("name") for each in srdf.iter("joint", "passive_joint")}
+    assert joints <= set(urdf.joint)
+
+
+def test_every_moving_joint_is_planned_or_passive(package: Package) -> None:
+    urdf, srdf = package.urdf, package.srdf
+    held = {each.get("name") for each in srdf.iter("joint", "passive_joint")}
+    assert held == {joint.name for joint in urdf.joints if joint.moves}
+
+
+def test_controllers_solvers_and_planners_belong_to_groups(package: Package) -> None:
+    groups = {each.get("name") for each in package.srdf.iterfind("group")}
+    assert set(package.content("kinematics")) == groups - {"gripper"}
+    assert set(package.content("ompl_planning")) >= groups - {"gripper"}
+    controllers = package.content("moveit_controllers")["moveit_simple_controller_manager"]
+    driven = {
+        joint for name in controllers["controller_names"] for joint in controllers[name]["joints"]
+    }
+    descriptor = package.source.descriptor
+    assert driven >= {*descriptor.joint_names}
+    limits = package.content("joint_limits")["joint_limits"]
+    assert set(limits) == {*descriptor.joint_names}
+
+
+def test_an_execution_may_take_longer_at_a_lower_speed(package: Package) -> None:
+    execution = package.content("moveit_controllers")["trajectory_execution"]
+    assert execution["execution_duration_monitoring"] is False
+
+
+def test_the_launch_file_compiles_and_names_the_package(package: Package) -> None:
+    (name,) = [each for each in package.files if each.endswith(".launch.py")]
+    compile(package.files[name], name, "exec")
+    robot = package.source.descriptor.name
+    assert f'package_name="{robot}_moveit_config"' in package.files[name]
+    assert f"<name>{robot}_moveit_config</name>" in package.files["package.xml"]
+
+
+def test_disabled_collisions_never_happen(package: Package) -> None:
+    path = package.source.urdf_path()
+    covers = collision_covers(read_urdf_text(path), path)
+    never = [
+        pair for *pair, reason in disabled_collisions(package.urdf, covers) if reason == "Never"
+    ]
+    assert never
+    generator = np.random.default_rng(1)
+    moving = [joint for joint in package.urdf.joints if joint.moves]
+    for _ in range(SAMPLES // len(never)):
+        positions = {
+            joint.name: generator.uniform(max(joint.lower, -pi), min(joint.upper, pi))
+            for joint in moving
+        }
+        for first, second in never:
+            assert gap(package.urdf, covers, first, second, positions) > 0.0
+
+
+def gap(
+    urdf: UrdfRobot,
+    covers: dict[str, Cover],
+    first: str,
+    second: str,
+    positions: dict[str, float],
+) -> float:
+    """Least distance between the spheres of two links."""
+    centers = []
+    for link in (first, second):
+        pose = urdf.pose(link, positions)
+        centers.append(covers[link].centers @ pose[:3, :3].T + pose[:3, 3])
+    distance = np.linalg.norm(centers[0][:, np.newaxis] - centers[1], axis=2)
+    spheres = distance - covers[first].radii[:, np.newaxis] - covers[second].radii
+    return float(spheres.min())
+
+
+ARM = """<robot name="arm">
+<link name="base"><collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision></link>
+<link name="frame"/>
+<link name="rod"><collision><origin xyz="0 0 {middle}"/>
+  <geometry><cylinder radius="0.02" length="0.1"/></geometry></collision></link>
+<link name="tip"><collision><origin xyz="{reach} 0 0"/>
+  <geometry><sphere radius="0.05"/></geometry></collision></link>
+<joint name="turn" type="revolute"><parent link="base"/><child link="frame"/>
+  <origin xyz="0 0 0.5"/><axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+<joint name="hold" type="fixed"><parent link="frame"/><child link="rod"/></joint>
+<joint name="swing" type="revolute"><parent link="rod"/><child link="tip"/>
+  <origin xyz="0 0 0.1"/><axis xyz="0 1 0"/><limit lower="-2" upper="{upper}" effort="1" velocity="1"/></joint>
+</robot>"""  # noqa: E501
+
+
+@pytest.mark.parametrize(
+    ("reach", "upper", "is_apart"),
+    [
+        (0.3, "2", True),  # too short to reach the base
+        (0.5, "2", False),  # swings down to the base, at 1.57 rad
+        (0.5, "0.5", True),  # would reach it, beyond its limits
+    ],
+)
+def test_links_are_apart_where_no_position_lets_them_touch(
+    tmp_path: Path, reach: float, upper: str, is_apart: bool
+) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARM.format(middle=0.0, reach=reach, upper=upper), encoding="utf-8")
+    pairs = {
+        (a, b): why
+        for a, b, why in disabled_collisions(
+            read_urdf(path), collision_covers(path.read_text("utf-8"), path)
+        )
+    }
+    assert pairs[("base", "rod")] == "Adjacent"  # through a link without a shape
+    assert pairs[("rod", "tip")] == "Adjacent"
+    assert (("base", "tip") in pairs) is is_apart
+
+
+@pytest.mark.parametrize("is_text", [False, True])
+def test_meshes_are_inside_their_spheres(tmp_path: Path, is_text: bool) -> None:
+    triangles = np.random.default_rng(2).uniform(-1.0, 1.0, (50, 3, 3)).astype("<f4")
+    if is_text:
+        corners = "".join(f"vertex {x} {y} {z}\n" for x, y, z in triangles.reshape(-1, 3))
+        data = f"solid it\n{corners}endsolid\n".encode()
+    else:
+        facets = b"".join(bytes(12) + each.tobytes() + bytes(2) for each in triangles)
+        data = bytes(80) + len(triangles).to_bytes(4, "little") + facets
+    (tmp_path / "a.stl").write_bytes(data)
+    text = (
+        '<robot name="it"><link name="a"><collision><geometry>'
+        '<mesh filename="a.stl" scale="2 1 0.5"/></geometry></collision></link></robot>'
+    )
+    cover = collision_covers(text, tmp_path / "it.urdf")["a"]
+    assert cover.is_known
+    scaled = triangles.reshape(-1, 3) * [2.0, 1.0, 0.5]
+    inside = np.linalg.norm(scaled[:, np.newaxis] - cover.centers, axis=2) <= cover.radii + 1e-6
+    assert inside.any(axis=1).all()
+
+
+def test_links_with_meshes_that_are_not_read_are_apart_by_no_proof(tmp_path: Path) -> None:
+    mesh = '<mesh filename="a.dae"/>'
+    text = ARM.format(middle=0.0, reach=0.3, upper="2").replace('<sphere radius="0.05"/>', mesh)
+    path = tmp_path / "arm.urdf"
+    path.write_text(text, encoding="utf-8")
+    pairs = [
+        each[:2] for each in disabled_collisions(read_urdf(path), collision_covers(text, path))
+    ]
+    assert ("base", "tip") not in pairs
+
+
+def test_the_command_makes_a_folder_and_does_not_write_into_one(tmp_path: Path) -> None:
+    arguments = ["export", "moveit_package", "--robot", "cr3a"]
+    result = CliRunner().invoke(main, arguments)
+    assert result.exit_code == 2
+    assert "is a folder" in result.output
+    folder = tmp_path / "made"
+    arguments += ["--output", str(folder)]
+    assert CliRunner().invoke(main, arguments).exit_code == 0
+    assert (folder / "config" / "cr3a.srdf").is_file()
+    result = CliRunner().invoke(main, arguments)
+    assert result.exit_code != 0
+    assert "exists already" in result.output
