@@ -165,11 +165,18 @@ def test_escape_stops_everything_and_a_rejected_jog_shows_the_reason(
     says(page, "Stop: stopped, at rest")
     served.wait_until_free()
     assert served.robot.axes.stop_latch.reason == "by the stop button of the page"
+    expect(page.locator("#jog-blocked")).to_have_text(
+        "No joint can be jogged: motion is stopped: by the stop button of the page. Next: Reset."
+    )
+    expect(page.locator("#reset")).to_have_class("action next")
+    expect(page.locator("#notices .press")).to_have_text("When it is safe to move: press Reset")
+    expect(page.locator("#notices .command")).to_be_hidden()
     press(page, "joint1")
-    says(page, "Jog stopped: motion is stopped: by the stop button of the page")
+    says(page, "joint1: motion is stopped: by the stop button of the page")
     page.mouse.up()
     page.get_by_role("button", name="Reset", exact=True).click()
     says(page, "Reset: motion is allowed again")
+    expect(page.locator("#jog-blocked")).to_be_hidden()
     press(page, "joint1")
     served.wait_until_moving()
     page.mouse.up()
@@ -237,11 +244,13 @@ def test_every_command_works_and_a_rejected_one_shows_its_reason(
     says(page, "Output rejected: output bytes 9999..9999 are outside 0..")
     page.get_by_role("button", name="Servos off").click()
     says(page, "servos are off")
+    expect(page.locator("#servos-on")).to_have_class("action next")
     press(page, "joint1")
     says(page, "joint1: servo is off")
     page.mouse.up()
     page.get_by_role("button", name="Servos on").click()
     says(page, "servos are on")
+    expect(page.locator(".next")).to_have_count(0)
     assert robot.image.servo_on[:6].all()
 
 

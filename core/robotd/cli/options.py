@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from robotd import log
+from robotd.cli.completion import complete_backends, complete_robots
 from robotd.number_argument import IntegerRange
 
 if TYPE_CHECKING:  # it needs NumPy and pydantic
@@ -61,7 +62,13 @@ def which_robot(command: Command) -> Command:
             help="Replace a value of the robot's file, e.g. backends.sim.seed=7. May be repeated.",
         ),
         click.option("--variant", metavar="NAME", help="Variant of the robot; see 'robots'."),
-        click.option("--robot", metavar="NAME|FILE", required=True, help="The robot."),
+        click.option(
+            "--robot",
+            metavar="NAME|FILE",
+            required=True,
+            shell_complete=complete_robots,
+            help="The robot.",
+        ),
     ):
         command = option(command)
     return command
@@ -69,7 +76,12 @@ def which_robot(command: Command) -> Command:
 
 def robot_options(command: Command) -> Command:
     """Add the options that choose a robot and its backend."""
-    backend = click.option("--backend", metavar="NAME", help="Backend; by default the robot's own.")
+    backend = click.option(
+        "--backend",
+        metavar="NAME",
+        shell_complete=complete_backends,
+        help="Backend; by default the robot's own.",
+    )
     return which_robot(backend(command))
 
 

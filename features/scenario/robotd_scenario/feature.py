@@ -14,11 +14,13 @@ from robotd.clock import MonotonicClock
 from robotd.descriptor import RobotDescriptor
 from robotd.descriptor.section import File, Section
 from robotd.device.capabilities import Capability
+from robotd.errors import Unsupported
 from robotd.feature import Feature, FeatureOption
 from robotd.plugin.manager import Backend
 
 if TYPE_CHECKING:
     from robotd.feature_host import FeatureHost
+    from robotd.robot import Robot
     from robotd_scenario.fault_schedule import FaultSchedule
 
 SIMULATION_NODE = "robotd_sim"
@@ -69,9 +71,9 @@ def prepare_robot(descriptor: RobotDescriptor, backend: Backend) -> RobotDescrip
 
 @contextmanager
 def open_scenario(host: FeatureHost) -> Iterator[FaultSchedule | None]:
-    """Make the fault schedule of a robot that has a scenario or simulated time."""
+    """Make the fault schedule of a robot whose backend is simulated and can inject faults."""
     file = host.robot.descriptor.settings(ScenarioKeys).scenario
-    if file is None and isinstance(host.robot.clock, MonotonicClock):
+    if file is None and not _injects_faults(host.robot):
         yield None
         return
     from robotd_scenario.fault_schedule import FaultSchedule
@@ -80,3 +82,16 @@ def open_scenario(host: FeatureHost) -> Iterator[FaultSchedule | None]:
     faults = FaultSchedule(host.robot, load_scenario(file).faults if file else ())
     host.on_ready.append(faults.begin)
     yield faults
+
+
+def _injects_faults(robot: Robot) -> bool:
+    """Return whether faults can be injected, or time be stepped."""
+    if not isinstance(robot.clock, MonotonicClock):
+        return True
+    if Capability.SIMULATED not in robot.backend.capabilities:
+        return False
+    try:
+        _ = robot.fault_injector
+    except Unsupported:
+        return False
+    return True

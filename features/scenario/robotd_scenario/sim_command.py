@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.shell_completion import CompletionItem
 
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.installed import load_robot
@@ -66,15 +67,20 @@ def run(
     raise click.UsageError("either a scenario or --from FILE is needed")
 
 
+def _complete_fault(
+    ctx: click.Context, argument: click.Parameter, incomplete: str
+) -> list[CompletionItem]:
+    return [CompletionItem(name) for name in FAULTS if name.startswith(incomplete)]
+
+
 @sim.command("inject", epilog=ROS_EPILOG)
-@click.argument("fault")
+@click.argument("fault", shell_complete=_complete_fault)
 @click.argument("values", metavar="[KEY=VALUE]...", nargs=-1)
 @client_options
 def inject(fault: str, values: Sequence[str], timeout_s: float) -> None:
     """Inject a fault into the running simulation.
 
-    For example: robotd sim inject amp_alarm axis=2 at_s=1.5. The robot has to be run with
-    --time-scale or --scenario.
+    For example: robotd sim inject amp_alarm axis=2 at_s=1.5.
     """
     fields = _fields(values)
     if fault not in FAULTS:

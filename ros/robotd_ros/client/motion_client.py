@@ -28,6 +28,7 @@ from robotd_ros.client.ros_client import RosClient
 
 JOINT_STATES = "joint_states"
 MAY_MOVE = "the arm may be moving, robotd stop stops it"
+BASE_NODES = ("diff_drive_controller", "mecanum_drive_controller", "tricycle_controller")
 ACTION_TYPE = "control_msgs/action/FollowJointTrajectory"
 
 _SETTLE_S = 0.6  # a second robotd is found within this time after the first one: discovery.py
@@ -216,8 +217,21 @@ def _find_action(client: RosClient, action: str | None) -> tuple[str, str]:
         return [found for found in action_servers(client.node) if name in (None, found[0])]
 
     what = f"action {name}" if name else "arm (a FollowJointTrajectory action)"
-    found: tuple[str, str] = client.wait(find, what)[0]
+    try:
+        found: tuple[str, str] = client.wait(find, what)[0]
+    except DeviceTimeout as error:
+        if not _has_base(client):
+            raise
+        what = "no arm: a base runs here, which is driven from the page or by topic (cmd_vel)"
+        raise DeviceTimeout(f"{what} ({error})") from error
     return found
+
+
+def _has_base(client: RosClient) -> bool:
+    """Return whether a controller of a base runs in the client's namespace."""
+    own = client.node.get_namespace()
+    nodes = client.node.get_node_names_and_namespaces()
+    return any(name in BASE_NODES and place == own for name, place in nodes)
 
 
 def _check_only_one(client: RosClient, settled_s: float, groups: Groups) -> None:

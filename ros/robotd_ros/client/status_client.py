@@ -198,7 +198,13 @@ def read_description(client: RosClient) -> str:
 
 def set_gripper(client: RosClient, closed: bool) -> str:
     """The robot's answer. Raises DeviceTimeout without one, OperationError for a rejection."""
-    return str(client.call(SetBool, GRIPPER, data=closed).message)
+    try:
+        return str(client.call(SetBool, GRIPPER, data=closed).message)
+    except DeviceTimeout as error:
+        if client.node.count_services(GRIPPER):
+            raise
+        what = "no gripper: a robot offers it whose file has 'gripper'"
+        raise DeviceTimeout(f"{what} ({error})") from error
 
 
 def save_snapshot(client: RosClient) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from robotd.cli.completion import joint_completion
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.preflight import import_ros
 from robotd.number_argument import NumberRange
@@ -33,7 +34,7 @@ def finite(ctx: click.Context, param: click.Parameter, value: float | None) -> f
 @click.command(
     "jog", epilog=ROS_EPILOG, context_settings={"ignore_unknown_options": True}
 )  # an increment may begin with a minus
-@click.argument("joint", required=False)
+@click.argument("joint", required=False, shell_complete=joint_completion())
 @click.argument(
     "increment", metavar="±INCREMENT", type=NumberRange(), callback=finite, required=False
 )

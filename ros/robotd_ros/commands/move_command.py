@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import click
 
+from robotd.cli.completion import joint_completion
 from robotd.cli.exit_codes import ExitCode, Rejected
 from robotd.cli.preflight import import_ros
 from robotd.cli.progress import Progress
@@ -45,7 +46,12 @@ def parse_targets(
 
 @click.command("move", epilog=ROS_EPILOG)
 @click.argument(
-    "targets", metavar="JOINT=POSITION...", nargs=-1, required=True, callback=parse_targets
+    "targets",
+    metavar="JOINT=POSITION...",
+    nargs=-1,
+    required=True,
+    callback=parse_targets,
+    shell_complete=joint_completion("="),
 )
 @click.option(
     "--time",

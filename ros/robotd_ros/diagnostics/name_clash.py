@@ -33,22 +33,29 @@ class NameClash:
         self._node = nodes[0]
         self._names = {node.get_fully_qualified_name() for node in nodes}
         self._known: frozenset[str] = frozenset()
+        self._is_logged = False
 
     def check(self) -> Status | None:
-        """Warning while another process has nodes of these names; a log line when that changes.
+        """Warning while another process has nodes of these names.
+
+        Beginning and end are logged once each, when two checks agree: names come and go one by one
+        while processes are discovered.
 
         Raises InvalidHandle when the node is gone.
         """
         found = self._node.get_node_names_and_namespaces()
         counts = Counter(_full_name(name, namespace) for name, namespace in found)
         doubled = frozenset(name for name in self._names if counts[name] > 1)
-        changed, self._known = doubled != self._known, doubled
+        is_settled, self._known = doubled == self._known, doubled
+        begins_or_ends = is_settled and bool(doubled) is not self._is_logged
+        if begins_or_ends:
+            self._is_logged = bool(doubled)
         if not doubled:
-            if changed:
+            if begins_or_ends:
                 log.info("no other process serves nodes of the same names any more")
             return None
         others = " and ".join(self._others(doubled)) or "not known"
-        if changed:
+        if begins_or_ends:
             names = sorted(doubled)
             log.warning(
                 "another process serves nodes of the same names: both obey every command",
