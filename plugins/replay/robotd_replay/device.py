@@ -20,11 +20,17 @@ class ReplayDevice(DeviceDriver):
         replayed: what is played.
         clock: of the control loop.
         inputs, outputs: images of the present time, updated in place.
+        recorded_inputs, recorded_outputs: bytes that the recording has of them.
     """
 
     def __init__(self, replayed: Replayed, clock: Clock) -> None:
         self.replayed, self.clock = replayed, clock
         self.inputs, self.outputs = bytearray(IMAGE_BYTES), bytearray(IMAGE_BYTES)
+        recording = replayed.recording
+        self.recorded_inputs, self.recorded_outputs = (
+            max((len(data) for _, data in changes), default=0)
+            for changes in (recording.inputs, recording.outputs)
+        )
         self._is_open = False
         self._began_ns = 0  # 0: it does not communicate
         self._starts_ns = replayed.frames["start_ns"] - replayed.frames["start_ns"][0]

@@ -38,7 +38,7 @@ def robot_process(
     use_sim_time = DeclareLaunchArgument(
         "use_sim_time",
         default_value="false",
-        choices=["true", "false"],
+        choices=["true", "false", "True", "False"],  # as Python and as YAML write them
         description="Take the stamps from /clock.",
     )
     arguments = {"--robot": robot, "--backend": backend}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 import tomllib
 from collections.abc import Callable, Iterator
@@ -84,6 +85,31 @@ def test_positions_beyond_a_limit_are_clipped_and_returned(make: Make) -> None:
         rest = robot.get_observation()
         sent = robot.send_action(rest | {"joint3.pos": 9.0})
         assert sent == rest | {"joint3.pos": 2.86}
+
+
+def test_targets_are_not_farther_away_than_the_greatest_distance(make: Make) -> None:
+    robot = make(max_relative_target=0.05)
+    with robot:
+        rest = robot.get_observation()
+        sent = robot.send_action(
+            rest | {"joint3.pos": -1.0, "joint1.pos": rest["joint1.pos"] + 0.01}
+        )
+        assert sent["joint3.pos"] == pytest.approx(rest["joint3.pos"] - 0.05)
+        assert sent["joint1.pos"] == pytest.approx(rest["joint1.pos"] + 0.01)
+    with pytest.raises(InvalidArgument, match=r"max_relative_target 0\.0: must be above 0"):
+        make(max_relative_target=0.0)
+
+
+def test_datasets_name_the_robot(make: Make) -> None:
+    assert make(descriptor="cr5a").robot_type == "cr5a"
+
+
+def test_sigterm_ends_the_program_through_its_disconnect(make: Make) -> None:
+    robot = make()
+    with pytest.raises(KeyboardInterrupt), robot:
+        signal.raise_signal(signal.SIGTERM)
+    assert not robot.is_connected
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
 @pytest.mark.parametrize(

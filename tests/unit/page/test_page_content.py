@@ -128,6 +128,13 @@ def test_inputs_are_shown_and_named(arm: Observed) -> None:
     assert [each["name"] for each in described["fingers"]] == ["picker_1_joint", "picker_2_joint"]
 
 
+def test_axes_name_the_joints_of_the_urdf_that_they_move(tmp_path: Path) -> None:
+    base = Observed(tmp_path, robot="baymax")
+    axes = describe(base.tap, [], {})["axes"]
+    base.close()
+    assert [each["joint"] for each in axes] == ["left_wheel_joint", "right_wheel_joint"]
+
+
 def test_the_latest_period_of_an_interval_is_kept_with_its_largest_lateness() -> None:
     history = PlotHistory(1, 90.0)
     assert history.step == 3

@@ -15,7 +15,7 @@ from robotd.clock.simulated import SteppedClock
 from robotd.descriptor import load_robot_descriptor, parse_override
 from robotd.device.axes import Jog, Move
 from robotd.device.state import ConnectionState, Operation
-from robotd.errors import DescriptorError, OperationError, Unsupported
+from robotd.errors import DescriptorError, NotReady, OperationError, Unsupported
 from robotd.motion import TrajectoryRequest
 from robotd.motion.profile import Profile
 from robotd.plugin.manager import load_backend
@@ -121,6 +121,17 @@ def test_outputs_cannot_be_set(recording: Recording) -> None:
         robot.io.set_output_bit(0, 1, True)
     robot.step(150)
     assert robot.io.output_bit(0, 0)  # as it was recorded
+    robot.shutdown()
+
+
+def test_inputs_and_outputs_that_were_not_recorded_are_not_0(recording: Recording) -> None:
+    robot = replay(recording.path)
+    robot.start()
+    robot.step(20)
+    recorded = max(len(data) for _, data in recording.inputs)
+    assert robot.io.input_bytes(recorded - 1, 1) == b"\0"
+    with pytest.raises(NotReady, match=rf"input byte {recorded} is not in the recording"):
+        robot.io.input_bytes(recorded, 1)
     robot.shutdown()
 
 

@@ -18,6 +18,8 @@ class RobotdRobotConfig(RobotConfig):
         variant: None takes the descriptor's default variant.
         mode: of the stream: ``smooth`` for policies at 10 to 50 Hz, ``target`` for single targets.
         timeout_s: age of the last action at which the joints slow to rest; None: the descriptor's.
+        max_relative_target: greatest distance of a target from the measured position, rad or m,
+            for every joint; None: the robot's own limits alone.
         velocities: observe the velocities of the joints too.
         cameras: by name, with ``width``, ``height`` and ``fps``.
     """
@@ -27,5 +29,6 @@ class RobotdRobotConfig(RobotConfig):
     variant: str | None = None
     mode: str = "smooth"
     timeout_s: float | None = 0.5
+    max_relative_target: float | None = None
     velocities: bool = False
     cameras: dict[str, CameraConfig] = field(default_factory=dict)

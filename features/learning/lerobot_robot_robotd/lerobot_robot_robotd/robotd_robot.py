@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
+import math
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from lerobot.cameras import make_cameras_from_configs
@@ -41,6 +45,11 @@ class RobotdRobot(LeRobotRobot):
         super().__init__(config)
         self.config = config
         descriptor = load_robot_descriptor(config.descriptor, config.variant)
+        self.robot_type = descriptor.name  # of datasets: policies are for one robot
+        if config.max_relative_target is not None and not config.max_relative_target > 0.0:
+            raise InvalidArgument(
+                f"max_relative_target {config.max_relative_target}: must be above 0"
+            )
         if not descriptor.joints:
             raise InvalidArgument(f"{descriptor.name} has no joints")
         self._joints = {f"{joint.name}.pos": joint for joint in descriptor.joints}
@@ -88,6 +97,8 @@ class RobotdRobot(LeRobotRobot):
     def connect(self, calibrate: bool = True) -> None:
         """Start the robot, switch its servos on, and open streams. Nothing moves.
 
+        Until ``disconnect`` SIGTERM ends the program as Ctrl-C does, so that LeRobot disconnects.
+
         Raises:
             DeviceAlreadyConnectedError: it is connected.
             RobotdError: the robot does not start, or its joints are in use.
@@ -96,6 +107,7 @@ class RobotdRobot(LeRobotRobot):
             raise DeviceAlreadyConnectedError(f"{self} is already connected")
         config = self.config
         with ExitStack() as opened:
+            opened.enter_context(_sigterm_as_interrupt())
             robot = opened.enter_context(
                 open_robot(config.descriptor, config.backend, config.variant)
             )
@@ -139,7 +151,8 @@ class RobotdRobot(LeRobotRobot):
             action: one value for each of ``action_features``.
 
         Returns:
-            The positions that the robot moves to: clipped to its position limits.
+            The positions that the robot moves to: clipped to its position limits, and to
+            ``max_relative_target`` from where it is.
 
         Raises:
             DeviceNotConnectedError: before ``connect``.
@@ -151,6 +164,7 @@ class RobotdRobot(LeRobotRobot):
             wrong = ", ".join(sorted(set(action) ^ set(self.action_features)))
             raise InvalidArgument(f"action: missing or unknown: {wrong}")
         values = {name: float(value) for name, value in action.items()}
+        values |= self._near(values)
         for stream in self._streams:
             stream.send([values[f"{joint}.pos"] for joint in stream.joints])
         sent = {
@@ -160,6 +174,19 @@ class RobotdRobot(LeRobotRobot):
         if self._gripper is not None:
             sent[GRIPPER] = self._gripper.move(values[GRIPPER])
         return sent
+
+    def _near(self, values: dict[str, float]) -> dict[str, float]:
+        """Return the targets of the joints, not farther away than ``max_relative_target``."""
+        farthest = self.config.max_relative_target
+        if farthest is None:
+            return {}
+        position = self._connected().image.position
+        return {
+            name: min(max(values[name], here - farthest), here + farthest)
+            for name, joint in self._joints.items()
+            for here in [float(position[joint.axis])]
+            if math.isfinite(values[name])  # others are rejected by the stream
+        }
 
     def disconnect(self) -> None:
         """Slow to rest, switch the servos off and close the robot and the cameras.
@@ -174,3 +201,17 @@ class RobotdRobot(LeRobotRobot):
         if self._robot is None:
             raise DeviceNotConnectedError(f"{self} is not connected: call connect() first")
         return self._robot
+
+
+@contextmanager
+def _sigterm_as_interrupt() -> Iterator[None]:
+    """Let SIGTERM raise KeyboardInterrupt, unless the program handles it itself."""
+    is_main = threading.current_thread() is threading.main_thread()
+    if not is_main or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
+        yield
+        return
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
