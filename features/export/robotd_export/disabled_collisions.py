@@ -135,7 +135,8 @@ def _gaps(way: Sequence[Step], positions: FloatArray, first: Cover, second: Cove
         points = _moved(points, joint, position, is_down=is_down)
     distance = np.linalg.norm(points[:, :, np.newaxis] - first.centers, axis=3)
     gaps: FloatArray = distance - second.radii[:, np.newaxis] - first.radii
-    return gaps.reshape(len(positions), -1).min(axis=1)
+    least: FloatArray = gaps.reshape(len(positions), -1).min(axis=1)
+    return least
 
 
 def _moved(
