@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from robotd import log
-from robotd.cli.completion import complete_backends, complete_robots
+from robotd.cli.shell_values import complete_backends, complete_robots
 from robotd.number_argument import IntegerRange
 
 if TYPE_CHECKING:  # it needs NumPy and pydantic

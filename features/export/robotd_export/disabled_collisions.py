@@ -48,7 +48,7 @@ def disabled_collisions(
 
 
 def is_always_apart(way: Sequence[Step], first: Cover, second: Cover) -> bool:
-    """Return True if the spheres of two links stay apart in all positions of the joints.
+    """Return True if the spheres of two links stay apart in all positions.
 
     Boxes of positions are divided until each is proven by the distance at its middle: within a
     box the spheres move at most by its half widths times their distances from the joints. False
@@ -111,7 +111,7 @@ def _range(joint: UrdfJoint) -> tuple[float, float]:
 
 
 def _reaches(way: Sequence[Step], cover: Cover) -> FloatArray:
-    """Return how far the centres of ``cover`` move per position of each moving joint, at most."""
+    """Return the greatest motion of the centres of ``cover`` per position of each joint."""
     reach = float(np.linalg.norm(cover.centers, axis=1).max())
     found = []
     for joint, is_down in way[::-1]:
@@ -142,7 +142,7 @@ def _gaps(way: Sequence[Step], positions: FloatArray, first: Cover, second: Cove
 def _moved(
     points: FloatArray, joint: UrdfJoint, position: FloatArray, *, is_down: bool
 ) -> FloatArray:
-    """Return points (n, m, 3) of one side of a joint in the frame of the other side."""
+    """Return points (n, m, 3) in the frame of the other side of a joint."""
     turn, shift = joint.origin[:3, :3], joint.origin[:3, 3]
     if not is_down:
         return _displaced((points - shift) @ turn, joint, -position)
@@ -150,7 +150,7 @@ def _moved(
 
 
 def _displaced(points: FloatArray, joint: UrdfJoint, position: FloatArray) -> FloatArray:
-    """Move points (n, m, 3) by the positions (n,) of a joint at its own frame (Rodrigues)."""
+    """Move points (n, m, 3) by positions (n,) of a joint, in its frame (Rodrigues)."""
     if not joint.moves:
         return points
     axis, amount = joint.axis, position[:, np.newaxis, np.newaxis]

@@ -21,7 +21,7 @@ HOME = "home"  # joints at 0, or at the limit that is nearest
 def chain_groups(
     urdf: UrdfRobot, descriptor: RobotDescriptor
 ) -> dict[str, tuple[tuple[UrdfJoint, ...], str]]:
-    """Return joints and tip of each planning group; "" for joints that are no serial chain."""
+    """Return joints and tip of each planning group; "" without a serial chain."""
     found = {}
     for group, settings in descriptor.joint_groups.items():
         joints = tuple(urdf.joint[joint.name] for joint in settings)
@@ -78,7 +78,7 @@ def _add_gripper(
     fingers: tuple[str, ...],
     groups: dict[str, tuple[tuple[UrdfJoint, ...], str]],
 ) -> None:
-    """Add the group of the fingers, and the end effector on the group that carries it."""
+    """Add the group of the fingers, and its end effector."""
     group = etree.SubElement(root, "group", name=GRIPPER)
     _add_all(group, "joint", [*fingers])
     holder = urdf.joint[fingers[0]].parent
@@ -99,7 +99,7 @@ def _carried(urdf: UrdfRobot, joints: tuple[UrdfJoint, ...]) -> list[str]:
 
 
 def _tip(urdf: UrdfRobot, joints: tuple[UrdfJoint, ...], tool: str | None) -> str:
-    """Return the last link of a serial chain: the tool where the chain ends in it; "" for none."""
+    """Return the last link of a serial chain, or its tool; "" for none."""
     tip = joints[-1].child
     between, link = [], tip
     while link not in (joints[0].parent, urdf.root):

@@ -1,4 +1,4 @@
-"""Meshes of a URDF that moves into a robot's folder: found, named anew, copied on request."""
+"""Meshes of a URDF that moves into another folder: found, renamed, copied."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class PlacedMeshes:
 def place_meshes(
     text: str, path: Path, written: Path, folders: Sequence[Path], *, copy: bool
 ) -> PlacedMeshes:
-    """Find the meshes of a URDF, and name them so that they are found from another folder.
+    """Find the meshes of a URDF, and name them for another folder.
 
     Args:
         text: of the URDF.

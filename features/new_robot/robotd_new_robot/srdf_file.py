@@ -18,7 +18,7 @@ log = get_logger("new-robot")
 
 @dataclass(frozen=True)
 class Srdf:
-    """What robotd takes from an SRDF; names of joints are those of the URDF.
+    """Groups and passive joints of an SRDF, by the URDF's names of joints.
 
     Attributes:
         groups: moving joints of each group, in the order of the URDF's tree. Groups may overlap.

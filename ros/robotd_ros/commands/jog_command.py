@@ -7,9 +7,9 @@ from typing import Any
 
 import click
 
-from robotd.cli.completion import joint_completion
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.preflight import import_ros
+from robotd.cli.shell_values import joint_completion
 from robotd.number_argument import NumberRange
 from robotd_ros.commands.goal import carry_out, tell
 from robotd_ros.commands.robot_client import (
