@@ -11,15 +11,17 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import String, UInt8MultiArray
 
 from robotd.log import get_logger
 from robotd_page.page_message import json_text
 from robotd_page.page_messages import ALL, CHANGES, FIRST, NEWEST, SAMPLES
 from robotd_page.remote_feed import RemoteFeed
-from robotd_ros.client.hindrances import PROBLEMS, read_hindrances
+from robotd_ros.client.problem_client import PROBLEMS
 from robotd_ros.client.ros_client import Listener, RosClient
 from robotd_ros.node_registry import IDENTITY
+from robotd_ros.problem_messages import read_problems
 from robotd_ros.qos import LATCHED
 
 log = get_logger("page")
@@ -105,8 +107,8 @@ class RemoteRobots:
         for name in sorted(names - self._found.keys())[: MAX_ROBOTS - len(self._found)]:
             log.info("robot found", robot=name)
             identity, problems = (
-                self._client.listen(String, _topic(name, topic), LATCHED)
-                for topic in (IDENTITY, PROBLEMS)
+                self._client.listen(kind, _topic(name, topic), LATCHED)
+                for kind, topic in ((String, IDENTITY), (DiagnosticArray, PROBLEMS))
             )
             self._found[name] = _Known(identity, problems)
 
@@ -138,7 +140,7 @@ class _Known:
         """Return what keeps axes from moving; None before the robot has said it."""
         if self.problems.newest is None:
             return None
-        return [each.text for each in read_hindrances(self.problems.newest.data, 1.0)]
+        return [str(problem) for problem in read_problems(self.problems.newest)]
 
     def close(self) -> None:
         for listener in (self.identity, self.problems):

@@ -19,6 +19,7 @@ const BUTTONS: Record<string, string> = {
   offline: RECOVER,
   "servo off": "servos-on",
   stopped: "reset",
+  paused: "pause",
 };
 const OF_ONE_AXIS = ["alarm", "offline", "servo off"];
 
@@ -40,14 +41,14 @@ export function labelOf(button: string): string {
 
 // Mark the one button to press next.
 export function highlight(button: string | undefined): void {
-  for (const id of [...new Set(Object.values(BUTTONS)), "pause"]) {
+  for (const id of new Set(Object.values(BUTTONS))) {
     if (id) setClass(find(id), "next", id === button);
   }
 }
 
 // A reason without the command that the remedy beside it names.
 export function withoutCommand(text: string): string {
-  return text.replace(/; robotd \w+ allows it again$/, "");
+  return text.replace(/; robotd [\w ]+ allows it again$/, "");
 }
 
 // A remedy that names the buttons of the page instead of commands.
@@ -55,18 +56,16 @@ export function withButtons(remedy: string): string {
   return remedy
     .replace("robotd recover", "press Recover")
     .replace("robotd reset", "press Reset")
-    .replace("robotd servo on", "press Servos on")
-    .replace("robotd resume", "press Resume")
-    .replace("robotd speed 100", "raise Speed of all motion");
+    .replace("robotd servo on", "press Servos on");
 }
 
-function hindrances({ problems, paused, speed }: State, counts: (kind: string) => boolean = () => true): Hindrance[] {
-  const found = problems
+function hindrances({ problems, paused }: State, counts: (kind: string) => boolean = () => true): Hindrance[] {
+  return problems
     .filter(({ kind }) => kind in BUTTONS && counts(kind))
-    .map(({ kind, text }) => ({ reason: withoutCommand(text), button: BUTTONS[kind]! }));
-  if (paused) found.push({ reason: "motion is paused", button: "pause" });
-  else if (speed === 0) found.push({ reason: "the speed of all motion is 0 %", button: "" });
-  return found;
+    .map(({ kind, text }) => ({
+      reason: withoutCommand(text),
+      button: kind === "paused" && !paused ? "" : BUTTONS[kind]!, // at speed 0 % the slider helps
+    }));
 }
 
 function axisReason({ fault, offline, servo }: AxisState): string {
