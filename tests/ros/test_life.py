@@ -141,8 +141,8 @@ def test_the_engine_node_alone_enables_nothing(start: Any) -> None:
     process, client = start("--nodes", "wmx_engine_node")
     client.wait_engine()
     assert client.call(Trigger, "/wmx/engine/scan_network").success
-    nodes = {name for name, _ in client.node.get_node_names_and_namespaces()}
-    assert nodes == {"wmx_engine_node", "robotd", "client"}
+    expected = {"wmx_engine_node", "robotd", "robotd_sim", "client"}
+    wait_until(lambda: set(client.node.get_node_names()) == expected, "these nodes alone")
     assert process.end(signal.SIGTERM) == 0
     assert "servos on" not in process.output
 
