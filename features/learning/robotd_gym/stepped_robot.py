@@ -31,6 +31,7 @@ class SteppedRobot:
         robot: name of a robot, or path of its ``robot.yaml``.
         variant: of the descriptor; None: its default.
         rate_hz: of the targets; the rate of the control loop is a multiple of it.
+        backend: a simulated one, whose section has the key ``seed``.
 
     Attributes:
         joint_names: of all joints, in the order of every array.
@@ -44,9 +45,13 @@ class SteppedRobot:
     """
 
     def __init__(
-        self, robot: str | Path = "cr3a", variant: str | None = None, rate_hz: float = 25.0
+        self,
+        robot: str | Path = "cr3a",
+        variant: str | None = None,
+        rate_hz: float = 25.0,
+        backend: str = BACKEND,
     ) -> None:
-        self._name, self._variant = robot, variant
+        self._name, self._variant, self._backend = robot, variant, backend
         descriptor = load_robot_descriptor(robot, variant)
         loop_hz = descriptor.cycle.rate_hz
         self._periods = round(loop_hz / rate_hz) if rate_hz > 0.0 else 0
@@ -70,9 +75,9 @@ class SteppedRobot:
     def reset(self, seed: int = 0) -> None:
         """Start a new robot at its initial position; ``seed`` is that of the simulated noise."""
         self.close()
-        seeded = parse_override(f"backends.{BACKEND}.seed={seed}")
+        seeded = parse_override(f"backends.{self._backend}.seed={seed}")
         descriptor = load_robot_descriptor(self._name, self._variant, overrides=[seeded])
-        robot = Robot(descriptor, load_backend(BACKEND), SteppedClock())
+        robot = Robot(descriptor, load_backend(self._backend), SteppedClock())
         self._open.callback(robot.shutdown)
         robot.start()
         self._robot, self._streams = robot, []
