@@ -17,13 +17,16 @@ from robotd.plugin.parameter_reader import ParameterReader, no_parameters
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
 from robotd_ros.middleware import HotPublisher, StampClock
+from robotd_ros.nodes.command_subscription import add_command_subscription
 from robotd_ros.nodes.node_parameters import read_settings
-from robotd_ros.qos import LATCHED
+from robotd_ros.nodes.topic_stream import TopicStream
+from robotd_ros.qos import LATCHED, STREAM
 from robotd_ros.run_nodes import NodeContext
 from robotd_ros.services import add_service, add_subscription, named_values
 
 __all__ = [
     "LATCHED",
+    "STREAM",
     "DescriptorError",
     "HotPublisher",
     "InvalidArgument",
@@ -35,7 +38,9 @@ __all__ = [
     "RobotdError",
     "RosHost",
     "StampClock",
+    "TopicStream",
     "Unsupported",
+    "add_command_subscription",
     "add_service",
     "add_subscription",
     "held",

@@ -45,6 +45,7 @@ from robotd.errors import (
     RobotdError,
     Unsupported,
     did_you_mean,
+    unknown_name,
 )
 from robotd.log import get_logger
 from robotd.motion.limits import AxisLimits
@@ -143,6 +144,7 @@ __all__ = [
     "read_urdf_text",
     "request_realtime",
     "ticks",
+    "unknown_name",
     "validate_section",
     "wait_until",
 ]

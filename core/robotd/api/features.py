@@ -8,6 +8,7 @@ frames and events, and may command it as any program does. ``examples/csv_featur
 from robotd.control.completion import Outcome
 from robotd.control.joint_group import JointGroup
 from robotd.control.problem import Problem, ProblemKind
+from robotd.control.stream_setpoints import MovingReference
 from robotd.control.trajectory_execution import TrajectoryExecution
 from robotd.descriptor.section import Name, Positive, Section
 from robotd.descriptor.section import Problem as SectionProblem
@@ -39,6 +40,7 @@ __all__ = [
     "JointGroup",
     "JointLimits",
     "Level",
+    "MovingReference",
     "Name",
     "OperationError",
     "Outcome",

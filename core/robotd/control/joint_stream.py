@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,12 @@ from robotd.control.open_stream import (
 )
 from robotd.control.rearming import CommandSource, Rearming
 from robotd.control.stream_motion import StreamMotion
-from robotd.control.stream_setpoints import PointWindow, StreamCommand, StreamMode
+from robotd.control.stream_setpoints import (
+    MovingReference,
+    PointWindow,
+    StreamCommand,
+    StreamMode,
+)
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes
 from robotd.device.state import CommandMode
@@ -113,6 +119,19 @@ class JointCommands(StreamCommands):
         self._admit(positions[-1], speeds)
         window = PointWindow(times_ns, positions, speeds)
         return StreamCommand(positions[-1], speeds[-1], self._time_ns(sent_ns), window)
+
+    def reference(
+        self,
+        reference: MovingReference,
+        value: Any,
+        *,
+        moves: bool,
+        sent_ns: int | None = None,
+    ) -> StreamCommand:
+        """Return the command of ``JointStream.send_reference``."""
+        self.source.admit(moves=moves)
+        time_ns = self._time_ns(sent_ns)
+        return StreamCommand(None, None, time_ns, reference=reference, value=value)
 
     def _admit(self, target: FloatArray, speed: FloatArray | None) -> None:
         stands = bool((np.abs(target - self._present()) <= self._tolerance).all())
@@ -219,8 +238,38 @@ class JointStream(OpenStream[StreamMotion]):
         self._require_open()
         self.put(self._commands.points(times_ns, position, velocity, sent_ns=sent_ns))
 
+    def send_reference(
+        self,
+        reference: MovingReference,
+        value: Any,
+        *,
+        moves: bool,
+        sent_ns: int | None = None,
+    ) -> None:
+        """Let ``reference`` move the joints, and take ``value`` in the control loop.
+
+        After ``timeout_s`` without a command, and at the end of the stream, it is asked to stop.
+        For a stream of all joints of its group, in the mode ``target``.
+
+        Args:
+            reference: one object for all commands of the stream.
+            value: immutable; for ``reference.take``.
+            moves: the command asks for motion; see ``CommandSource``.
+            sent_ns: see ``JointCommands``.
+        """
+        self._require_open()
+        self.put(self._commands.reference(reference, value, moves=moves, sent_ns=sent_ns))
+
     def put(self, command: StreamCommand) -> None:
         """Follow a command for the stream's joints, within their limits."""
+        if command.reference is not None:
+            if len(self.joints) < self._count or self._motion.mode is StreamMode.SMOOTH:
+                text = "reference: the stream must have all joints, and not be a smooth one"
+                raise InvalidArgument(text)
+            self._require_open()
+            self._received += 1
+            self._motion.put(command)
+            return
         position, velocity, time_ns, window = (
             command.position,
             command.velocity,

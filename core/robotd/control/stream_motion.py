@@ -124,6 +124,8 @@ class StreamMotion(JointSource):
                 self.stall_recovery.left_plan = self._due_ns <= self._settled_until_ns
             self._follow_commands(time_ns)
             self.setpoint[:] = self._setpoints.advance(self._due_ns)
+            if self._setpoints.failure:
+                self.completion.request(Outcome.FAULT, self._setpoints.failure)
             if self._phase is not Phase.RUNNING and self._setpoints.at_rest:
                 if self._phase is Phase.STOPPING:
                     self._enter(Phase.RESTING, time_ns)

@@ -2,19 +2,49 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS
+from robotd.log import get_logger
 from robotd.motion import JointLimits, MotionState
 from robotd.motion.limiter import SetpointLimiter
 from robotd.motion.sliding_window import SlidingWindow
 from robotd.motion.target_spline import TargetSpline
+
+log = get_logger("stream")
+
+REFERENCE_STOP_S = 1.0  # a reference that is not at rest by then is left, and the joints stop
+
+
+class MovingReference(Protocol):
+    """Motion of all m joints of a group, decided anew in each control period.
+
+    Its methods are called by the control loop, one at a time: they never block, and take a small
+    part of a period. The joints follow it within their limits, whatever it returns; they follow it
+    exactly while it keeps within 0.9 of the limits of velocity and acceleration and within that of
+    the jerk. A reference that raises is left: the joints stop, and the stream ends with a fault.
+    """
+
+    def begin(self, setpoint: FloatArray, limits: JointLimits, period_s: float) -> None:
+        """Start from ``setpoint`` (3, m): position, velocity and acceleration.
+
+        Called before the first command, and where the motion was interrupted.
+        """
+
+    def take(self, command: Any) -> None:
+        """Follow a command that the client sent."""
+
+    def stop(self) -> None:
+        """Slow to rest, as quickly as its own limits allow, until the next command."""
+
+    def advance(self) -> FloatArray:
+        """Return (3, m) for the end of the next period; without acceleration changes in it."""
 
 
 class StreamMode(StrEnum):
@@ -46,12 +76,16 @@ class StreamCommand:
         velocity: at ``position`` and after it, or to move with; None: the target stands still.
         time_ns: at which it was sent.
         window: points on the way to ``position``.
+        reference: decides the motion, by ``value``; None: the command is one of the above.
+        value: what ``reference`` takes.
     """
 
     position: FloatArray | None
     velocity: FloatArray | None
     time_ns: int
     window: PointWindow | None = None
+    reference: MovingReference | None = None
+    value: Any = None
 
 
 class StreamSetpoints:
@@ -61,14 +95,20 @@ class StreamSetpoints:
         limits: of the joints.
         mode: of commands without a velocity.
         period_s: of the control loop.
+
+    Attributes:
+        failure: error of a reference that was left; "": none.
     """
 
     def __init__(self, limits: JointLimits, mode: StreamMode, period_s: float) -> None:
-        self._limiter = SetpointLimiter(limits, period_s)
+        self.failure = ""
+        self._limiter, self._limits = SetpointLimiter(limits, period_s), limits
         self._mode, self._period_s = mode, period_s
         self._command: StreamCommand | None = None
         self._spline: TargetSpline | None = None
         self._window: SlidingWindow | None = None
+        self._reference: MovingReference | None = None
+        self._stop_left_s = np.inf  # until a stopping reference is left
         self._velocity_limit = limits.velocity
 
     @property
@@ -82,12 +122,19 @@ class StreamSetpoints:
         ``strongest`` is that of ``SetpointLimiter.reset``.
         """
         self._limiter.reset(state, strongest)
+        if self._reference is not None:
+            self._begin(self._reference)
         if self._command is not None and self._spline is None and self._window is None:
             self._go(self._command)
 
     def follow(self, command: StreamCommand) -> None:
         """Take a command, at once or on the curve."""
         self._command = command
+        if command.reference is not None:
+            self._spline = self._window = None
+            self._refer(command.reference, command.value)
+            return
+        self._reference = None
         if command.window is not None:
             self._spline = None
             if self._window is None:
@@ -103,14 +150,19 @@ class StreamSetpoints:
             self._spline.add(command.position, command.time_ns)
 
     def stop(self) -> None:
-        """Slow to rest in minimal time, and forget the last command."""
+        """Slow to rest, and forget the last command: as its reference does, or in minimal time."""
         self._command = self._spline = self._window = None
-        self._limiter.stop()
+        if self._reference is None:
+            self._limiter.stop()
+        elif self._stop_left_s == np.inf:
+            self._stop_left_s = REFERENCE_STOP_S
+            self._call(self._reference.stop)
 
     def settle(self) -> None:
         """Move to rest on a fixed plan, at the newest position target if any."""
         command = self._command
         if command is None or command.position is None:
+            self._reference = None
             self.stop()
         elif self._spline is not None or command.velocity is not None:
             self._command = replace(command, velocity=None, window=None)
@@ -123,6 +175,8 @@ class StreamSetpoints:
 
     def advance(self, due_ns: int) -> FloatArray:
         """Return the next setpoint (3, m): position, velocity and acceleration."""
+        if self._reference is not None:
+            return self._track(self._reference)
         if self._spline is not None:
             reference = self._spline.advance(self._period_s)
             return self._limiter.track(reference, self._spline.newest, self._spline.stands)
@@ -146,3 +200,45 @@ class StreamSetpoints:
             self._limiter.approach(command.position)
         elif command.velocity is not None and command.position is None:
             self._limiter.move(np.nan_to_num(command.velocity))
+
+    def _refer(self, reference: MovingReference, value: Any) -> None:
+        """Let ``reference`` take a command."""
+        self._stop_left_s = np.inf
+        if self._reference is not reference:
+            self._begin(reference)
+        self._call(lambda: reference.take(value))
+
+    def _begin(self, reference: MovingReference) -> None:
+        self._reference = reference
+        setpoint = self._limiter.state.copy()
+        self._call(lambda: reference.begin(setpoint, self._limits, self._period_s))
+
+    def _track(self, reference: MovingReference) -> FloatArray:
+        """Return the next setpoint on ``reference``, or on a stop where it is left."""
+        self._stop_left_s -= self._period_s
+        if self._stop_left_s < 0.0 and not self.at_rest:
+            self._leave()
+            return self._limiter.step()
+        try:
+            ahead = reference.advance()
+            if ahead.shape != self._limiter.state.shape or not np.isfinite(ahead).all():
+                raise ValueError(f"a reference returned {ahead}")  # noqa: TRY301 - fails alike
+        except Exception as error:  # noqa: BLE001 - of a feature
+            self._fail(error)
+            return self._limiter.step()
+        return self._limiter.track(ahead, ahead[0].tolist(), [False] * ahead.shape[1])
+
+    def _call(self, method: Callable[[], None]) -> None:
+        try:
+            method()
+        except Exception as error:  # noqa: BLE001 - of a feature
+            self._fail(error)
+
+    def _fail(self, error: Exception) -> None:
+        self.failure = f"its reference failed: {type(error).__name__}: {error}"
+        log.error("a moving reference failed, the joints stop", exc_info=error)
+        self._leave()
+
+    def _leave(self) -> None:
+        self._reference = None
+        self._limiter.stop()

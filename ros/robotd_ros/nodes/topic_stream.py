@@ -35,6 +35,11 @@ class TopicStream(Generic[Stream]):
         self._waiting: Any = None  # command
         self._opening = False
 
+    @property
+    def is_open(self) -> bool:
+        """A stream is open: the joints belong to it. Any thread."""
+        return self._stream is not None
+
     def apply(self, make: Callable[..., Any], *given: Any) -> None:
         """Give a command to the open stream, or open one; log a rejection.
 

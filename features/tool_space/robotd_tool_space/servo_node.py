@@ -1,0 +1,116 @@
+"""servo_node: twists and poses of the tool on topics, as MoveIt Servo takes them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped, TwistStamped
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from std_msgs.msg import Int8, String
+
+from robotd.api import FloatArray, InvalidArgument, unknown_name
+from robotd.api.features import Robot
+from robotd_ros.api import STREAM, RosHost, TopicStream, add_command_subscription, read_settings
+from robotd_tool_space.kinematics import Kinematics
+from robotd_tool_space.rotations import quaternion_pose
+from robotd_tool_space.servo_settings import ServoSettings, ServoTopics, read_servo
+from robotd_tool_space.servo_status import ServoStatus
+from robotd_tool_space.twist import Command, PoseCommand, TwistCommand, TwistStage
+
+NAME = "servo_node"
+STATUS_HZ = 20.0
+
+
+class ServoNode(Node):
+    """Topics of MoveIt Servo: the tool moves while messages come.
+
+    Raises:
+        DescriptorError: a parameter is wrong, or the URDF has no chain to the tool.
+        Unsupported: the robot has no URDF.
+    """
+
+    def __init__(self, robot: Robot, host: RosHost) -> None:
+        super().__init__(NAME, context=host.context)
+        settings = read_settings(self, robot.descriptor, read_servo)
+        servos = [
+            _GroupServo(self, robot, host, group, topics, settings)
+            for group, topics in settings.topics.items()
+        ]
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # no clock jump stops it
+
+        def publish() -> None:
+            for servo in servos:
+                servo.publish()
+
+        self._timer = self.create_timer(1.0 / STATUS_HZ, publish, clock=steady)
+
+
+class _GroupServo:
+    """Topics of one joint group. Executor thread."""
+
+    def __init__(
+        self,
+        node: Node,
+        robot: Robot,
+        host: RosHost,
+        group: str,
+        topics: ServoTopics,
+        settings: ServoSettings,
+    ) -> None:
+        joints = robot.groups[group]
+        kinematics = Kinematics.of_descriptor(robot.descriptor, group, joints.follower.limits)
+        self._frames = kinematics.chain.base, kinematics.chain.link
+        self._stage = TwistStage(kinematics, settings.limits)
+        twist_topic = node.resolve_topic_name(topics.twist).lstrip("/")
+        client = joints.stream.client(NAME, settings.timeout_s, twist_topic)
+        self._stream = TopicStream(client, host, twist_topic)
+        self._status = node.create_publisher(Int8, topics.status, 1)
+        self._message = node.create_publisher(String, topics.message, 1)
+        for message_type, topic, read in (
+            (TwistStamped, topics.twist, self._twist),
+            (PoseStamped, topics.pose, self._pose),
+        ):
+            on_message = partial(self._stream.apply, partial(self._command, read))
+            add_command_subscription(
+                node, host, robot, message_type, topic, on_message, STREAM, settings.timeout_s
+            )
+
+    def publish(self) -> None:
+        """Publish the status."""
+        status = self._stage.status if self._stream.is_open else ServoStatus()
+        self._status.publish(Int8(data=int(status.code)))
+        self._message.publish(String(data=status.text))
+
+    def _command(
+        self, read: Callable[[Any], Command], commands: Any, message: Any, sent_ns: int
+    ) -> Any:
+        command = read(message)
+        moves = not isinstance(command, TwistCommand) or bool(command.twist.any())
+        return commands.reference(self._stage, command, moves=moves, sent_ns=sent_ns)
+
+    def _twist(self, message: TwistStamped) -> TwistCommand:
+        linear, angular = message.twist.linear, message.twist.angular
+        numbers = (linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
+        twist: FloatArray = np.array(numbers, np.float64)
+        if not np.isfinite(twist).all():
+            raise InvalidArgument(f"twist {list(numbers)} has a number that is not finite")
+        return TwistCommand(twist, self._is_tool(message.header.frame_id))
+
+    def _pose(self, message: PoseStamped) -> PoseCommand:
+        place, turn = message.pose.position, message.pose.orientation
+        pose = quaternion_pose((place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w))
+        if self._is_tool(message.header.frame_id):
+            tool = self._frames[1]
+            raise InvalidArgument(f"frame_id {tool}: a pose is one in {self._frames[0]}")
+        return PoseCommand(pose)
+
+    def _is_tool(self, frame: str) -> bool:
+        """Return True for the frame of the tool, False for that of the base; "" is the base."""
+        if frame and frame not in self._frames:
+            raise InvalidArgument(unknown_name("frame_id", frame, self._frames))
+        return frame == self._frames[1]

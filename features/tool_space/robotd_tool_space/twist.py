@@ -1,0 +1,348 @@
+"""Tool velocity as a stream: keeps the direction, and slows down where the joints cannot follow.
+
+Each period has one factor s, 0 to 1, of the commanded twist V, the largest for which, with the
+joint velocities b = J⁺V,
+
+- every |s·b| keeps the velocity limit,
+- every joint can brake before its position limit,
+- s²·|db/dt| keeps the acceleration limit: what the change of J takes on the way, and
+- the tool slows down while the smallest singular value of J shrinks.
+
+s itself has a limited rate and acceleration, as J⁺V amplifies its changes. Integration drifts from
+the path by the square of the period; the difference between the pose and the integral of s·V is
+fed back.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotd.api import FloatArray
+from robotd.api.features import JointLimits
+from robotd_tool_space.differential import Differential, Rates
+from robotd_tool_space.kinematics import Kinematics
+from robotd_tool_space.rotations import pose_differences, rotation_matrices
+from robotd_tool_space.servo_status import ServoCode, ServoStatus
+from robotd_tool_space.twist_limits import FactorRamp, TwistLimits, TwistRamp
+
+SLOW_AT, STOP_AT = 0.25, 0.07  # singular values at which the tool slows down, and stands
+HALTED = 0.02  # s below which the tool stands
+MISSING = 0.02  # share of a twist that the arm cannot give from which on the tool stands
+LOOK_S, LOOK_RAD = 0.01, 0.02  # way ahead on which changes are measured, at most
+VELOCITY_SHARE = 0.85  # of the limits; the drift takes the rest of what can be tracked
+RAMP_SHARE, PATH_SHARE, TOTAL_SHARE = 0.3, 0.4, 0.6  # of the acceleration limits
+FACTOR_JERK_SHARE = 0.6  # of the jerk limits
+BRAKE_SHARE, BRAKE_S = 0.4, 0.06  # of the acceleration, at position limits; time of the last part
+MARGIN_RAD = 1e-3  # to the position limits, rad or m
+LEAST_RATE, MAX_RATE, LEAST_CHANGE, MAX_CHANGE = 0.2, 20.0, 60.0, 200.0  # of s: 1/s, 1/s²
+DRIFT_GAIN = 12.0  # 1/s
+FULL_GAIN_AT = 0.02  # m/s or rad/s of the tool above which the drift is fully fed back
+POSE_BRAKE_SHARE, POSE_BRAKE_S = 0.35, 0.25  # as BRAKE, of the tool before a target
+ARRIVED_M, ARRIVED_RAD = 2e-6, 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class TwistCommand:
+    """Velocity of the tool, in m/s and rad/s of its origin.
+
+    Attributes:
+        twist: (6,) linear and angular.
+        in_tool: in the axes of the tool; False: of the base.
+    """
+
+    twist: FloatArray
+    in_tool: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class PoseCommand:
+    """Pose to go to, on a straight line as far as no later command changes it.
+
+    Attributes:
+        pose: (4, 4) of the tool in the base.
+    """
+
+    pose: FloatArray
+
+
+Command = TwistCommand | PoseCommand
+
+
+class TwistStage:
+    """``MovingReference`` that moves the tool of a joint group by twists and to poses.
+
+    Args:
+        kinematics: of the group, with the tool.
+        limits: of the tool; None: the default ones.
+
+    Attributes:
+        status: of the last period; immutable, any thread may read it.
+        pose: (4, 4) that the tool is commanded to, by integration; any thread may read it.
+    """
+
+    def __init__(self, kinematics: Kinematics, limits: TwistLimits | None = None) -> None:
+        self.status = ServoStatus()
+        self.pose = np.eye(4)
+        self._chain, self._kinematics = kinematics.chain, kinematics
+        self._differential = Differential(kinematics)
+        self._limits = limits or TwistLimits()
+        self._command: Command | None = None
+
+    def begin(self, setpoint: FloatArray, limits: JointLimits, period_s: float) -> None:
+        """Start from a setpoint; the tool goes on with its velocity and slows down."""
+        self._joints, self._period_s = limits, period_s
+        self._setpoint = setpoint.copy()
+        self._ramp = TwistRamp(self._limits, period_s)
+        self._factor = FactorRamp(period_s)
+        self.pose, jacobian = self._chain.forward_and_jacobian(setpoint[0])
+        moving = jacobian @ setpoint[1]
+        if np.abs(moving).max() > 1e-6:
+            self._ramp.turn(moving, jacobian @ setpoint[2])
+        self._rates = self._differential.at(setpoint[:1], moving)[1][0]
+        self._in_tool = False
+        self._lower = limits.lower + MARGIN_RAD
+        self._upper = limits.upper - MARGIN_RAD
+        self._command = None
+        self.stop()
+
+    def take(self, command: Command) -> None:
+        """Follow a command from the next period on."""
+        self._command = command
+        if isinstance(command, TwistCommand):
+            self._change_frame(command.in_tool)
+            self._go(self._limits.slowed(command.twist))
+        else:
+            self._change_frame(in_tool=False)
+
+    def stop(self) -> None:
+        """Slow to rest, in the direction of motion."""
+        self._command = None
+        self._go(np.zeros(6))
+
+    def advance(self) -> FloatArray:
+        """Return the next setpoint (3, n)."""
+        if isinstance(self._command, PoseCommand):
+            self._go(self._towards(self._command.pose))
+        position, velocity, _ = self._setpoint
+        dt = self._period_s
+        before = self._factor.factor * self._twist_in_base(self._ramp.twist)
+        twist = self._twist_in_base(self._ramp.advance())
+        if not twist.any() and not before.any():
+            return self._stand()
+        # J is used where the joints are at the end of the period, and a little further.
+        ahead = position + dt * velocity
+        seconds = min(LOOK_S, LOOK_RAD / max(float(np.abs(self._rates.velocity).max()), 1e-9))
+        further = ahead + seconds * self._rates.velocity
+        (pose, _), (rates, next_rates) = self._differential.at(np.stack([ahead, further]), twist)
+        factor = self._next_factor(ahead, rates, next_rates, seconds)
+        self._rates = rates
+        now = factor * twist
+        self.pose = _moved(self.pose, 0.5 * dt * (before + now))
+        following = factor * rates.velocity
+        if rates.missing <= MISSING:
+            moving = float(np.linalg.norm(now)) / FULL_GAIN_AT
+            drift = _small_difference(pose, self.pose)
+            following += DRIFT_GAIN * min(1.0, moving) * (rates.inverse @ drift)
+        return self._integrate(following)
+
+    def _stand(self) -> FloatArray:
+        """Return the setpoint of a tool that has no velocity."""
+        self._factor.set(1.0)
+        if self._setpoint[1].any():  # the last of the drift
+            return self._integrate(np.zeros(len(self._joints.names)))
+        self._setpoint[2] = 0.0
+        self.pose = self._chain.forward(self._setpoint[0])
+        self.status = ServoStatus()
+        return self._setpoint.copy()
+
+    def _integrate(self, velocity: FloatArray) -> FloatArray:
+        """Return the setpoint with ``velocity`` at the end of the period."""
+        dt, (position, before, _) = self._period_s, self._setpoint
+        self._setpoint = np.array(
+            [position + 0.5 * dt * (before + velocity), velocity, (velocity - before) / dt]
+        )
+        return self._setpoint.copy()
+
+    def _next_factor(
+        self, at: FloatArray, rates: Rates, next_rates: Rates, seconds: float
+    ) -> float:
+        """Return s at the end of the period, and note the status.
+
+        ``next_rates`` are those after ``seconds`` with s = 1.
+        """
+        limits, acceleration = self._joints, self._joints.acceleration
+        speed = np.maximum(np.abs(rates.velocity), 1e-9)
+        change = (next_rates.velocity - rates.velocity) / seconds
+        slope = (next_rates.singularity - rates.singularity) / seconds
+        bounds = {
+            "velocity": _lowest(VELOCITY_SHARE * limits.velocity / speed),
+            "acceleration": _root(PATH_SHARE * acceleration / np.maximum(np.abs(change), 1e-9)),
+            "limit": _lowest(self._braking(at, rates.velocity) / speed),
+            "singularity": _slow_down(rates.singularity, slope),
+        }
+        if rates.missing > MISSING:
+            bounds["singularity"] = 0.0, -1
+        highest = min(1.0, *(each for each, _ in bounds.values()))
+        s = self._factor.factor
+        # s'·b + s²·db/dt + s·J⁺·dV/dt, each joint's acceleration, bounds s'.
+        ramp = rates.inverse @ self._twist_in_base(self._ramp.acceleration)
+        others = np.sign(rates.velocity) * (s * s * change + s * ramp)
+        rate_limits = (
+            max(
+                -MAX_RATE,
+                min(float(((-TOTAL_SHARE * acceleration - others) / speed).max()), -LEAST_RATE),
+            ),
+            min(
+                MAX_RATE,
+                max(float(((TOTAL_SHARE * acceleration - others) / speed).min()), LEAST_RATE),
+            ),
+        )
+        strongest = float((FACTOR_JERK_SHARE * limits.jerk / speed).min())
+        strongest = min(max(strongest, LEAST_CHANGE), MAX_CHANGE)
+        factor = self._factor.advance(highest, *rate_limits, strongest)
+        self.status = self._status(rates, bounds, factor, leaves=slope > 0.0)
+        return factor
+
+    def _braking(self, at: FloatArray, velocity: FloatArray) -> FloatArray:
+        """Return the speeds (n,) from which joints stop before their position limits."""
+        way = np.where(velocity > 0.0, self._upper - at, at - self._lower)
+        strong = BRAKE_SHARE * self._joints.acceleration
+        return _braking_speed(np.maximum(way, 0.0), strong, BRAKE_S)
+
+    def _status(
+        self, rates: Rates, bounds: dict[str, tuple[float, int]], factor: float, *, leaves: bool
+    ) -> ServoStatus:
+        """Return the status by what limits the factor."""
+        what, (lowest, joint) = min(bounds.items(), key=lambda each: each[1][0])
+        if lowest > 0.99:
+            return ServoStatus(factor=factor)
+        name = self._joints.names[joint]
+        if what == "singularity":
+            return _halted(rates) if lowest < HALTED else _approaching(rates, factor)
+        if what == "limit":
+            state = "is at" if lowest < HALTED else "brakes before"
+            return ServoStatus(ServoCode.JOINT_BOUND, factor, f"{name} {state} its position limit")
+        text = f"{name} would exceed its {what} limit"
+        if rates.singularity < SLOW_AT and leaves:
+            return ServoStatus(ServoCode.DECELERATE_FOR_LEAVING_SINGULARITY, factor, text)
+        return ServoStatus(ServoCode.NO_WARNING, factor, text)
+
+    def _go(self, target: FloatArray) -> None:
+        """Let the ramp lead to ``target``, no faster than the joints can."""
+        if np.array_equal(target, self._ramp.target):
+            return
+        inverse = self._rates.inverse
+        speeds = np.abs(inverse @ self._twist_in_base(target))
+        then, _ = _lowest(self._joints.velocity / np.maximum(speeds, 1e-9))
+        # s on the way: a stop begins with the present one, a turn away from a singularity ends it.
+        factor = min(1.0, then) if target.any() else self._factor.factor
+        change = factor * np.abs(inverse @ self._twist_in_base(target - self._ramp.twist))
+        strongest, _ = _lowest(RAMP_SHARE * self._joints.acceleration / np.maximum(change, 1e-9))
+        self._ramp.go(target, strongest)
+
+    def _towards(self, target: FloatArray) -> FloatArray:
+        """Return the twist to a pose: linear and angular part arrive together."""
+        way = pose_differences(self.pose, target)
+        limits = self._limits
+        linear, angular = float(np.linalg.norm(way[:3])), float(np.linalg.norm(way[3:]))
+        if linear < ARRIVED_M and angular < ARRIVED_RAD:
+            return np.zeros(6)
+        rates = [
+            _pose_rate(linear, limits.linear_m_s, limits.linear_m_s2),
+            _pose_rate(angular, limits.angular_rad_s, limits.angular_rad_s2),
+        ]
+        toward: FloatArray = way * min(rates)
+        return toward
+
+    def _twist_in_base(self, twist: FloatArray) -> FloatArray:
+        return _turned(self.pose[:3, :3], twist) if self._in_tool else twist
+
+    def _change_frame(self, in_tool: bool) -> None:
+        """Express the present twist in the other frame."""
+        if in_tool == self._in_tool:
+            return
+        rotation = self.pose[:3, :3].T if in_tool else self.pose[:3, :3]
+        self._ramp.turn(
+            _turned(rotation, self._ramp.twist), _turned(rotation, self._ramp.acceleration)
+        )
+        self._in_tool = in_tool
+
+
+def _turned(rotation: FloatArray, twist: FloatArray) -> FloatArray:
+    return np.concatenate([rotation @ twist[:3], rotation @ twist[3:]])
+
+
+def _moved(pose: FloatArray, way: FloatArray) -> FloatArray:
+    """Return ``pose`` moved by ``way`` (6,) in the base, m and rad."""
+    result = pose.copy()
+    result[:3, 3] += way[:3]
+    if way[3:].any():
+        result[:3, :3] = rotation_matrices(way[3:]) @ pose[:3, :3]
+    return result
+
+
+def _braking_speed(way: FloatArray, strong: FloatArray, seconds: float) -> FloatArray:
+    """Return the speeds that end on ``way``: √(2·a·way) far from it, way / seconds near it.
+
+    The deceleration is at most ``strong`` and fades before the end, so that its jerk is limited.
+    """
+    first = strong * seconds
+    speeds: FloatArray = first * (np.sqrt(1.0 + 2.0 * way / (first * seconds)) - 1.0)
+    return speeds
+
+
+def _pose_rate(distance: float, fastest: float, strongest: float) -> float:
+    """Return speed / distance on the way to a target."""
+    strong = np.array(POSE_BRAKE_SHARE * strongest)
+    if distance < 1e-12:
+        return 1.0 / POSE_BRAKE_S
+    speed = float(_braking_speed(np.array(distance), strong, POSE_BRAKE_S))
+    return min(speed, fastest) / distance
+
+
+def _slow_down(singularity: float, slope: float) -> tuple[float, int]:
+    """Return s by the smallest singular value and its rate at s = 1, 1/s."""
+    share = min(max((singularity - STOP_AT) / (SLOW_AT - STOP_AT), 0.0), 1.0)
+    slowed = float(np.sin(0.5 * np.pi * share))  # begins without a step of the rate
+    shrinks = min(max(-slope / 0.02, 0.0), 1.0)
+    return 1.0 - shrinks * (1.0 - slowed), -1
+
+
+def _lowest(values: FloatArray) -> tuple[float, int]:
+    """Return the lowest value, and of which joint it is."""
+    joint = int(values.argmin())
+    return float(values[joint]), joint
+
+
+def _root(values: FloatArray) -> tuple[float, int]:
+    lowest, joint = _lowest(values)
+    return math.sqrt(lowest), joint
+
+
+def _small_difference(pose: FloatArray, target: FloatArray) -> FloatArray:
+    """Return ``pose_differences`` (6,) of poses that are less than 0.1 rad apart."""
+    turn = target[:3, :3] @ pose[:3, :3].T
+    return np.array(
+        [
+            *(target[:3, 3] - pose[:3, 3]),
+            0.5 * (turn[2, 1] - turn[1, 2]),
+            0.5 * (turn[0, 2] - turn[2, 0]),
+            0.5 * (turn[1, 0] - turn[0, 1]),
+        ]
+    )
+
+
+def _halted(rates: Rates) -> ServoStatus:
+    if rates.missing > MISSING:
+        text = "singular: no joint moves the tool in this direction from here"
+    else:
+        text = f"singular ({rates.singularity:.2f}): the tool stops in this direction"
+    return ServoStatus(ServoCode.HALT_FOR_SINGULARITY, 0.0, text)
+
+
+def _approaching(rates: Rates, factor: float) -> ServoStatus:
+    text = f"the tool slows down before a singularity ({rates.singularity:.2f})"
+    return ServoStatus(ServoCode.DECELERATE_FOR_APPROACHING_SINGULARITY, factor, text)

@@ -1,0 +1,170 @@
+"""Limits of a streamed tool motion, and the ramp that keeps them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from ruckig import ControlInterface, InputParameter, Ruckig, Synchronization, Trajectory
+
+from robotd.api import FloatArray, InvalidArgument
+
+LEAST = 1e-3  # m/s² or rad/s²: limit of a component that does not change
+
+
+@dataclass(frozen=True)
+class TwistLimits:
+    """Limits of the tool's motion in a stream; all positive.
+
+    Attributes:
+        linear_m_s, angular_rad_s: speeds.
+        linear_m_s2, angular_rad_s2: accelerations, reached in ``rise_s``.
+        rise_s: time from no acceleration to the highest.
+    """
+
+    linear_m_s: float = 0.5
+    angular_rad_s: float = 1.0
+    linear_m_s2: float = 1.5
+    angular_rad_s2: float = 4.0
+    rise_s: float = 0.08
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not (math.isfinite(value) and value > 0.0):
+                raise InvalidArgument(f"{name} is {value}, must be a positive number")
+
+    def slowed(self, twist: FloatArray) -> FloatArray:
+        """Return ``twist`` (6,), m/s and rad/s, with its direction and within the speeds."""
+        linear, angular = np.linalg.norm(twist[:3]), np.linalg.norm(twist[3:])
+        excess = max(linear / self.linear_m_s, angular / self.angular_rad_s, 1.0)
+        slowed: FloatArray = twist / excess
+        return slowed
+
+
+class TwistRamp:
+    """Twist that follows its target with limited acceleration and jerk, on a straight line.
+
+    The six components change in the same proportion, so that a motion from rest keeps the direction
+    of its target. One thread; arrays (6,), m/s and rad/s.
+
+    Args:
+        limits: of the motion.
+        period_s: time between two calls of ``advance``.
+
+    Attributes:
+        twist, acceleration: at the end of the last period.
+    """
+
+    def __init__(self, limits: TwistLimits, period_s: float) -> None:
+        self._period_s = period_s
+        self._limits = limits
+        self._ruckig, self._input, self._plan = Ruckig(6), InputParameter(6), Trajectory(6)
+        self._input.control_interface = ControlInterface.Velocity
+        self._input.synchronization = Synchronization.Phase
+        self._seconds = 0.0
+        self._set(np.zeros(6), np.zeros(6))
+
+    @property
+    def at_rest(self) -> bool:
+        """The twist is 0 and stays so."""
+        return not (self.twist.any() or self._target.any())
+
+    @property
+    def target(self) -> FloatArray:
+        """Twist that it leads to."""
+        return self._target
+
+    def go(self, target: FloatArray, strongest: float = math.inf) -> None:
+        """Change to ``target`` from the next period on.
+
+        Args:
+            target: (6,).
+            strongest: highest share of the whole change in a second, 1/s.
+        """
+        if not np.array_equal(target, self._target):
+            self._target = np.array(target, np.float64)
+            self._calculate(strongest)
+
+    def turn(self, twist: FloatArray, acceleration: FloatArray) -> None:
+        """Go on with ``twist`` and ``acceleration`` instead of the last ones."""
+        self._set(twist, acceleration)
+
+    def advance(self) -> FloatArray:
+        """Return the twist at the end of the next period."""
+        if self._seconds <= self._plan.duration:
+            self._seconds += self._period_s
+            _, velocity, acceleration = self._plan.at_time(self._seconds)
+            self.twist, self.acceleration = np.array(velocity), np.array(acceleration)
+            if self._seconds >= self._plan.duration:
+                self.twist, self.acceleration = self._target.copy(), np.zeros(6)
+        return self.twist
+
+    def _set(self, twist: FloatArray, acceleration: FloatArray) -> None:
+        self.twist, self.acceleration = twist.copy(), acceleration.copy()
+        self._target = twist.copy()
+        self._calculate(math.inf)
+
+    def _calculate(self, strongest: float) -> None:
+        limits, change = self._limits, self._target - self.twist
+        linear, angular = np.linalg.norm(change[:3]), np.linalg.norm(change[3:])
+        share = min(
+            limits.linear_m_s2 / max(float(linear), 1e-9),
+            limits.angular_rad_s2 / max(float(angular), 1e-9),
+            strongest,
+        )
+        highest = np.maximum(share * np.abs(change), np.abs(self.acceleration)) + LEAST
+        self._seconds = 0.0
+        self._input.max_acceleration = highest.tolist()
+        self._input.max_jerk = (highest / limits.rise_s).tolist()
+        self._input.current_velocity = self.twist.tolist()
+        self._input.current_acceleration = self.acceleration.tolist()
+        self._input.target_velocity = self._target.tolist()
+        self._ruckig.calculate(self._input, self._plan)
+
+
+class FactorRamp:
+    """Factor that follows a moving limit with limited first and second derivatives.
+
+    The deviation from the limit goes to 0 in minimal time; from then on the factor is the limit.
+    One thread.
+
+    Args:
+        period_s: time between two calls of ``advance``.
+
+    Attributes:
+        factor, rate: at the end of the last period; 1/s.
+    """
+
+    def __init__(self, period_s: float) -> None:
+        self.factor, self.rate = 1.0, 0.0
+        self._limit, self._period_s = 1.0, period_s
+        self._ruckig, self._input, self._plan = Ruckig(1), InputParameter(1), Trajectory(1)
+        self._input.target_position = self._input.target_velocity = [0.0]
+
+    def set(self, factor: float) -> None:
+        """Begin anew at ``factor``, which is its own limit."""
+        self.factor = self._limit = factor
+        self.rate = 0.0
+
+    def advance(self, limit: float, lowest: float, highest: float, strongest: float) -> float:
+        """Return the factor at the end of the next period.
+
+        Args:
+            limit: highest factor, at the end of that period.
+            lowest, highest: range of its rate, 1/s; around 0.
+            strongest: highest change of the rate, 1/s².
+        """
+        slope = (limit - self._limit) / self._period_s
+        slope = min(max(slope, 0.9 * lowest), 0.9 * highest)
+        before = limit - slope * self._period_s
+        self._limit = limit
+        parameters = self._input
+        parameters.current_position = [self.factor - before]
+        parameters.current_velocity = [self.rate - slope]
+        parameters.min_velocity, parameters.max_velocity = [lowest - slope], [highest - slope]
+        parameters.max_acceleration = [strongest]
+        self._ruckig.calculate(parameters, self._plan)
+        (deviation,), (rate,), _ = self._plan.at_time(self._period_s)
+        self.factor, self.rate = limit + deviation, slope + rate
+        return self.factor
