@@ -96,12 +96,12 @@ def test_a_jog_of_a_paused_or_stopped_robot_is_an_error(
 
 
 @contextmanager
-def keyboard_jog(domain: int) -> Iterator[tuple[subprocess.Popen[bytes], int]]:
+def keyboard_jog(domain: int, *arguments: str) -> Iterator[tuple[subprocess.Popen[bytes], int]]:
     """``robotd jog --keys`` and the other end of its terminal."""
     master, slave = pty.openpty()
     environment = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
     process = subprocess.Popen(
-        [sys.executable, "-m", "robotd", "jog", "--keys", "--timeout", str(WAIT_S)],
+        [sys.executable, "-m", "robotd", "jog", "--keys", "--timeout", str(WAIT_S), *arguments],
         stdin=slave,
         stdout=slave,
         stderr=slave,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Iterator
 from typing import Any
@@ -14,6 +15,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Int8, String
 from std_srvs.srv import Trigger
 from tests.ros.robot_process import LATCHED, Client, RobotProcess, connected, wait_until
+from tests.ros.test_operator_tools import RIGHT, has_ended, hold, keyboard_jog, screen_until
 from tests.ros.test_trajectory import goal
 
 from robotd.api import FloatArray, load_robot_descriptor
@@ -172,3 +174,21 @@ def test_after_a_stop_nothing_moves_until_the_source_was_silent(hand: Hand) -> N
     wait_until(lambda: "kept commanding" not in hand.problems[-1].data, "no problem")
     hand.command = twist(0.0, 0.0, -0.05)
     wait_until(lambda: hand.pose[2, 3] - rest[2, 3] < -0.005, "motion anew")
+
+
+def test_the_tool_moves_along_its_axis_while_a_key_is_held(
+    served: tuple[RobotProcess, Hand], hand: Hand
+) -> None:
+    process, _ = served
+    before = hand.pose
+    axis = before[:3, 2]
+    with keyboard_jog(process.domain, "--tool", "tool") as (jog, master):
+        screen_until(master, b"hold to move")
+        os.write(master, b"3")
+        hold(master, RIGHT, lambda: (hand.pose - before)[:3, 3] @ axis > 0.02)
+        hand.wait_at_rest()
+        way = (hand.pose - before)[:3, 3]
+        assert np.linalg.norm(way - (way @ axis) * axis) < 1e-4
+        os.write(master, b"q")
+        wait_until(lambda: has_ended(jog, master), "it ends")
+        assert jog.returncode == 0

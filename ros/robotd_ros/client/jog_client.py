@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from wmx_ros2_message.msg import AxisState, AxisVelocity
@@ -45,20 +46,26 @@ class JogClient:
 
     Attributes:
         identities: of the axes, by index.
+        choices: names of what ``jog`` moves, by index.
+        topic, message_type: of the commands.
     """
+
+    topic: ClassVar[str] = JOG
+    message_type: ClassVar[Any] = AxisVelocity
 
     def __init__(self, client: RosClient, stack: ExitStack) -> None:
         self._client = client
         self._jogged: set[int] = set()
         self._rejection = ""
         self.identities = read_axes(client)
-        self._publisher = client.node.create_publisher(AxisVelocity, JOG, 1)
+        self.choices: Sequence[str] = [each.name for each in self.identities]
+        self._publisher = client.node.create_publisher(self.message_type, self.topic, 1)
         self._axes = stack.enter_context(client.listen(AxisState, AXIS_STATE))
         self._problems = ProblemListener(client, stack)
         client.node.create_subscription(DiagnosticStatus, REJECTIONS, self._note_rejection, 10)
         self._axes.wait()
         self._problems.wait()
-        client.wait(self._publisher.get_subscription_count, f"subscription of {JOG}")
+        client.wait(self._publisher.get_subscription_count, f"subscription of {self.topic}")
 
     def jog(self, axis: int, velocity: float, fastest: float) -> None:
         """Move ``axis``; the robot stops it 0.2 s after the last call.
@@ -94,7 +101,7 @@ class JogClient:
         self._client.wait(at_rest, "standstill")
 
     def _note_rejection(self, rejection: DiagnosticStatus) -> None:
-        if rejection.name == JOG:
+        if rejection.name == self.topic:
             self._rejection = escaped(rejection.message)
 
 

@@ -39,6 +39,11 @@ def finite(ctx: click.Context, param: click.Parameter, value: float | None) -> f
     "increment", metavar="±INCREMENT", type=NumberRange(), callback=finite, required=False
 )
 @click.option("--keys", is_flag=True, help="Hold an arrow key to move, release it to stop.")
+@click.option(
+    "--tool",
+    type=click.Choice(["base", "tool"]),
+    help="With --keys: move the tool, along the axes of the base or of the tool.",
+)
 @click.option("--deg", is_flag=True, help="Increment and speed of turning joints are in degrees.")
 @click.option(
     "--speed",
@@ -55,23 +60,27 @@ def jog(ctx: click.Context, /, *, keys: bool, **options: Any) -> ExitCode:
     For example: robotd jog joint2 +0.01. The other joints stay where they are. Ctrl-C, or the
     loss of the terminal, stops.
 
-    robotd jog --keys moves an axis while an arrow key is held, at --speed.
+    robotd jog --keys moves an axis while an arrow key is held, at --speed; with --tool base the
+    tool, for which the robot needs the node servo_node.
     """
+    tool = options.pop("tool")
     if keys:
-        return _jog_by_keys(**options)
+        return _jog_by_keys(tool, **options)
+    if tool is not None:
+        raise click.UsageError("--tool needs --keys")
     for parameter in ctx.command.params[:2]:
         if options[str(parameter.name)] is None:
             raise click.MissingParameter(ctx=ctx, param=parameter)
     return _jog(**options)
 
 
-def _jog_by_keys(**options: Any) -> ExitCode:
+def _jog_by_keys(tool: str | None, **options: Any) -> ExitCode:
     from robotd_ros.commands.keyboard_jog import jog_by_keys
 
     others = [name for name in ("joint", "increment", "action") if options[name] is not None]
     if others:
         raise click.UsageError(f"--keys excludes {', '.join(others)}")
-    return jog_by_keys(options["timeout_s"], _speed(options["speed"], options["deg"]))
+    return jog_by_keys(options["timeout_s"], _speed(options["speed"], options["deg"]), tool)
 
 
 def _speed(speed: float | None, deg: bool) -> float:

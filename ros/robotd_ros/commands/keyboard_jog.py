@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 import time
-from contextlib import suppress
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, suppress
 from typing import TYPE_CHECKING
 
 import click
@@ -22,14 +23,17 @@ from robotd_ros.commands.robot_client import print_addressed_robots, robot_clien
 
 if TYPE_CHECKING:  # it needs rclpy
     from robotd_ros.client.jog_client import JogClient, JogState
+    from robotd_ros.client.ros_client import RosClient
 
 SEND_S = 0.02
 SHOW_S = 0.1
-HELP = "←/→ hold to move   1-9 joint   +/- speed   q end   any other key stops"
+HELP = "←/→ hold to move   1-9 {what}   +/- speed   q end   any other key stops"
 
 
-def jog_by_keys(timeout_s: float, speed: float) -> ExitCode:
+def jog_by_keys(timeout_s: float, speed: float, tool: str | None = None) -> ExitCode:
     """Jog until a key, a signal or the loss of the terminal.
+
+    ``tool``: jog the tool, in the axes of "base" or "tool"; None: the axes of the robot.
 
     Everything is at rest then. Raises Rejected with the robot's reason where motion is not allowed.
     """
@@ -39,11 +43,12 @@ def jog_by_keys(timeout_s: float, speed: float) -> ExitCode:
         import_ros("robotd_ros.client.problem_client").require_ready(client)
         print_addressed_robots(client)
         with (
-            import_ros("robotd_ros.client.jog_client").jog_client(client) as jog,
+            _client(client, tool) as jog,
             Interrupt() as interrupt,
             KeyInput(sys.stdin.fileno()) as key_input,
         ):
-            keys = JogKeys(len(jog.identities), speed)
+            keys = JogKeys(len(jog.choices), speed)
+            directions = () if tool is None else jog.choices
             try:
                 with suppress(OSError), Live(auto_refresh=False) as live:  # of a lost terminal
                     sender, shown_s = _Sender(jog, keys), 0.0
@@ -54,13 +59,26 @@ def jog_by_keys(timeout_s: float, speed: float) -> ExitCode:
                         sender.send(now_s)
                         if now_s - shown_s >= SHOW_S:
                             shown_s = now_s
-                            live.update(jog_view(jog.state(), keys), refresh=True)
+                            live.update(jog_view(jog.state(), keys, directions), refresh=True)
             finally:
                 jog.jog(keys.joint, 0.0, keys.speed)
                 jog.wait_at_rest()
     with suppress(OSError):
         click.echo("at rest")
     return ExitCode.OK if keys.ended else ExitCode.INTERRUPTED
+
+
+def _client(client: RosClient, tool: str | None) -> AbstractContextManager[JogClient]:
+    """Return the client of the axes, or of the tool."""
+    if tool is None:
+        axes: AbstractContextManager[JogClient] = import_ros(
+            "robotd_ros.client.jog_client"
+        ).jog_client(client)
+        return axes
+    tools: AbstractContextManager[JogClient] = import_ros(
+        "robotd_ros.client.tool_jog_client"
+    ).tool_jog_client(client, in_tool=tool == "tool")
+    return tools
 
 
 class _Sender:
@@ -81,13 +99,14 @@ class _Sender:
             self._joint, self._velocity, self._sent_s = joint, velocity, now_s
 
 
-def jog_view(state: JogState, keys: JogKeys) -> Group:
-    """Return the view of one state."""
+def jog_view(state: JogState, keys: JogKeys, directions: Sequence[str] = ()) -> Group:
+    """Return the view of one state; ``directions`` of the tool that keys choose, if any."""
+    help_text = HELP.format(what="direction" if directions else "joint")
     table = Table("", "joint", "servo", box=None, header_style="dim")
     table.add_column("position", justify="right")
     table.add_column("velocity", justify="right")
     for axis in state.axes or ():
-        chosen = axis.axis == keys.joint
+        chosen = not directions and axis.axis == keys.joint
         servo = "ALARM" if axis.alarm else "on" if axis.servo_on else "off"
         table.add_row(
             str(axis.axis + 1),
@@ -99,6 +118,10 @@ def jog_view(state: JogState, keys: JogKeys) -> Group:
         )
     return Group(
         table,
+        *(
+            Text(f"{index + 1} {name}", style="reverse" if index == keys.joint else "")
+            for index, name in enumerate(directions)
+        ),
         Text(f"speed {keys.speed:g} rad/s or m/s", style="bold"),
-        Text(state.hindrance, style="bold yellow") if state.hindrance else Text(HELP, style="dim"),
+        Text(state.hindrance or help_text, style="bold yellow" if state.hindrance else "dim"),
     )
