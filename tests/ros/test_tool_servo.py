@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from control_msgs.action import FollowJointTrajectory
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int8, String
@@ -19,6 +20,7 @@ from tests.ros.test_operator_tools import RIGHT, has_ended, hold, keyboard_jog, 
 from tests.ros.test_trajectory import goal
 
 from robotd.api import FloatArray, load_robot_descriptor
+from robotd_ros.problem_messages import read_problems
 from robotd_tool_space import Kinematics
 
 pytestmark = pytest.mark.ros
@@ -40,7 +42,7 @@ class Hand:
         self.states = client.listen(JointState, "/joint_states")
         self.codes = client.listen(Int8, "/servo_node/status")
         self.reasons = client.listen(String, "/servo_node/status_message")
-        self.problems = client.listen(String, "/robotd/problems", LATCHED)
+        self.problems = client.listen(DiagnosticArray, "/robotd/problems", LATCHED)
         self._arm = Kinematics.of_descriptor(ARM, next(iter(ARM.joint_groups)))
         self._publishers = {
             TwistStamped: client.publisher(TwistStamped, "/servo_node/delta_twist_cmds"),
@@ -57,6 +59,12 @@ class Hand:
     @property
     def pose(self) -> FloatArray:
         return self._arm.forward(np.array(self.states[-1].position[:6]))
+
+    @property
+    def waiting(self) -> bool:
+        """The twists came on while motion was rejected."""
+        found = read_problems(self.problems[-1])
+        return any("servo_node/delta_twist_cmds kept" in each.text for each in found)
 
     def wait_at_rest(self) -> None:
         wait_until(
@@ -165,13 +173,13 @@ def test_after_a_stop_nothing_moves_until_the_source_was_silent(hand: Hand) -> N
     assert hand.client.call(Trigger, "/robotd/stop").success
     hand.wait_at_rest()
     assert hand.client.call(Trigger, "/robotd/reset").success
-    wait_until(lambda: "servo_node/delta_twist_cmds kept" in hand.problems[-1].data, "the problem")
+    wait_until(lambda: hand.waiting, "the problem")
     rest = hand.pose
     seen = len(hand.states)
     wait_until(lambda: len(hand.states) > seen + 50, "joint states")
     assert np.abs(hand.pose - rest).max() < 1e-6
     hand.command = None
-    wait_until(lambda: "kept commanding" not in hand.problems[-1].data, "no problem")
+    wait_until(lambda: not hand.waiting, "no problem")
     hand.command = twist(0.0, 0.0, -0.05)
     wait_until(lambda: hand.pose[2, 3] - rest[2, 3] < -0.005, "motion anew")
 
