@@ -84,5 +84,5 @@ class Differential:
         if not kept.all():
             wanted = into @ twist
             lost = wanted - left[:, :rank] @ np.where(kept, across @ twist, 0.0)
-            missing = float(np.linalg.norm(lost) / max(np.linalg.norm(wanted), 1e-12))
+            missing = float(np.linalg.norm(lost)) / max(float(np.linalg.norm(wanted)), 1e-12)
         return Rates(matrix @ twist, matrix, float(sizes[rank - 1]), missing)

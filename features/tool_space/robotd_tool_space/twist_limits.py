@@ -36,7 +36,7 @@ class TwistLimits:
 
     def slowed(self, twist: FloatArray) -> FloatArray:
         """Return ``twist`` (6,), m/s and rad/s, with its direction and within the speeds."""
-        linear, angular = np.linalg.norm(twist[:3]), np.linalg.norm(twist[3:])
+        linear, angular = float(np.linalg.norm(twist[:3])), float(np.linalg.norm(twist[3:]))
         excess = max(linear / self.linear_m_s, angular / self.angular_rad_s, 1.0)
         slowed: FloatArray = twist / excess
         return slowed
@@ -63,6 +63,7 @@ class TwistRamp:
         self._input.control_interface = ControlInterface.Velocity
         self._input.synchronization = Synchronization.Phase
         self._seconds = 0.0
+        self._target: FloatArray = np.zeros(6)
         self._set(np.zeros(6), np.zeros(6))
 
     @property
