@@ -150,7 +150,7 @@ class StreamSetpoints:
             self._spline.add(command.position, command.time_ns)
 
     def stop(self) -> None:
-        """Slow to rest, and forget the last command: as its reference does, or in minimal time."""
+        """Slow to rest in minimal time, or as a reference does; forget the last command."""
         self._command = self._spline = self._window = None
         if self._reference is None:
             self._limiter.stop()
