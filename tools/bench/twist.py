@@ -1,4 +1,4 @@
-"""``python -m tools.bench.twist``: lag, path error and cost of a streamed tool motion, at 500 Hz.
+"""``python -m tools.bench.twist``: lag, path error and cost of tool streams at 500 Hz.
 
 The stage and the setpoint limiter behind it run as in the control loop, without the loop.
 """

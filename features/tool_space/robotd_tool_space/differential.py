@@ -47,7 +47,7 @@ class Differential:
         self._rank = min(chosen, len(self._chain.names))
 
     def at(self, positions: FloatArray, twist: FloatArray) -> tuple[FloatArray, list[Rates]]:
-        """Return the poses (p, 4, 4) and the rates at positions (p, n) for one twist.
+        """Return poses (p, 4, 4) and rates at positions (p, n) for one twist.
 
         Args:
             positions: of the joints.

@@ -110,7 +110,7 @@ class _GroupServo:
         return PoseCommand(pose)
 
     def _is_tool(self, frame: str) -> bool:
-        """Return True for the frame of the tool, False for that of the base; "" is the base."""
+        """Return True for the frame of the tool; "" is the base."""
         if frame and frame not in self._frames:
             raise InvalidArgument(unknown_name("frame_id", frame, self._frames))
         return frame == self._frames[1]

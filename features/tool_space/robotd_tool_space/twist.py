@@ -1,4 +1,4 @@
-"""Tool velocity as a stream: keeps the direction, and slows down where the joints cannot follow.
+"""Tool velocity as a stream: the direction is kept, the speed as far as joints follow.
 
 Each period has one factor s, 0 to 1, of the commanded twist V, the largest for which, with the
 joint velocities b = J⁺V,
@@ -59,7 +59,7 @@ class TwistCommand:
 
 @dataclass(frozen=True, eq=False)
 class PoseCommand:
-    """Pose to go to, on a straight line as far as no later command changes it.
+    """Pose to go to, on a straight line until the next command.
 
     Attributes:
         pose: (4, 4) of the tool in the base.
@@ -285,7 +285,7 @@ def _moved(pose: FloatArray, way: FloatArray) -> FloatArray:
 
 
 def _braking_speed(way: FloatArray, strong: FloatArray, seconds: float) -> FloatArray:
-    """Return the speeds that end on ``way``: √(2·a·way) far from it, way / seconds near it.
+    """Return the speeds that end on ``way``: √(2·a·way), and way / seconds near it.
 
     The deceleration is at most ``strong`` and fades before the end, so that its jerk is limited.
     """
