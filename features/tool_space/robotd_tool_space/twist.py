@@ -1,4 +1,4 @@
-"""Tool velocity as a stream: the direction is kept, the speed as far as joints follow.
+"""Tool velocity as a stream that keeps its direction and the limits of the joints.
 
 Each period has one factor s, 0 to 1, of the commanded twist V, the largest for which, with the
 joint velocities b = J⁺V,
