@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 OPERATOR_NODE = "robotd"  # made beside the others of every robot
 WORLD_NODE = "robotd_world"  # made for a robot whose backend has a world
 IDENTITY = f"{OPERATOR_NODE}/robot"  # std_msgs/String: which robot answers, as JSON
+SUMMARY = f"{OPERATOR_NODE}/summary"  # std_msgs/String: identity and state, as JSON
 
 
 def make_node(name: str, info: NodeInfo, robot: Robot, host: RosHost) -> Any:  # an rclpy.node.Node

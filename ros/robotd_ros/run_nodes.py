@@ -19,6 +19,7 @@ from robotd_ros.middleware import check_overrides
 from robotd_ros.node_registry import OPERATOR_NODE, WORLD_NODE, make_node
 from robotd_ros.nodes.operator_node import OperatorNode
 from robotd_ros.nodes.rosout_topic import RosoutTopic
+from robotd_ros.nodes.summary_topic import SummaryTopic
 from robotd_ros.nodes.world_node import WorldNode
 from robotd_ros.plugin import BUILT_IN, built_in_nodes
 from robotd_ros.senders import Senders
@@ -84,6 +85,7 @@ def run_nodes(
         for node in nodes:
             host.add_node(node)
         stack.enter_context(RosoutTopic(operator))
+        stack.enter_context(SummaryTopic(operator, robot, [*parts]))
         stack.enter_context(Diagnostics(nodes, robot, operator))
         yield nodes
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import socket
 from importlib.metadata import version
 from typing import Any
@@ -21,5 +22,6 @@ def identity(robot: Robot, namespace: str) -> dict[str, Any]:
         "version": version("robotd"),
         "namespace": namespace,
         "computer": socket.gethostname(),
+        "pid": os.getpid(),
         "simulated": Capability.SIMULATED in robot.capabilities,
     }

@@ -23,33 +23,28 @@ LEVELS = {"on": True, "off": False}
 Levels = dict[str, bool | None]
 
 
-def stop(client: RosClient) -> str:
-    """Stop all motion; return the answer of the robot, which is at rest then.
+def reset(client: RosClient) -> str:
+    """Allow motion again; return the answer of the robot.
 
     Raises:
-        DeviceTimeout: no robot answers in time; it may still be coming to rest.
-        OperationError: axes still move.
+        DeviceTimeout: no robot answers in time.
+        OperationError: the stop input forbids motion, or axes still move.
     """
-    return str(client.call(Trigger, f"{OPERATOR_NODE}/stop").message)
-
-
-def reset(client: RosClient) -> str:
-    """Allow motion again; return the answer of the robot. Raises as ``stop`` does."""
     return str(client.call(Trigger, f"{OPERATOR_NODE}/reset").message)
 
 
 def set_speed(client: RosClient, speed: float) -> str:
-    """Set the speed, 0 to 1; return it in words. Raises as ``stop`` does."""
+    """Set the speed, 0 to 1; return it in words. Raises as ``reset`` does."""
     return client.call_named(f"{OPERATOR_NODE}/set_speed", {"speed": speed})
 
 
 def pause(client: RosClient) -> str:
-    """Bring motion to rest on its path. Raises as ``stop`` does."""
+    """Bring motion to rest on its path. Raises as ``reset`` does."""
     return str(client.call(Trigger, f"{OPERATOR_NODE}/pause").message)
 
 
 def resume(client: RosClient) -> str:
-    """Continue motion. Raises as ``stop`` does."""
+    """Continue motion. Raises as ``reset`` does."""
     return str(client.call(Trigger, f"{OPERATOR_NODE}/resume").message)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from dataclasses import dataclass
 from functools import partial
 
@@ -71,34 +70,6 @@ def addressed_robots(client: RosClient) -> tuple[RobotIdentity, ...]:
     finally:
         node.destroy_subscription(made)
     return tuple(map(read_identity, found))
-
-
-def find_robots(client: RosClient, settle_s: float = 0.0) -> tuple[RobotIdentity, ...]:
-    """Return all robots of the ROS domain that tell their identity, by namespace and name.
-
-    Args:
-        client: its own namespace does not matter.
-        settle_s: time for the discovery of what runs, where the client is new.
-    """
-    node, found = client.node, dict[str, list[str]]()
-    subscriptions = {}
-    until_s = time.monotonic() + settle_s + ANSWER_S
-    while time.monotonic() < until_s:
-        for topic, _ in node.get_topic_names_and_types():
-            if topic.endswith(f"/{IDENTITY}") and topic not in subscriptions:
-                found[topic] = []
-                keep = partial(_keep, found[topic])
-                subscriptions[topic] = node.create_subscription(String, topic, keep, LATCHED)
-        client.spin()
-        discovered = time.monotonic() > until_s - ANSWER_S
-        if discovered and all(
-            len(found[topic]) >= max(1, node.count_publishers(topic)) for topic in subscriptions
-        ):
-            break
-    for each in subscriptions.values():
-        node.destroy_subscription(each)
-    robots = {read_identity(text) for texts in found.values() for text in texts}
-    return tuple(sorted(robots, key=lambda robot: (robot.namespace, robot.robot)))
 
 
 def _keep(found: list[str], message: String) -> None:

@@ -103,7 +103,7 @@ class RosClient:
         deadline = time.monotonic() + timeout_s
         while not (answer := condition()):
             if time.monotonic() > deadline:
-                raise DeviceTimeout(f"no {what} within {timeout_s:g} s: {hint or self._hint()}")
+                raise DeviceTimeout(f"no {what} within {timeout_s:g} s: {hint or self.hint()}")
             self.spin()
         return answer
 
@@ -156,7 +156,7 @@ class RosClient:
         """Subscribe ``topic`` until the listener is closed."""
         return Listener(self, message_type, topic, qos)
 
-    def _hint(self) -> str:
+    def hint(self) -> str:
         """Return what to check after a time-out."""
         if self.node.count_services(f"{OPERATOR_NODE}/stop"):
             return "robotd is running, but without it or too busy to answer"

@@ -48,17 +48,6 @@ def servo(client: RosClient, command: str, axes: Sequence[str]) -> object:
     return import_ros("robotd_ros.client.status_client").set_servos(client, axes, command == "on")
 
 
-@click.command("stop", epilog=ROS_EPILOG)
-@asks_robot
-def stop(client: RosClient) -> object:
-    """Stop all motion of the running robot, until a reset.
-
-    Goals, moves, jogs, homing and the base come to rest by their own ramps, goals on their path.
-    Motion is rejected until 'robotd reset'. No safety function.
-    """
-    return import_ros("robotd_ros.client.operator_client").stop(client)
-
-
 @click.command("reset", epilog=ROS_EPILOG)
 @asks_robot
 def reset(client: RosClient) -> object:

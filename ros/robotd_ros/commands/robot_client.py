@@ -61,13 +61,13 @@ def robot_client(timeout_s: float, *, searches: bool = False) -> Iterator[RosCli
 
 def _running_robots(client: RosClient) -> str:
     """Return which robots run, and how to choose one; "" where none does."""
-    robots = import_ros("robotd_ros.client.robot_identity").find_robots(client)
     own = client.node.get_namespace()
     lines = [
         f"{robot.text} runs here, and does not offer this"
         if robot.namespace == own
         else f"{robot.text} runs: add --ros-args -r __ns:={robot.namespace}"
-        for robot in robots
+        for found in import_ros("robotd_ros.client.fleet").find_robots(client)
+        for robot in [found.identity]
     ]
     return "".join(f"\n  {line}" for line in lines)
 

@@ -1,0 +1,145 @@
+"""Robots of the ROS domain: identity and state of each, as they announce them."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+from std_msgs.msg import String
+
+from robotd_ros.client.robot_identity import RobotIdentity, read_identity
+from robotd_ros.client.ros_client import RosClient, escape_texts
+from robotd_ros.node_registry import SUMMARY
+from robotd_ros.qos import LATCHED
+
+SEARCH_PERIOD_S = 0.2
+SILENCE_S = 3.5  # a robot announces itself every second
+SILENT = "no answer"
+
+
+@dataclass(frozen=True)
+class FleetRobot:
+    """One robot of a list.
+
+    Attributes:
+        identity: which robot it is.
+        pid: of its process, on its computer.
+        state: "ready", what it is instead, or "no answer" after ``SILENCE_S`` without a message.
+        problems: texts, the root cause first.
+        owners: clients that move axes.
+        uptime_s: since its nodes were made.
+    """
+
+    identity: RobotIdentity
+    pid: int
+    state: str
+    problems: tuple[str, ...]
+    owners: tuple[str, ...]
+    uptime_s: float
+
+    @property
+    def json(self) -> dict[str, Any]:
+        """Values of all attributes, those of the identity among them."""
+        own = {name: value for name, value in vars(self).items() if name != "identity"}
+        return {**vars(self.identity), **own}
+
+
+class Fleet:
+    """Subscriptions of all summaries. One thread, the client's.
+
+    Args:
+        client: started, with ``searches``; its own namespace does not matter.
+    """
+
+    def __init__(self, client: RosClient) -> None:
+        self._client = client
+        self._subscriptions: dict[str, Any] = {}  # by topic
+        self._robots: dict[tuple[str, str, int], tuple[str, FleetRobot, float]] = {}
+        self._search_s = 0.0
+
+    def update(self) -> None:
+        """Handle the next event, and look for robots that have come or gone."""
+        self._client.spin()
+        if time.monotonic() < self._search_s:
+            return
+        self._search_s = time.monotonic() + SEARCH_PERIOD_S
+        node = self._client.node
+        for topic, _ in node.get_topic_names_and_types():
+            if topic.endswith(f"/{SUMMARY}") and topic not in self._subscriptions:
+                keep = partial(self._keep, topic)
+                made = node.create_subscription(String, topic, keep, LATCHED)
+                self._subscriptions[topic] = made
+        for key, (topic, _, _) in list(self._robots.items()):
+            if not node.count_publishers(topic):
+                del self._robots[key]
+
+    @property
+    def is_complete(self) -> bool:
+        """Every robot that is discovered has announced itself."""
+        seen = [topic for topic, _, _ in self._robots.values()]
+        count = self._client.node.count_publishers
+        return all(seen.count(topic) >= count(topic) for topic in self._subscriptions)
+
+    @property
+    def robots(self) -> tuple[FleetRobot, ...]:
+        """Return those that are known, by namespace, name and process."""
+        now_s = time.monotonic()
+        found = [
+            robot if now_s - seen_s < SILENCE_S else replace(robot, state=SILENT)
+            for _, robot, seen_s in self._robots.values()
+        ]
+        return tuple(
+            sorted(found, key=lambda each: (each.identity.namespace, each.identity.robot, each.pid))
+        )
+
+    def close(self) -> None:
+        """End the subscriptions."""
+        for each in self._subscriptions.values():
+            self._client.node.destroy_subscription(each)
+
+    def _keep(self, topic: str, message: String) -> None:
+        escape_texts(message)
+        robot = read_summary(message.data)
+        if robot is not None:
+            key = (topic, robot.identity.computer, robot.pid)
+            self._robots[key] = (topic, robot, time.monotonic())
+
+
+def read_summary(text: str) -> FleetRobot | None:
+    """Return the robot of a message of ``SUMMARY``; None for what is not readable."""
+    try:
+        given = json.loads(text)
+        return FleetRobot(
+            read_identity(text),
+            int(given["pid"]),
+            str(given["state"]),
+            tuple(map(str, given["problems"])),
+            tuple(map(str, given["owners"])),
+            float(given["uptime_s"]),
+        )
+    except (ValueError, KeyError, TypeError, AttributeError):
+        return None
+
+
+def find_robots(client: RosClient, settle_s: float = 0.0) -> tuple[FleetRobot, ...]:
+    """Return all robots of the ROS domain, by namespace and name.
+
+    Args:
+        client: its own namespace does not matter.
+        settle_s: time for the discovery of what runs, where the client is new; its own time-out
+            where nothing is found by then.
+    """
+    fleet = Fleet(client)
+    began_s = time.monotonic()
+    settled_s = began_s + settle_s
+    try:
+        while (now_s := time.monotonic()) < max(settled_s, began_s + client.timeout_s):
+            fleet.update()
+            if now_s >= settled_s and fleet.is_complete and (fleet.robots or not settle_s):
+                break
+        return fleet.robots
+    finally:
+        fleet.close()

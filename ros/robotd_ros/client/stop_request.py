@@ -1,0 +1,97 @@
+"""Stop of a robot, by message and service, repeated until it is confirmed.
+
+On a link that loses datagrams either way may be discovered first: the message on the topic needs
+one endpoint, the service two in each direction. The message is repeated until the robot's latched
+reason shows that it has come, and the service until it answers, which is at standstill. Both may
+come twice: a stop of what is stopped has no effect.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from std_msgs.msg import Empty, String
+from std_srvs.srv import Trigger
+
+from robotd.errors import OperationError
+from robotd.log import escaped
+from robotd_ros.client.ros_client import RosClient
+from robotd_ros.node_registry import OPERATOR_NODE
+from robotd_ros.qos import LATCHED
+
+REPEAT_S = 0.1
+MESSAGE_AFTER_S = 0.3  # of a call: on a link without losses its answer comes before
+RETRY_S = 3.0  # of a call whose answer does not come; the robot may take as long to come to rest
+
+
+class StopRequest:
+    """Stop of the robots of one namespace. One thread, the client's.
+
+    Args:
+        client: started.
+        namespace: of the robots; "" for the client's own.
+
+    Attributes:
+        answer: of the service, which is given at standstill; "" before.
+        failure: of the service: axes still move; "" for none.
+    """
+
+    def __init__(self, client: RosClient, namespace: str = "") -> None:
+        prefix = f"{namespace.rstrip('/')}/" if namespace else ""
+        self.answer = self.failure = ""
+        self._client, node = client, client.node
+        self._publisher = node.create_publisher(Empty, f"{prefix}{OPERATOR_NODE}/stop", 1)
+        self._stopped = client.listen(String, f"{prefix}{OPERATOR_NODE}/stopped", LATCHED)
+        self._service = node.create_client(Trigger, f"{prefix}{OPERATOR_NODE}/stop")
+        self._call: Any = None
+        self._call_s = -RETRY_S
+        self._message_s = 0.0
+
+    def advance(self) -> None:
+        """Send what is due, and take the answer; after each event of the client."""
+        now_s = time.monotonic()
+        if self._call is not None and self._call.done():
+            response, self._call = self._call.result(), None
+            text = escaped(response.message)
+            self.answer, self.failure = (text, "") if response.success else ("", text)
+        elif self._service.service_is_ready() and now_s >= self._call_s + RETRY_S:
+            if self._call is not None:
+                self._service.remove_pending_request(self._call)
+            self._call_s = now_s
+            self._call = self._service.call_async(Trigger.Request())
+        is_called = self._service.service_is_ready() and now_s < self._call_s + MESSAGE_AFTER_S
+        if not self.is_engaged and not is_called and now_s >= self._message_s + REPEAT_S:
+            self._message_s = now_s
+            self._publisher.publish(Empty())
+
+    @property
+    def is_engaged(self) -> bool:
+        """A robot has latched a stop: it is at rest, or comes to rest."""
+        return self._stopped.newest is not None and bool(self._stopped.newest.data)
+
+    @property
+    def is_done(self) -> bool:
+        """The service has answered."""
+        return bool(self.answer or self.failure)
+
+    @property
+    def progress(self) -> str:
+        """State for people, while it is not done."""
+        if self.is_engaged:
+            return "stopped, standstill is not confirmed yet"
+        if self._publisher.get_subscription_count() or self._service.service_is_ready():
+            return "found, no confirmation yet"
+        return "no robot found yet"
+
+    def close(self) -> None:
+        """End what it has made at the client's node."""
+        self._stopped.__exit__()
+        self._client.node.destroy_publisher(self._publisher)
+        self._client.node.destroy_client(self._service)
+
+    def result(self) -> str:
+        """Return the answer. Raises OperationError with the robot's reason: axes still move."""
+        if self.failure:
+            raise OperationError(self.failure)
+        return self.answer

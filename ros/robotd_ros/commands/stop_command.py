@@ -1,0 +1,122 @@
+"""``robotd stop``: stop one robot, or all robots of the ROS domain."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+import click
+
+from robotd.cli.exit_codes import ExitCode
+from robotd.cli.layout import warn
+from robotd.cli.options import log_options
+from robotd.cli.preflight import import_ros
+from robotd.errors import DeviceTimeout, OperationError
+from robotd.number_argument import NumberRange
+from robotd_ros.commands.robot_client import ROS_EPILOG, print_addressed_robots, robot_client
+
+if TYPE_CHECKING:  # it needs rclpy
+    from robotd_ros.client.fleet import Fleet
+    from robotd_ros.client.ros_client import RosClient
+    from robotd_ros.client.stop_request import StopRequest
+
+FIRST_REPORT_S, REPORT_INTERVAL_S = 1.0, 2.0
+SETTLE_S = 2.0  # for the discovery of all robots, while those that are known are stopped
+
+
+@click.command("stop", epilog=ROS_EPILOG)
+@click.option("--all", "stops_all", is_flag=True, help="All robots of the ROS domain.")
+@click.option(
+    "--timeout",
+    "timeout_s",
+    metavar="SECONDS",
+    type=NumberRange(0.1, 3600),
+    default=30.0,
+    show_default=True,
+    help="How long to try.",
+)
+@log_options
+def stop(timeout_s: float, *, stops_all: bool) -> ExitCode:
+    """Stop all motion of the running robot, until a reset.
+
+    Goals, moves, jogs, homing and the base come to rest by their own ramps, goals on their path.
+    Motion is rejected until 'robotd reset'. The command tries until the robot confirms that it is
+    at rest, and says so while it tries. No safety function.
+    """
+    with robot_client(timeout_s, searches=stops_all) as client:
+        if stops_all:
+            return _stop_all(client)
+        request = import_ros("robotd_ros.client.stop_request").StopRequest(client)
+        progress = _Progress(timeout_s)
+        try:
+            while not request.is_done:
+                client.spin()
+                request.advance()
+                progress.report(request.progress)
+                if progress.is_over:
+                    raise DeviceTimeout(_unconfirmed(client, request, timeout_s))
+            click.echo(request.result())
+        finally:
+            request.close()
+        print_addressed_robots(client)
+    return ExitCode.OK
+
+
+def _stop_all(client: RosClient) -> ExitCode:
+    """Stop each robot as soon as it is found; name those that do not confirm."""
+    fleet: Fleet = import_ros("robotd_ros.client.fleet").Fleet(client)
+    make_request = import_ros("robotd_ros.client.stop_request").StopRequest
+    requests: dict[str, StopRequest] = {}
+    began_s, progress = time.monotonic(), _Progress(client.timeout_s)
+    while not progress.is_over:
+        fleet.update()
+        for robot in fleet.robots:
+            namespace = robot.identity.namespace
+            if namespace not in requests:
+                requests[namespace] = make_request(client, namespace)
+        for request in requests.values():
+            if not request.is_done:
+                request.advance()
+        waiting = [name for name, request in requests.items() if not request.is_done]
+        is_settled = time.monotonic() - began_s > SETTLE_S
+        if requests and not waiting and is_settled and fleet.is_complete:
+            break
+        names = ", ".join(waiting) or "no robot found yet"
+        if waiting or is_settled:
+            progress.report(names)
+    if not requests:
+        raise OperationError("no robot runs in this ROS domain: nothing was stopped")
+    for namespace, request in sorted(requests.items()):
+        text = request.answer or request.failure or f"NOT CONFIRMED: {request.progress}"
+        click.echo(f"{namespace}: {text}")
+        request.close()
+    fleet.close()
+    return ExitCode.OK if all(each.answer for each in requests.values()) else ExitCode.FAILED
+
+
+def _unconfirmed(client: RosClient, request: StopRequest, timeout_s: float) -> str:
+    text = f"the stop is not confirmed within {timeout_s:g} s: {request.progress}"
+    if request.is_engaged:
+        return f"{text}; robotd status shows the axes"
+    return f"{text}; {client.hint()}; use the emergency stop where motion is dangerous"
+
+
+class _Progress:
+    """Tells on standard error, every few seconds, that the command still tries."""
+
+    def __init__(self, timeout_s: float) -> None:
+        self._began_s = time.monotonic()
+        self._timeout_s = timeout_s
+        self._due_s = self._began_s + FIRST_REPORT_S
+
+    @property
+    def is_over(self) -> bool:
+        """The time is over."""
+        return time.monotonic() - self._began_s > self._timeout_s
+
+    def report(self, text: str) -> None:
+        """Print ``text`` where a line is due."""
+        now_s = time.monotonic()
+        if now_s >= self._due_s:
+            self._due_s = now_s + REPORT_INTERVAL_S
+            warn(f"still trying to stop after {now_s - self._began_s:.0f} s: {text}")

@@ -1,0 +1,88 @@
+"""Several robots of one domain: their list, and a stop of all."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from tests.ros.robot_process import RobotProcess, wait_until
+
+from robotd_testing.domain import own_domain
+
+pytestmark = pytest.mark.ros
+
+
+def run(domain: int, *words: str, check: bool = True) -> subprocess.CompletedProcess[str]:
+    variables = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    return subprocess.run(
+        [sys.executable, "-m", "robotd", *words],
+        env=os.environ | variables,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=check,
+    )
+
+
+def listed(domain: int) -> dict[str, dict[str, Any]]:
+    return {each["namespace"]: each for each in json.loads(run(domain, "list", "--json").stdout)}
+
+
+@pytest.fixture
+def robots() -> Iterator[tuple[RobotProcess, RobotProcess]]:
+    with (
+        own_domain() as domain,
+        RobotProcess("--ros-args", "-r", "__ns:=/left", domain=domain) as left,
+        RobotProcess(
+            *("--set", "engine.enable_at_start=false", "--ros-args", "-r", "__ns:=/right"),
+            domain=domain,
+        ) as right,
+    ):
+        left.wait_ready()
+        right.wait_ready()
+        yield left, right
+
+
+def test_all_robots_are_listed_with_their_state_and_stopped(
+    robots: tuple[RobotProcess, RobotProcess],
+) -> None:
+    left, right = robots
+    domain = left.domain
+    # A busy computer may discover one of them later than the list waits.
+    found: dict[str, dict[str, Any]] = {}
+    wait_until(lambda: found.update(listed(domain)) or len(found) == 2, "both robots")
+    assert {name: each["state"] for name, each in found.items()} == {
+        "/left": "ready",
+        "/right": "servo off",
+    }
+    assert found["/right"]["problems"][0].startswith("servo off: joint1")
+    assert found["/left"]["pid"] == left.process.pid
+    assert found["/left"]["simulated"] is True
+
+    stopped = run(domain, "stop", "--all").stdout
+    assert "/left: stopped, at rest" in stopped
+    assert "/right: stopped, at rest" in stopped
+    wait_until(lambda: listed(domain)["/left"]["state"] == "stopped", "the state is listed")
+
+    right.process.send_signal(signal.SIGSTOP)  # it announces nothing, as after a cut link
+    try:
+        wait_until(lambda: listed(domain)["/right"]["state"] == "no answer", "its silence")
+        failed = run(domain, "stop", "--all", "--timeout", "6", check=False)
+        assert failed.returncode == 1
+        assert "/right: NOT CONFIRMED" in failed.stdout
+        assert "still trying to stop" in failed.stderr
+    finally:
+        right.process.send_signal(signal.SIGCONT)
+
+
+def test_a_stop_of_nothing_says_so() -> None:
+    with own_domain() as domain:
+        failed = run(domain, "stop", "--all", "--timeout", "3", check=False)
+    assert failed.returncode == 1
+    assert "no robot runs in this ROS domain: nothing was stopped" in failed.stderr
