@@ -67,6 +67,13 @@ from robotd.plugin.hookspecs import (
     DeviceContext,
     hookimpl,
 )
+from robotd.plugin.machine_checks import (
+    Finding,
+    MachineContext,
+    diagnose,
+    doctors,
+    scan_network,
+)
 from robotd.plugin.parameter_reader import ParameterReader, no_parameters
 from robotd.plugin.registry import NodeRegistry, RobotRegistry
 from robotd.realtime import request_realtime
@@ -95,12 +102,14 @@ __all__ = [
     "DeviceTimeout",
     "FaultInjector",
     "FieldbusDriver",
+    "Finding",
     "FloatArray",
     "Frames",
     "IntegerRange",
     "InvalidArgument",
     "IoDriver",
     "LateSetpoint",
+    "MachineContext",
     "MonotonicClock",
     "NodeRegistry",
     "NotReady",
@@ -127,7 +136,9 @@ __all__ = [
     "World",
     "WorldCamera",
     "WorldObject",
+    "diagnose",
     "did_you_mean",
+    "doctors",
     "find_mesh",
     "get_logger",
     "held",
@@ -143,6 +154,7 @@ __all__ = [
     "read_urdf",
     "read_urdf_text",
     "request_realtime",
+    "scan_network",
     "ticks",
     "unknown_name",
     "validate_section",

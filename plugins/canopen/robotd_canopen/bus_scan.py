@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from robotd.api import RobotdError
+from robotd.api import InvalidArgument, RobotdError
 from robotd_canopen.bus import Bus
 from robotd_canopen.nmt import NmtState, heartbeat_state
 from robotd_canopen.object_dictionary import empty_dictionary
@@ -52,6 +52,27 @@ class FoundNode(drive_scan.FoundNode):
         velocity = next((key for key, mode in VELOCITY_MODES.items() if mode in axis.modes), None)
         keys = {"stream_mode": stream, "velocity_mode": velocity}
         return {key: value.value for key, value in keys.items() if value is not None}
+
+
+def scan(options: Mapping[str, str]) -> Mapping[str, Any]:
+    """Return what is on the bus of ``channel``, for ``robotd new-robot --bus``.
+
+    Args:
+        options: ``channel``, and as far as they differ from the command's: ``interface``,
+            ``bitrate`` in bit/s and ``timeout_s``.
+
+    Raises InvalidArgument: no channel, or no number. RobotdError: the bus does not open.
+    """
+    interface, channel = options.get("interface", "socketcan"), options.get("channel", "")
+    if not channel:
+        raise InvalidArgument("name the channel of the CAN bus, for example channel=can0")
+    try:
+        bitrate = int(options.get("bitrate", "1000000"))
+        timeout_s = float(options.get("timeout_s", "0.5"))
+    except ValueError as error:
+        raise InvalidArgument(f"bitrate or timeout_s: {error}") from error
+    found = scan_bus(interface, channel, bitrate, timeout_s)
+    return scan_sections(found, interface, channel, bitrate)
 
 
 def scan_bus(interface: str, channel: str, bitrate: int, timeout_s: float = 0.5) -> list[FoundNode]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
-from robotd.api import MonotonicClock, OperationError, RobotdError, wait_until
+from robotd.api import InvalidArgument, MonotonicClock, OperationError, RobotdError, wait_until
 from robotd_cia402 import drive_scan
 from robotd_cia402.drive_scan import DRIVE, FoundAxis, FoundNode, read_axes, read_or_zero
 from robotd_cia402.modes import OperationMode
@@ -96,6 +96,22 @@ class FoundSlave(FoundNode):
         own = pdo_keys(self.esi, pv="velocity_mode" in section).get(axis.offset, {})
         remark = own.pop("remark", "")
         return with_remark(section | own, remark) if remark else section | own
+
+
+def scan(options: Mapping[str, str]) -> Mapping[str, Any]:
+    """Return what is on the bus of ``interface``, for ``robotd new-robot --bus``.
+
+    Args:
+        options: ``interface``, and ``esi`` for a folder or file of descriptions.
+
+    Raises InvalidArgument: no interface. RobotdError: the bus does not open.
+    """
+    interface, esi = options.get("interface", ""), options.get("esi")
+    if not interface:
+        raise InvalidArgument("name the network interface, for example interface=eth1")
+    with open_bus(interface) as bus:
+        found = scan_bus(bus)
+    return scan_sections(found, interface, read_library(Path(esi), found) if esi else None)
 
 
 @contextmanager

@@ -10,13 +10,11 @@ from typing import Any
 
 import click
 
-from robotd.api import IntegerRange, ObjectNumber
+from robotd.api import IntegerRange, MachineContext, ObjectNumber, diagnose
 from robotd_cia402.object_commands import Objects, object_commands
 from robotd_ethercat.simulate_command import simulate
 
 # No more is imported at module level: other commands must not load pysoem.
-
-_MARKS = {"ok": "ok     ", "warning": "warning", "failed": "FAILED "}
 
 
 def _bus_option(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -140,28 +138,11 @@ def doctor(ctx: click.Context, interface: str | None, *, slaves: bool) -> None:
     """
     if slaves and interface is None:
         raise click.UsageError("--slaves needs --interface")
-    from robotd_ethercat.machine_check import Finding, check_machine
-
+    options = {"interface": interface} if interface is not None else {}
     failed = False
-
-    def show(finding: Finding) -> None:
-        nonlocal failed
+    for finding in diagnose("ethercat", MachineContext(asks_devices=slaves, options=options)):
         failed |= finding.verdict == "failed"
-        advice = f": {finding.advice}" if finding.advice else ""
-        click.echo(f"{_MARKS[finding.verdict]}  {finding.what}{advice}")
-
-    for finding in check_machine(interface):
-        show(finding)
-    if slaves and interface is not None and not failed:
-        from robotd_ethercat.bus_scan import open_bus, scan_bus
-
-        with open_bus(interface) as bus:
-            found = scan_bus(bus)
-        for slave in found:
-            healthy = slave.state == "PreOp"
-            show(Finding("ok" if healthy else "failed", str(slave)))
-        if not found:
-            show(Finding("failed", "no slave answers", "check power and the cable to its IN port"))
+        click.echo(finding.text)
     ctx.exit(1 if failed else 0)
 
 

@@ -11,8 +11,8 @@ import socket
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
+from robotd.api import Finding, MachineContext, RobotdError, RobotDescriptor, validate_section
 from robotd_ethercat.network_interface import may_open_raw_sockets
 from robotd_ethercat.soem import INSTALL
 
@@ -23,12 +23,41 @@ _COALESCING = re.compile(r"^(rx|tx)-usecs:\s*(\d+)", re.MULTILINE)
 _TOOL_S = 5.0
 
 
-class Finding(NamedTuple):
-    """One line of the report. ``verdict``: ok, warning or failed."""
+def checks(context: MachineContext) -> Iterator[Finding]:
+    """Yield the findings for the interface of the options, or those of the robots.
 
-    verdict: str
-    what: str
-    advice: str = ""
+    With ``asks_devices`` the slaves go to PreOp, where nothing else has failed.
+    """
+    named = context.options.get("interface")
+    found = [named] if named else [*map(_interface_of, context.robots)]
+    interfaces: list[str | None] = [each for each in found if each]
+    for interface in interfaces or [None]:
+        has_failed = False
+        for finding in check_machine(interface):
+            has_failed |= finding.verdict == "failed"
+            yield finding
+        if context.asks_devices and interface is not None and not has_failed:
+            yield from _slaves(interface)
+
+
+def _interface_of(robot: RobotDescriptor) -> str | None:
+    from robotd_ethercat.options import EthercatOptions
+
+    try:
+        return validate_section(robot, "backends.ethercat", EthercatOptions).interface
+    except RobotdError:
+        return None  # of a robot on another backend
+
+
+def _slaves(interface: str) -> Iterator[Finding]:
+    from robotd_ethercat.bus_scan import open_bus, scan_bus
+
+    with open_bus(interface) as bus:
+        found = scan_bus(bus)
+    for slave in found:
+        yield Finding("ok" if slave.state == "PreOp" else "failed", str(slave))
+    if not found:
+        yield Finding("failed", "no slave answers", "check power and the cable to its IN port")
 
 
 def check_machine(interface: str | None) -> Iterator[Finding]:

@@ -5,8 +5,7 @@ Nothing moves, no servo is switched, no communication is started.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from robotd.api import ConnectError
@@ -20,17 +19,17 @@ MODES = {1: "pp", 3: "pv", 4: "tq", 6: "hm", 7: "ip", 8: "csp", 9: "csv", 10: "c
 ENGINE_TIMEOUT_MS = 10_000
 
 
-def scan(root: Path | None) -> dict[str, Any]:
+def scan(options: Mapping[str, str]) -> dict[str, Any]:
     """Return the slaves of all masters in the form that ``robotd new-robot --bus`` reads.
 
     Args:
-        root: of the SDK; None: the one that the binding was built against.
+        options: ``sdk``, the root of the SDK; by default the one of the binding.
 
     Raises ConnectError: the engine does not start, or a scan fails.
     """
     device = Device()
     try:
-        device.create(f"{root or _native.SDK_PATH}/", ENGINE_TIMEOUT_MS)
+        device.create(f"{options.get('sdk', _native.SDK_PATH)}/", ENGINE_TIMEOUT_MS)
         try:
             device.set_name("robotd scan")
             slaves = list(_slaves(device))

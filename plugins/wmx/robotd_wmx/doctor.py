@@ -1,7 +1,6 @@
 """The backend's part of ``robotd wmx doctor``: the binding, and the engine on request.
 
-It moves nothing, switches nothing on and starts no communication. A finding is a verdict (ok,
-warning or failed), what was found, and what to do.
+It moves nothing, switches nothing on and starts no communication.
 """
 
 from __future__ import annotations
@@ -9,20 +8,20 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+from robotd.api import Finding, MachineContext
 from robotd_wmx import _native
 from robotd_wmx._native import CallError, Device, Master, Snapshot
 from robotd_wmx.errors import LOCKED, name_of, names, table, text_of
-
-Finding = tuple[str, str, str]
 
 STATES = {0: "none", 1: "Init", 2: "Preop", 4: "Boot", 8: "Safeop", 16: "Op"}
 NO_PROGRAM = frozenset({"RtssFileNotFoundError", "RtssStartError", "StartProcessFailed"})
 
 
-def checks(root: Path | None, engine: bool) -> Iterator[Finding]:
-    """Yield the findings of the backend; ``root`` is the SDK that was asked for."""
+def checks(context: MachineContext) -> Iterator[Finding]:
+    """Yield the findings of the backend; option ``sdk``: root of the SDK."""
+    root = Path(context.options["sdk"]) if "sdk" in context.options else None
     yield from check_binding(root)
-    if engine:
+    if context.asks_devices:
         yield from check_engine(root or Path(_native.SDK_PATH))
 
 
@@ -30,13 +29,15 @@ def check_binding(root: Path | None) -> Iterator[Finding]:
     """Check that the binding loads and matches the inspected SDK."""
     version = ".".join(map(str, _native.library_version()))
     built = Path(_native.SDK_PATH)
-    yield "ok", f"binding built against {built}, library {version}", ""
+    yield Finding("ok", f"binding built against {built}, library {version}")
     if root is not None and root.resolve() != built.resolve():
         advice = f"WMX3_SDK_PATH={root} pip install --force-reinstall --no-deps ./plugins/wmx"
-        yield "failed", f"the binding belongs to {built}, not to {root}", advice
+        yield Finding("failed", f"the binding belongs to {built}, not to {root}", advice)
     elif not built.is_dir():
-        yield "failed", f"the SDK of the binding is gone: {built}", "build the backend again"
-    yield "ok", f"{_native.MAX_AXES} axes, {_native.MAX_SPLINE_AXES} in one spline", ""
+        yield Finding(
+            "failed", f"the SDK of the binding is gone: {built}", "build the backend again"
+        )
+    yield Finding("ok", f"{_native.MAX_AXES} axes, {_native.MAX_SPLINE_AXES} in one spline")
     codes = names()
     moved = [
         f"{name} {code} (table: {row.code})"
@@ -47,9 +48,9 @@ def check_binding(root: Path | None) -> Iterator[Finding]:
     if moved or unknown:
         text = f"{len(moved)} error codes have other numbers, {len(unknown)} are unknown here"
         examples = ", ".join([*moved[:5], *(row.name for row in unknown[:5])])
-        yield "warning", f"{text}: {examples}", "send this line back"
+        yield Finding("warning", f"{text}: {examples}", "send this line back")
     else:
-        yield "ok", "error codes are those of the table", ""
+        yield Finding("ok", "error codes are those of the table")
 
 
 def check_engine(root: Path) -> Iterator[Finding]:
@@ -58,22 +59,22 @@ def check_engine(root: Path) -> Iterator[Finding]:
     try:
         device.create(f"{root}/", 10_000)
     except CallError as error:
-        yield "failed", f"engine: {text_of(*error.args[1:3])}", _advice(error, root)
+        yield Finding("failed", f"engine: {text_of(*error.args[1:3])}", _advice(error, root))
         return
     try:
         device.set_name("robotd doctor")
-        yield "ok", f"engine {device.state().name.lower()}", ""
+        yield Finding("ok", f"engine {device.state().name.lower()}")
         listed = ", ".join(name or "unnamed" for _, name in device.devices())
-        yield "ok", f"devices: {listed}", ""
+        yield Finding("ok", f"devices: {listed}")
         if Snapshot(device).licence_invalid:
             advice = "without a licence communication ends after an hour"
-            yield "warning", "the engine reports no valid licence", advice
+            yield Finding("warning", "the engine reports no valid licence", advice)
         else:
-            yield "ok", "licence: no complaint from the engine", ""
+            yield Finding("ok", "licence: no complaint from the engine")
         for number in range(_native.MAX_MASTERS):
             yield from _network(device, number)
     except CallError as error:
-        yield "failed", f"engine: {text_of(*error.args[1:3])} from {error.args[0]}", ""
+        yield Finding("failed", f"engine: {text_of(*error.args[1:3])} from {error.args[0]}")
     finally:
         device.close(False)
 
@@ -93,16 +94,18 @@ def _network(device: Device, number: int) -> Iterator[Finding]:
     except CallError as error:
         if number and name_of(error) == "IDOutOfRange":
             return  # one master is the usual case
-        yield "warning", f"master {number}: {text_of(*error.args[1:3])}", ""
+        yield Finding("warning", f"master {number}: {text_of(*error.args[1:3])}")
         return
     what = f"master {number}: {STATES.get(info.state, info.state)}, {len(info.slaves)} slaves"
     lost = [slave for slave in info.slaves if slave.offline or slave.state == 0]
     if not info.slaves:
         advice = "cable, power of the drives, network card, ENI file; known only after a scan"
-        yield "warning", what, advice
+        yield Finding("warning", what, advice)
     elif lost:
         silent = ", ".join(str(slave.id) for slave in lost)
-        yield "warning", f"{what}, no answer from {silent}", "cable and power of these slaves"
+        yield Finding(
+            "warning", f"{what}, no answer from {silent}", "cable and power of these slaves"
+        )
     else:
         states = ", ".join(f"{slave.id} {STATES.get(slave.state, '?')}" for slave in info.slaves)
-        yield "ok", f"{what}: {states}", ""
+        yield Finding("ok", f"{what}: {states}")

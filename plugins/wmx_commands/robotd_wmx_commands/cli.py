@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
-from importlib.metadata import entry_points
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import click
 
-from robotd.api import PluginError
+from robotd.api import MachineContext, diagnose, load_robot_descriptor, scan_network
 from robotd_wmx_commands import INSTALL
-
-SCANS = "robotd.wmx_scan"
-"""Entry-point group of the function of the backend that scans the network."""
 
 
 @click.group()
@@ -35,7 +31,7 @@ def scan(sdk: Path | None, *, as_json: bool) -> None:
 
     Starts the engine unless it runs. Nothing moves and no communication is started.
     """
-    found = scan_network(sdk)
+    found = scan_network("wmx", _options(sdk), INSTALL)
     if as_json:
         click.echo(json.dumps(found, indent=2))
         return
@@ -71,33 +67,19 @@ def doctor(ctx: click.Context, sdk: Path | None, robots: tuple[str, ...], *, eng
     servo is switched, no communication is started. Ends with 1 when something is missing. When
     you ask for help, send all that it prints.
     """
-    from robotd_wmx_commands.doctor import diagnose
-
-    failed = 0
-    for finding in diagnose(sdk, robots or ("cr3a",), engine=engine):
-        failed += finding.verdict == "failed"
-        advice = f"\n           {finding.advice}" if finding.advice else ""
-        click.echo(f"{finding.verdict:>8}   {finding.what}{advice}")
+    descriptors = tuple(load_robot_descriptor(robot) for robot in robots or ("cr3a",))
+    context = MachineContext(descriptors, asks_devices=engine, options=_options(sdk))
+    failed = False
+    for finding in diagnose("wmx", context):
+        failed |= finding.verdict == "failed"
+        click.echo(finding.text)
     if not engine:
         click.echo("\nThe engine was not asked: --engine starts it and reads licence and network.")
     ctx.exit(1 if failed else 0)
 
 
-def scan_network(root: Path | None) -> Mapping[str, Any]:
-    """Return the slaves; the backend, where it is installed, brings the function.
-
-    Raises PluginError: it is not installed or does not load. ConnectError: the scan fails.
-    """
-    for entry in entry_points(group=SCANS):
-        try:
-            scan: Callable[[Path | None], Mapping[str, Any]] = entry.load()
-        except ImportError as error:
-            raise PluginError(f"the backend robotd-wmx does not load: {error}") from error
-        return scan(root)
-    raise PluginError(
-        f"the backend robotd-wmx is not installed: {INSTALL};"
-        " 'robotd wmx doctor' shows what is missing on this machine"
-    )
+def _options(sdk: Path | None) -> dict[str, str]:
+    return {} if sdk is None else {"sdk": str(sdk)}
 
 
 def slave_lines(found: Mapping[str, Any]) -> Iterator[str]:

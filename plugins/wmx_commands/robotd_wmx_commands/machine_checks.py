@@ -8,7 +8,8 @@ import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+
+from robotd.api import Finding
 
 SDK_ROOTS = (Path("/opt/wmx3"), Path("/opt/lmx"))
 HEADERS = ("WMX3Api.h", "CoreMotionApi.h", "AdvancedMotionApi.h", "IOApi.h", "EcApi.h")
@@ -22,14 +23,6 @@ ELF_MACHINES = {"x86_64": 62, "aarch64": 183}  # e_machine of /usr/include/elf.h
 ARCHIVE, ELF = b"!<arch>\n", b"\x7fELF"
 MAX_FILES = 2000  # that are looked at for an ENI file
 PAGE = "docs/how-to/wmx.md"
-
-
-class Finding(NamedTuple):
-    """One line of the report. ``verdict``: ok, warning or failed."""
-
-    verdict: str
-    what: str
-    advice: str = ""
 
 
 def default_sdk_root() -> Path:
@@ -110,8 +103,10 @@ def check_permissions(root: Path) -> Iterator[Finding]:
     else:
         for bit, name in (CAP_SYS_NICE, "CAP_SYS_NICE"), (CAP_IPC_LOCK, "CAP_IPC_LOCK"):
             present = bool(_capabilities() >> bit & 1)
-            verdict, state = ("ok", "present") if present else ("warning", "missing")
-            yield Finding(verdict, f"{name} {state}", "" if present else wanted)
+            if present:
+                yield Finding("ok", f"{name} present")
+            else:
+                yield Finding("warning", f"{name} missing", wanted)
     if os.access(LATENCY, os.W_OK):
         yield Finding("ok", f"{LATENCY} writable")
     else:
