@@ -66,6 +66,7 @@ FEATURE = Feature(
     summary="motion of the tool: poses, straight lines, kinematics, tool and work frames",
     settings=ToolSpaceKeys,
     open="robotd_tool_space.feature:open_tool_space",
+    nodes="robotd_tool_space.tool_nodes:add_tool_nodes",
     attributes={
         "tool": "robotd_tool_space.robot_tool:only_tool",
         "tool_groups": "robotd_tool_space.robot_tool:ToolGroups",

@@ -129,29 +129,49 @@ def move(
     actions = ActionClient(client.node, FollowJointTrajectory, arm.action)
     try:
         client.wait(actions.server_is_ready, f"action {arm.action}")
-        return _Motion(client, on_progress).run(
-            actions, _goal({**arm.positions, **targets}, time_s), is_canceled
-        )
+
+        def show(feedback: Any) -> None:
+            passed = feedback.desired.time_from_start
+            names, positions = feedback.joint_names, feedback.actual.positions
+            passed_s = passed.sec + passed.nanosec / NANOSECONDS
+            on_progress(passed_s, dict(zip(names, positions, strict=True)))
+
+        run = GoalRun(client, FollowJointTrajectory, show, lambda result: str(result.error_string))
+        return run.run(actions, _goal({**arm.positions, **targets}, time_s), is_canceled)
     finally:
         actions.destroy()
 
 
-class _Motion:
-    """One goal, from sending it to its result."""
+class GoalRun:
+    """One goal of an action, from sending it to its result.
 
-    def __init__(self, client: RosClient, on_progress: OnProgress) -> None:
-        self._client = client
-        self._on_progress = on_progress
+    Args:
+        client: of the robot.
+        action_type: of the action.
+        on_feedback: called with each feedback.
+        text_of: returns the robot's reason of a result.
+    """
+
+    def __init__(
+        self,
+        client: RosClient,
+        action_type: Any,
+        on_feedback: Callable[[Any], None],
+        text_of: Callable[[Any], str],
+    ) -> None:
+        self._client, self._type = client, action_type
+        self._show, self._text_of = on_feedback, text_of
         self._feedback_s = time.monotonic()
 
     def run(
         self, actions: ActionClient, goal: Any, is_canceled: Callable[[], bool]
     ) -> tuple[Ending, str]:
+        """Return how the goal ended, at rest; errors as of ``move``."""
         goal_id = UUID(uuid=[*uuid4().bytes])
         sending = actions.send_goal_async(goal, self._on_feedback, goal_id)
         if not self._comes(sending):
             # A handle without the answer: the goal may have been accepted all the same.
-            unanswered = FollowJointTrajectory.Impl.SendGoalService.Response()
+            unanswered = self._type.Impl.SendGoalService.Response()
             self._give_up(ClientGoalHandle(actions, goal_id, unanswered), "no answer to the goal")
         handle = sending.result()
         if not handle.accepted:
@@ -166,7 +186,7 @@ class _Motion:
             if time.monotonic() - self._feedback_s > self._client.timeout_s:
                 self._give_up(handle, "no feedback from the robot")
         answer = result.result()
-        return _ENDINGS.get(answer.status, Ending.ABORTED), answer.result.error_string
+        return _ENDINGS.get(answer.status, Ending.ABORTED), self._text_of(answer.result)
 
     def _give_up(self, handle: ClientGoalHandle, why: str) -> NoReturn:
         """Cancel the goal. Raises DeviceTimeout, with what came of it."""
@@ -180,7 +200,7 @@ class _Motion:
             raise DeviceTimeout(f"{begin}: canceled, but no result came: {MAY_MOVE}")
         answer = result.result()
         state = _ENDINGS.get(answer.status, Ending.ABORTED).value
-        raise DeviceTimeout(f"{begin}; it was {state}: {answer.result.error_string}")
+        raise DeviceTimeout(f"{begin}; it was {state}: {self._text_of(answer.result)}")
 
     def _comes(self, future: Any) -> bool:
         """Wait for an answer, ``timeout_s`` of the client at most; return whether it came."""
@@ -191,10 +211,7 @@ class _Motion:
 
     def _on_feedback(self, message: Any) -> None:
         self._feedback_s = time.monotonic()
-        feedback = message.feedback
-        passed = feedback.desired.time_from_start
-        positions = dict(zip(feedback.joint_names, feedback.actual.positions, strict=True))
-        self._on_progress(passed.sec + passed.nanosec / NANOSECONDS, positions)
+        self._show(message.feedback)
 
 
 def _goal(positions: Positions, time_s: float) -> Any:

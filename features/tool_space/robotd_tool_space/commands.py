@@ -1,0 +1,96 @@
+"""``robotd tool`` and ``robotd ik``."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import click
+
+from robotd.cli.exit_codes import ExitCode
+from robotd.cli.preflight import import_ros
+from robotd_ros.commands.robot_client import ROS_EPILOG, client_options, robot_client
+
+GROUP = click.option(
+    "--group", default="", metavar="NAME", help="Joint group, where there are several."
+)
+DEG = click.option("--deg", is_flag=True, help="Angles are degrees, also those that are printed.")
+
+
+@click.group("tool", invoke_without_command=True, epilog=ROS_EPILOG)
+@GROUP
+@DEG
+@client_options
+@click.pass_context
+def tool(ctx: click.Context, timeout_s: float, *, group: str, deg: bool) -> ExitCode:
+    """Show the pose of the tool, or choose the tool and the work frame.
+
+    `robotd move --tool` moves it.
+    """
+    ctx.obj = group
+    if ctx.invoked_subcommand is not None:
+        return ExitCode.OK
+    moves = import_ros("robotd_ros.commands.tool_move")
+    with robot_client(timeout_s) as client:
+        pose, frame, name = import_ros("robotd_ros.client.tool_client").tool_pose(client, group)
+    click.echo(f"{name} in {frame}:")
+    for component, value in moves.components_of(pose).items():
+        click.echo(f"  {component:<6}{_text(component, value, deg=deg)}")
+    return ExitCode.OK
+
+
+@tool.command("set", epilog=ROS_EPILOG)
+@click.argument("name")
+@client_options
+@click.pass_obj
+def set_tool(group: str, timeout_s: float, *, name: str) -> ExitCode:
+    """Choose a tool by its name; none: the link itself."""
+    with robot_client(timeout_s) as client:
+        clients = import_ros("robotd_ros.client.tool_client")
+        click.echo(clients.select_tool(client, "" if name == "none" else name, group))
+    return ExitCode.OK
+
+
+@tool.command("frame", epilog=ROS_EPILOG)
+@click.argument("name")
+@client_options
+@click.pass_obj
+def set_work_frame(group: str, timeout_s: float, *, name: str) -> ExitCode:
+    """Choose a work frame by its name; none: the base of the arm."""
+    with robot_client(timeout_s) as client:
+        clients = import_ros("robotd_ros.client.tool_client")
+        click.echo(clients.select_work_frame(client, "" if name == "none" else name, group))
+    return ExitCode.OK
+
+
+@click.command("ik", epilog=ROS_EPILOG)
+@click.argument("words", metavar="COMPONENT=VALUE...", nargs=-1, required=True)
+@click.option("--all", "everything", is_flag=True, help="All solutions that are found.")
+@GROUP
+@DEG
+@client_options
+def ik(
+    timeout_s: float, *, words: tuple[str, ...], everything: bool, group: str, deg: bool
+) -> ExitCode:
+    """Print joint positions for a pose of the tool; nothing moves.
+
+    For example: robotd ik x=0.3 z=0.5 yaw=1.2. Components that are not named are the present ones.
+    """
+    moves = import_ros("robotd_ros.commands.tool_move")
+    components, relative = moves.parse_components(words, deg=deg)
+    if relative:
+        raise click.BadParameter("a pose has words like x=0.3")
+    with robot_client(timeout_s) as client:
+        clients = import_ros("robotd_ros.client.tool_client")
+        present = moves.components_of(clients.tool_pose(client, group)[0])
+        pose = moves.pose_message({**present, **components})
+        found = clients.joint_solutions(client, pose, group=group, everything=everything)
+    for solution in found:
+        click.echo(" ".join(f"{joint}={value:.6f}" for joint, value in solution.items()))
+    return ExitCode.OK
+
+
+def _text(component: str, value: Any, *, deg: bool) -> str:
+    if component in ("x", "y", "z"):
+        return f"{value:10.5f} m"
+    return f"{math.degrees(value):10.3f}°" if deg else f"{value:10.5f} rad"

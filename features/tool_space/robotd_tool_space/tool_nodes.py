@@ -1,0 +1,76 @@
+"""Services, topics and the action of tool space on the node ``robotd``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from geometry_msgs.msg import TransformStamped
+from tf2_msgs.msg import TFMessage
+
+from robotd.api import FloatArray, get_logger
+from robotd_ros.nodes.latched_topics import publish_if_alive
+from robotd_ros.qos import LATCHED
+from robotd_ros.run_nodes import NodeContext
+from robotd_tool_space.robot_tool import ToolGroups
+from robotd_tool_space.ros_poses import fill_transform
+
+log = get_logger("tool")
+
+FRAMES_TOPIC = "~/tool_frames"
+STATIC_TOPIC = "/tf_static"
+
+
+@contextmanager
+def add_tool_nodes(context: NodeContext, tools: ToolGroups) -> Iterator[None]:
+    """Add services, topics and the action; nothing where the interfaces are not installed."""
+    try:
+        from robotd_tool_space.move_tool_action import MoveToolAction
+        from robotd_tool_space.tool_services import ToolServices
+    except ImportError as error:
+        log.warning(
+            "no services for the tool: install the interfaces of this version", reason=str(error)
+        )
+        yield
+        return
+    frames = FrameTopics(context, tools)
+    ToolServices(context, tools, frames.publish)
+    MoveToolAction(context, tools)
+    frames.publish()
+    yield
+
+
+class FrameTopics:
+    """Frames of the robot's file as static transforms, the chosen ones on a topic.
+
+    Any thread may call ``publish``.
+    """
+
+    def __init__(self, context: NodeContext, tools: ToolGroups) -> None:
+        self._tools, node = tools, context.operator
+        self._clock = node.get_clock()
+        self._chosen = node.create_publisher(TFMessage, FRAMES_TOPIC, LATCHED)
+        self._static = node.create_publisher(TFMessage, STATIC_TOPIC, LATCHED)
+        named = [
+            self._transform(parent, name, pose)
+            for tool in tools.values()
+            for parent, name, pose in tool.named_frames()
+        ]
+        if named:
+            self._static.publish(TFMessage(transforms=named))
+
+    def publish(self) -> None:
+        """Publish the tool and the work frame in force, of each group."""
+        chosen = [
+            self._transform(parent, name, pose)
+            for tool in self._tools.values()
+            for parent, name, pose in tool.named_frames()
+            if name in (tool.tool_name, tool.work_frame_name)
+        ]
+        publish_if_alive(self._chosen, TFMessage(transforms=chosen))
+
+    def _transform(self, parent: str, name: str, pose: FloatArray) -> TransformStamped:
+        message = TransformStamped(child_frame_id=name)
+        message.header.frame_id, message.header.stamp = parent, self._clock.now().to_msg()
+        fill_transform(message.transform, pose)
+        return message

@@ -1,0 +1,97 @@
+"""Kinematics as services, and the choice of frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from robotd_msgs.srv import ComputeFk, ComputeIk, SelectFrame
+from sensor_msgs.msg import JointState
+
+from robotd.api import FloatArray, InvalidArgument
+from robotd_ros.run_nodes import NodeContext
+from robotd_ros.services import add_service
+from robotd_tool_space.robot_tool import RobotTool, ToolGroups
+from robotd_tool_space.ros_poses import fill_pose, pose_of_message
+from robotd_tool_space.rotations import inverse_pose
+
+
+class ToolServices:
+    """Services ``compute_ik``, ``compute_fk``, ``set_tool`` and ``set_work_frame``.
+
+    Args:
+        context: of the nodes.
+        tools: of the robot.
+        on_change: called when a frame was chosen.
+    """
+
+    def __init__(
+        self, context: NodeContext, tools: ToolGroups, on_change: Callable[[], None]
+    ) -> None:
+        self._tools, self._on_change = tools, on_change
+        self._robot = context.robot
+        node, host = context.operator, context.host
+        add_service(node, host, ComputeIk, "~/compute_ik", self._compute_ik)
+        add_service(node, host, ComputeFk, "~/compute_fk", self._compute_fk)
+        add_service(node, host, SelectFrame, "~/set_tool", self._set_tool)
+        add_service(node, host, SelectFrame, "~/set_work_frame", self._set_work_frame)
+
+    def _compute_ik(self, request: Any, response: Any) -> str:
+        tool = self._tools.of(request.group)
+        check_frame(tool, request.pose_stamped.header.frame_id)
+        target = tool.work_frame @ pose_of_message(request.pose_stamped.pose)
+        seed = self._positions(tool, request.seed)
+        kinematics = tool.kinematics
+        found = (
+            kinematics.solutions(target, seed)
+            if request.all
+            else [kinematics.inverse(target, seed)]
+        )
+        response.solutions = [
+            JointState(name=list(kinematics.chain.names), position=each.tolist()) for each in found
+        ]
+        return f"{len(found)} solution{'s' if len(found) != 1 else ''}"
+
+    def _compute_fk(self, request: Any, response: Any) -> str:
+        tool = self._tools.of(request.group)
+        pose = tool.kinematics.forward(self._positions(tool, request.joint_state))
+        fill_pose(response.pose_stamped.pose, inverse_pose(tool.work_frame) @ pose)
+        response.pose_stamped.header.frame_id = tool.work_frame_name or tool.base
+        return tool.tool_name or tool.link
+
+    def _positions(self, tool: RobotTool, message: Any) -> FloatArray:
+        """Return the positions of a JointState; those that it lacks are where the joints are."""
+        names = tool.kinematics.chain.names
+        if len(message.name) != len(message.position):
+            text = f"{len(message.name)} names and {len(message.position)} positions"
+            raise InvalidArgument(f"the joint state has {text}")
+        given = dict(zip(message.name, message.position, strict=True))
+        for name in given:
+            if name not in names:
+                raise InvalidArgument(f"joint {name!r} is none of {', '.join(names)}")
+        here = self._robot.image.copy().position[list(tool.group.joint_axes)]
+        values = [given.get(name, float(now)) for name, now in zip(names, here, strict=True)]
+        positions = np.array(values)
+        if not np.isfinite(positions).all():
+            raise InvalidArgument("a position of the joints is not known, or not finite")
+        return positions
+
+    def _set_tool(self, request: Any, response: Any) -> str:
+        tool = self._tools.of(request.group)
+        tool.select_tool(request.name)
+        self._on_change()
+        return f"tool {request.name or tool.link}"
+
+    def _set_work_frame(self, request: Any, response: Any) -> str:
+        tool = self._tools.of(request.group)
+        tool.select_work_frame(request.name)
+        self._on_change()
+        return f"work frame {request.name or tool.base}"
+
+
+def check_frame(tool: RobotTool, frame_id: str) -> None:
+    """Raise InvalidArgument for poses in another frame than the work frame, or the base."""
+    known = tool.work_frame_name or tool.base
+    if frame_id not in ("", known):
+        raise InvalidArgument(f"frame {frame_id!r}: poses are in {known!r}; choose a work frame")

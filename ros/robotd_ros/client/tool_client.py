@@ -1,0 +1,111 @@
+"""Move the tool of a running robot, and ask for its kinematics, from another process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from geometry_msgs.msg import Pose
+from rclpy.action import ActionClient
+from robotd_msgs.action import MoveTool
+from robotd_msgs.srv import ComputeFk, ComputeIk, SelectFrame
+from sensor_msgs.msg import JointState
+
+from robotd_ros.client.motion_client import Ending, GoalRun
+from robotd_ros.client.ros_client import RosClient
+from robotd_ros.node_registry import OPERATOR_NODE
+
+ACTION = f"{OPERATOR_NODE}/move_tool"
+FRAMES = {
+    "base": MoveTool.Goal.RELATIVE_BASE,
+    "tool": MoveTool.Goal.RELATIVE_TOOL,
+    "": MoveTool.Goal.BASE,
+}
+
+OnToolProgress = Callable[[float, Any], None]
+
+
+def move_tool(
+    client: RosClient,
+    poses: Sequence[Pose],
+    is_canceled: Callable[[], bool],
+    on_progress: OnToolProgress,
+    *,
+    group: str = "",
+    frame: str = "",
+    line: bool = False,
+    blend_m: float = 0.0,
+    speed: float = 1.0,
+    plan_only: bool = False,
+) -> tuple[Ending, str]:
+    """Move the tool; return at standstill, with the robot's reason.
+
+    Args:
+        poses: of the tool.
+        is_canceled: asked all the time; once it is true, the robot is asked to stop.
+        on_progress: called with 0 to 1, and the measured pose.
+        frame: "" for poses in the work frame or the base; "base" or "tool" for ways along the
+            axes of that or of the tool.
+        group, line, blend_m, speed, plan_only: fields of the goal.
+
+    Raises DeviceTimeout: no answer or no feedback in time.
+    """
+    goal = MoveTool.Goal(
+        group=group,
+        frame=FRAMES[frame],
+        poses=list(poses),
+        line=line,
+        blend_m=blend_m,
+        speed=speed,
+        plan_only=plan_only,
+    )
+    actions = ActionClient(client.node, MoveTool, ACTION)
+    try:
+        client.wait(actions.server_is_ready, f"action {ACTION}")
+
+        def show(feedback: Any) -> None:
+            on_progress(feedback.progress, feedback.pose)
+
+        run = GoalRun(client, MoveTool, show, lambda result: str(result.message))
+        return run.run(actions, goal, is_canceled)
+    finally:
+        actions.destroy()
+
+
+def tool_pose(client: RosClient, group: str = "") -> tuple[Pose, str, str]:
+    """Return the pose of the tool, its frame and its name. Raises OperationError."""
+    answer = client.call(ComputeFk, f"{OPERATOR_NODE}/compute_fk", group=group)
+    stamped = answer.pose_stamped
+    return stamped.pose, str(stamped.header.frame_id), str(answer.message)
+
+
+def joint_solutions(
+    client: RosClient, pose: Pose, *, group: str = "", everything: bool = False
+) -> list[Mapping[str, float]]:
+    """Return joint positions of a pose, nearest first. Raises OperationError: with the reason."""
+    request = {"group": group, "all": everything, "seed": JointState()}
+    answer = client.call(
+        ComputeIk, f"{OPERATOR_NODE}/compute_ik", pose_stamped=_stamped(pose), **request
+    )
+    return [dict(zip(each.name, each.position, strict=True)) for each in answer.solutions]
+
+
+def select_tool(client: RosClient, name: str, group: str = "") -> str:
+    """Choose a tool, "" for the link itself. Raises OperationError."""
+    return _select(client, "set_tool", name, group)
+
+
+def select_work_frame(client: RosClient, name: str, group: str = "") -> str:
+    """Choose a work frame, "" for the base. Raises OperationError."""
+    return _select(client, "set_work_frame", name, group)
+
+
+def _select(client: RosClient, service: str, name: str, group: str) -> str:
+    answer = client.call(SelectFrame, f"{OPERATOR_NODE}/{service}", name=name, group=group)
+    return str(answer.message)
+
+
+def _stamped(pose: Pose) -> Any:
+    from geometry_msgs.msg import PoseStamped
+
+    return PoseStamped(pose=pose)
