@@ -66,7 +66,7 @@ run: $(ready) $(if $(filter mujoco,$(BACKEND)),$(stamps)/mujoco) ## serve ROBOT 
 
 # Modules are compiled once: a variable that forbids it would cost each worker eight seconds.
 test test-long test-all coverage backends: export PYTHONDONTWRITEBYTECODE :=
-test: $(tools) ## run the tests of daily work; ARGS go to pytest, e.g. ARGS="tests/unit -k limits"
+test: $(tools) ## run the tests of daily work; ARGS go to pytest, e.g. ARGS="tests/core -k limits"
 	@$(say) 'pytest, without the long tests $(ARGS)'
 	exec .venv/bin/python -m pytest -n $(WORKERS) --dist loadfile -m 'not long and not hardware' $(ARGS)
 
@@ -74,7 +74,7 @@ test-long: $(tools) ## run what `make test` leaves out: robots, buses and browse
 	@$(say) 'pytest, the long tests $(ARGS)'
 	exec .venv/bin/python -m pytest -n $(WORKERS) --dist loadfile -m 'long and not hardware' $(ARGS)
 
-test-all: $(tools) ## run all tests, or all of what ARGS name, e.g. ARGS="tests/canopen"
+test-all: $(tools) ## run all tests, or all of what ARGS name, e.g. ARGS="tests/plugins/canopen"
 	@$(say) 'pytest, all tests $(ARGS)'
 	.venv/bin/python -m pytest -n $(WORKERS) --dist loadfile -m 'not hardware' $(ARGS)
 	$(if $(ARGS),,$(MAKE) --no-print-directory -C plugins/wmx test)
@@ -84,8 +84,8 @@ coverage: $(tools) ## run the unit and contract tests and report their coverage
 	exec .venv/bin/python -m tools.coverage $(ARGS)
 
 backends: $(tools) ## run the conformance checks and the tests of CANopen, EtherCAT and WMX
-	@$(say) 'pytest tests/conformance tests/canopen tests/independent tests/ethercat'
-	.venv/bin/python -m pytest tests/{conformance,canopen,independent,ethercat} $(ARGS)
+	@$(say) 'pytest, the conformance kit and the tests on buses'
+	.venv/bin/python -m pytest tests/features/conformance/runs tests/plugins/{canopen/bus,independent,ethercat/bus} $(ARGS)
 	$(MAKE) --no-print-directory -C plugins/wmx test
 
 conform: $(tools) ## run the conformance checks of BACKEND on ROBOT, on from where a run was stopped

@@ -16,8 +16,20 @@ settings.register_profile("robotd", settings.get_profile("explore"), derandomize
 settings.load_profile("robotd")
 
 HERE = Path(__file__).parent
-REAL_TIME = ("canopen", "conformance", "ethercat", "independent", "page", "ros")
-"""Folders of robots, buses and browsers in real time; `make test` runs those marked daily."""
+REAL_TIME = (
+    "features/conformance/runs",
+    "features/foxglove",
+    "features/page/server",
+    "plugins/canopen/bus",
+    "plugins/ethercat/bus",
+    "plugins/independent",
+    "ros",
+)
+"""Folders of robots, buses and browsers in real time; `make test` runs those marked daily.
+
+It is a test's own folder that counts: `ros/unit` is not among them."""
+
+pytest_plugins = ["tests.command_line", "tests.installed_plugin"]
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -27,6 +39,18 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         metavar="SEED",
         help="shuffle the files and the tests of each, by SEED: the same seed gives the same order",
     )
+    parser.addoption("--units", action="store_true", help="leave out the folders in real time")
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """With ``--units`` leave out the tests of robots, buses and browsers."""
+    left_out = config.getoption("--units") and collection_path.is_file()
+    return True if left_out and is_in_real_time(collection_path) else None
+
+
+def is_in_real_time(test: Path) -> bool:
+    """Return whether the tests of a file run robots, buses or browsers in real time."""
+    return test.is_relative_to(HERE) and str(test.parent.relative_to(HERE)) in REAL_TIME
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -37,9 +61,7 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark what is long; shuffle on request, and keep the tests of a file together."""
     for item in items:
-        inside = item.path.is_relative_to(HERE)
-        is_long = inside and item.path.relative_to(HERE).parts[0] in REAL_TIME
-        if is_long and not item.get_closest_marker("daily"):
+        if is_in_real_time(item.path) and not item.get_closest_marker("daily"):
             item.add_marker("long")
     seed = config.getoption("--random-order")
     if seed is not None:

@@ -9,8 +9,8 @@ from importlib import import_module
 from types import FunctionType
 
 import pytest
-from tests.conformance.kit import CHECKS
-from tests.conformance.mutants import all_mutants
+from tests.features.conformance.runs.kit import CHECKS
+from tests.features.conformance.runs.mutants import all_mutants
 
 from robotd.device import drivers
 from robotd_conformance.checks import clauses as kit

@@ -15,7 +15,7 @@ from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
-from tests.canopen.drives_process import DrivesProcess, write_robot
+from tests.plugins.canopen.bus.drives_process import DrivesProcess, write_robot
 from tests.ros.robot_process import Client, RobotProcess, connected, wait_until
 from tests.ros.test_client_commands import robotd
 from trajectory_msgs.msg import JointTrajectoryPoint

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
-from tests.canopen.drives_process import DrivesProcess, write_robot
+from tests.plugins.canopen.bus.drives_process import DrivesProcess, write_robot
 from tests.ros.robot_process import Client, RobotProcess, wait_until
 from wmx_ros2_message.msg import AxisState
 

@@ -10,7 +10,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
-from tests.canopen.drives_process import DrivesProcess, write_robot
+from tests.plugins.canopen.bus.drives_process import DrivesProcess, write_robot
 from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
 from tests.ros.test_client_commands import robotd
 

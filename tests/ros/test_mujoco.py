@@ -11,7 +11,7 @@ import pytest
 from geometry_msgs.msg import WrenchStamped
 from PIL import Image as Pillow
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
-from tests.mujoco.cell import CUBE_M, LEFT
+from tests.plugins.mujoco.cell import CUBE_M, LEFT
 from tf2_msgs.msg import TFMessage
 
 from robotd.clock.simulated import PacedClock

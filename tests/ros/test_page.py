@@ -11,7 +11,7 @@ from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
 import pytest
-from tests.page.viewer import TIMEOUT_S, Viewer, connected
+from tests.features.page.server.viewer import TIMEOUT_S, Viewer, connected
 from tests.ros.robot_process import RobotProcess
 
 pytestmark = [pytest.mark.daily, pytest.mark.ros]
@@ -53,7 +53,7 @@ def test_a_viewer_sees_the_robot_with_its_nodes(url: str) -> None:
 
 def test_foxglove_sees_the_joints_move(process: RobotProcess) -> None:
     pytest.importorskip("foxglove", reason="no foxglove-sdk: pip install 'robotd[foxglove]'")
-    from tests.page.test_foxglove import client_of
+    from tests.features.foxglove.test_foxglove import client_of
 
     async def watch() -> None:
         async with client_of(printed(process, r"ws://127\.0\.0\.1:\d+")) as viewer:

@@ -196,7 +196,7 @@ def commander(served: tuple[RobotProcess, Arm], topic: str) -> Iterator[Commande
     arm.wait_at_rest()
 
 
-# Each topic after a stop and one topic after each state: tests/unit/control/test_rearming.py has
+# Each topic after a stop and one topic after each state: tests/core/control/test_rearming.py has
 # every client in every state, in simulated time.
 @pytest.mark.parametrize(
     ("topic", "state"),

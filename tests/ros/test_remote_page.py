@@ -16,8 +16,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import expect
 from std_srvs.srv import Trigger
-from tests.page.browser import chromium, needs_browser, open_page
-from tests.page.viewer import connected, listed
+from tests.features.page.server.browser import chromium, needs_browser, open_page
+from tests.features.page.server.viewer import connected, listed
 from tests.ros.robot_process import WAIT_S, Client, RobotProcess, wait_until
 
 from robotd_testing.domain import own_domain

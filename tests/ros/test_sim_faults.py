@@ -177,7 +177,7 @@ def by_scenario(client: Client, case: Case) -> None:
 
 
 # Every kind by service; what a scenario and a command read is tested in simulated time, for each
-# kind in tests/unit/scenario and tests/unit/cli.
+# kind in tests/features/scenario and tests/core/cli.
 NUMBERS = range(1, len(CASES) + 1)
 SCENARIO = 1
 CHOSEN = [(by_service, number) for number in NUMBERS]

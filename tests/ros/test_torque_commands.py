@@ -19,7 +19,7 @@ from robotd_ros.problem_messages import read_problems
 
 pytestmark = [pytest.mark.daily, pytest.mark.ros]
 
-ROBOT = Path(__file__).parents[1] / "canopen" / "torque_drives.yaml"
+ROBOT = Path(__file__).parents[1] / "plugins" / "canopen" / "bus" / "torque_drives.yaml"
 TOPIC = "/forward_effort_controller/commands"
 RATE_HZ = 50.0
 

@@ -15,7 +15,7 @@ from typing import cast
 import can
 import click
 import numpy as np
-from tests.canopen.harness import Harness
+from tests.plugins.canopen.bus.harness import Harness
 from tools.bench.machine import machine
 from tools.bench.results import keep, out_option
 

@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import aiohttp
 import numpy as np
-from tests.page.browser import CHROMIUM, NO_WEBGL, chromium, open_page
+from tests.features.page.server.browser import CHROMIUM, NO_WEBGL, chromium, open_page
 from tools.bench.recorder import move
 from tools.bench.tables import target_lines
 from tools.bench.targets import Target, at_most

@@ -15,7 +15,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from tests.page.viewer import connected, listed
+from tests.features.page.server.viewer import connected, listed
 from tools.bench.process import Program, fresh_environment
 
 from robotd_testing.domain import own_domain

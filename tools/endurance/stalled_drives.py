@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from tests.canopen.drives_process import PORT, write_robot
+from tests.plugins.canopen.bus.drives_process import PORT, write_robot
 from tools.endurance.stalled_robot import MotorRecorder
 
 from robotd.api import load_robot_descriptor, validate_section

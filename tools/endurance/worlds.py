@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.canopen.drives_process import DrivesProcess, write_robot
+from tests.plugins.canopen.bus.drives_process import DrivesProcess, write_robot
 from tools.endurance.rest import Position
 
 from robotd_ethercat.slaves_process import SlavesProcess

@@ -132,7 +132,7 @@ READERS = (
         (
             "plugins/canopen/robotd_canopen/eds/generic_401.eds",
             "plugins/canopen/robotd_canopen/eds/generic_402.eds",
-            "tests/unit/canopen/eds/small.dcf",
+            "tests/plugins/canopen/eds/small.dcf",
         ),
         _eds,
         mutate_lines,
@@ -141,7 +141,7 @@ READERS = (
     Reader(
         "esi",
         "device.xml",
-        ("tests/unit/ethercat/esi/drive.xml", "tests/unit/ethercat/esi/modular.xml"),
+        ("tests/plugins/ethercat/esi/drive.xml", "tests/plugins/ethercat/esi/modular.xml"),
         _esi,
         mutate_xml,
         grammars.esi,

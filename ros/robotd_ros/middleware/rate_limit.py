@@ -5,7 +5,7 @@ delays every service more and more; a wait set would drop what exceeds the queue
 Measured: worst round trip of a service during a flood of 3 s, with a handler of 0.3 ms: 0.26 s
 with the limit, 1.1 s without (x86_64, two cores at load 7).
 Upstream: none known.
-Shown by: tests/unit/ros/test_rate_limit.py, tests/ros/test_bad_clients.py.
+Shown by: tests/ros/unit/test_rate_limit.py, tests/ros/test_bad_clients.py.
 """
 
 from __future__ import annotations

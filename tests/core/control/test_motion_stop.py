@@ -1,0 +1,188 @@
+"""Stop of all motion on the simulation: controlled, latched, and covering every command."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from structlog.testing import capture_logs
+from tests.core.control.harness import ACCELERATION, Harness, arm
+
+from robotd.control.trajectory_execution import Outcome
+from robotd.device.axes import Jog, Move
+from robotd.device.state import CommandMode
+from robotd.errors import DeviceTimeout, NotReady
+from robotd.motion.profile import Profile
+
+FAR = (1.0, -0.6, 0.3)
+STOPPED = "motion is stopped: by the operator; robotd reset allows it again"
+SWITCH = {"input_byte": 0, "input_bit": 3}
+
+
+def test_a_goal_stops_on_its_path_and_the_next_one_is_rejected(harness: Harness) -> None:
+    with harness.goal(FAR) as execution:
+        harness.run(0.4)
+        harness.robot.stop()
+        assert (execution.outcome, execution.message) == (
+            Outcome.STOPPED,
+            "stopped: by the operator",
+        )
+    harness.setpoints.assert_smooth(ACCELERATION)
+    ratio = harness.setpoints.position[-1] / np.array(FAR)
+    assert ratio == pytest.approx(ratio[0])  # on the straight line to the goal
+    assert 0.1 < ratio[0] < 0.9
+    with pytest.raises(NotReady, match=STOPPED), harness.goal(FAR):
+        pass
+    assert harness.robot.problems == [STOPPED]
+
+
+def test_motion_is_allowed_again_by_a_reset_and_nothing_moves_by_it(harness: Harness) -> None:
+    with harness.goal(FAR):
+        harness.run(0.4)
+        harness.robot.stop()
+    position = harness.image.position_command.copy()
+    assert harness.robot.reset() == "motion is allowed again; it was stopped: by the operator"
+    harness.run(0.5)
+    assert (harness.image.position_command == position).all()
+    with harness.goal(FAR) as execution:
+        assert harness.end(execution).outcome is Outcome.SUCCEEDED
+
+
+def test_a_reset_without_a_stop_says_so(harness: Harness) -> None:
+    assert harness.robot.reset() == "motion was not stopped"
+
+
+def test_a_reset_while_paused_allows_no_motion(harness: Harness) -> None:
+    harness.up()
+    harness.robot.pause()
+    harness.robot.stop("by the operator")
+    assert harness.robot.reset() == (
+        "the stop is over; it was: by the operator; motion is paused; robotd resume allows it again"
+    )
+
+
+def test_the_first_reason_stays(harness: Harness) -> None:
+    harness.robot.stop("by the first")
+    harness.robot.stop("by the second")
+    assert harness.robot.reset().endswith("by the first")
+
+
+def test_a_goal_that_waits_for_its_start_and_its_predecessor_are_stopped(harness: Harness) -> None:
+    with harness.goal(FAR) as running, harness.goal((0.0, 0.0, 0.0), start_in_s=0.8) as waiting:
+        harness.run(0.4)
+        harness.robot.stop()
+        assert (running.outcome, waiting.outcome) == (Outcome.STOPPED, Outcome.STOPPED)
+
+
+def test_a_goal_that_is_submitted_meanwhile_is_stopped_before_it_moves(harness: Harness) -> None:
+    harness.robot.axes.stop_latch.check = lambda: None  # type: ignore[method-assign]
+    harness.robot.axes.stop_latch.engage("by the operator")
+    with harness.goal(FAR) as execution:
+        harness.end(execution)
+    assert execution.outcome is Outcome.STOPPED
+    assert np.abs(harness.image.position_command).max() < 1e-3
+
+
+def test_moves_and_jogs_of_single_axes_are_stopped_and_rejected() -> None:
+    harness = Harness(arm(axes=4)).up()
+    axes = harness.robot.axes
+    axes.servo(3, True)
+    axes.set_command_mode(3, CommandMode.VELOCITY)
+    jog, move = Jog(3, Profile(1.0, 5.0, 5.0)), Move(0, 2.0, Profile(1.0, 5.0, 5.0))
+    axes.jog([jog])
+    axes.move([move])
+    harness.run(0.5)
+    assert np.abs(harness.image.velocity[[0, 3]]).min() > 0.5
+    harness.robot.stop()
+    assert np.abs(harness.image.velocity).max() < 0.02
+    assert harness.image.servo_on.all()
+    for command in (lambda: axes.jog([jog]), lambda: axes.move([move]), lambda: axes.home(1)):
+        with pytest.raises(NotReady, match=STOPPED):
+            command()
+    harness.robot.reset()
+    axes.move([move])
+
+
+def test_servos_can_be_switched_and_faults_recovered_while_stopped(harness: Harness) -> None:
+    harness.robot.stop()
+    harness.robot.axes.servo(1, False)
+    lines: list[str] = []
+    harness.robot.recover(lines.append)
+    assert harness.image.servo_on.all()
+    assert lines[-1] == STOPPED
+
+
+def test_a_ramp_that_is_too_gentle_is_followed_by_a_quick_stop() -> None:
+    harness = Harness(arm(axes=4, engine={"shutdown_s": 0.5, "servo_timeout_s": 0.5})).up()
+    axes = harness.robot.axes
+    axes.servo(3, True)
+    axes.set_command_mode(3, CommandMode.VELOCITY)
+    axes.jog([Jog(3, Profile(1.0, 5.0, 1e-6))])
+    harness.run(0.5)
+    harness.robot.stop()
+    assert abs(harness.image.velocity[3]) < 0.1
+
+
+def test_a_reset_waits_for_standstill() -> None:
+    harness = Harness(arm(axes=4, engine={"shutdown_s": 0.5, "servo_timeout_s": 0.5})).up()
+    axes = harness.robot.axes
+    axes.servo(3, True)
+    axes.set_command_mode(3, CommandMode.VELOCITY)
+    axes.jog([Jog(3, Profile(1.0, 5.0, 1e-6))])
+    harness.run(0.1)
+    axes.stop_latch.engage("by a message")
+    with pytest.raises(DeviceTimeout, match=r"axes still move after 0\.5 s"):
+        harness.robot.reset()
+    assert axes.stop_latch.reason
+
+
+def test_stopped_stays_stopped_over_a_restart_of_the_device(harness: Harness) -> None:
+    harness.robot.stop()
+    harness.connection.stop_communication()
+    harness.robot.recover()
+    with pytest.raises(NotReady, match=STOPPED), harness.goal(FAR):
+        pass
+
+
+def test_an_input_stops_and_has_to_be_released_before_the_reset() -> None:
+    harness = Harness(arm(stop_input=SWITCH))
+    harness.robot.connection.open()
+    harness.faults.set_input_bit(0, 3, True)
+    harness.up()
+    with harness.goal(FAR) as execution:
+        harness.run(0.4)
+        harness.faults.set_input_bit(0, 3, False)
+        harness.end(execution)
+    assert execution.message == "stopped: stop input 0.3 forbids motion"
+    harness.setpoints.assert_smooth(ACCELERATION)
+    with pytest.raises(NotReady, match=r"stop input 0\.3 forbids motion: release it first"):
+        harness.robot.reset()
+    harness.faults.set_input_bit(0, 3, True)
+    harness.run(0.1)
+    with pytest.raises(NotReady, match="motion is stopped"), harness.goal(FAR):
+        pass
+    harness.robot.reset()
+    with harness.goal(FAR) as execution:
+        assert harness.end(execution).outcome is Outcome.SUCCEEDED
+
+
+def test_an_input_may_stop_at_level_1() -> None:
+    harness = Harness(arm(stop_input=SWITCH | {"motion_level": 0})).up()
+    harness.run(0.1)
+    assert harness.robot.problems == []
+    harness.faults.set_input_bit(0, 3, True)
+    harness.run(0.1)
+    assert "stop input 0.3 forbids motion" in harness.robot.problems[0]
+
+
+def test_each_change_is_told_once(harness: Harness) -> None:
+    seen: list[str] = []
+    harness.robot.axes.stop_latch.on_change(seen.append)
+    with capture_logs() as logs:
+        harness.robot.stop()
+        harness.robot.stop()
+        harness.robot.reset()
+    assert seen == ["", "by the operator", ""]
+    assert [line["event"] for line in logs if "motion" in line["event"]] == [
+        "motion stopped",
+        "motion allowed again",
+    ]

@@ -1,0 +1,350 @@
+"""Streams: motion that a client decides while it happens, on the simulation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from tests.core.control.harness import ACCELERATION, PERIOD_S, Harness, arm
+
+from robotd.control.completion import Outcome
+from robotd.control.joint_stream import JointStream
+from robotd.device.axes import Axes
+from robotd.device.state import Operation
+from robotd.errors import InvalidArgument, NotReady, Unsupported
+from robotd.motion import TrajectoryRejected
+
+ANGULAR = 2.0 * math.pi * 0.4
+
+
+@pytest.fixture
+def robot() -> Iterator[Harness]:
+    harness = Harness().up()
+    yield harness
+    harness.robot.shutdown()
+
+
+def send_sine(robot: Harness, stream: JointStream, seconds: float, rate_hz: float = 30.0) -> None:
+    for index in range(round(seconds * rate_hz)):
+        stream.send([0.4 * math.sin(ANGULAR * index / rate_hz)] * len(stream.joints))
+        robot.run(1.0 / rate_hz)
+
+
+@pytest.mark.parametrize("mode", ["target", "smooth"])
+def test_targets_at_30_hz_are_followed_smoothly(robot: Harness, mode: str) -> None:
+    with robot.robot.stream(mode=mode) as stream:
+        send_sine(robot, stream, 5.0)
+        robot.run(0.1)
+        expected = 0.4 * math.sin(ANGULAR * (5.0 - 1 / 30.0))
+        assert robot.image.position == pytest.approx([expected] * 3, abs=0.05)
+        assert stream.statistics.commands == 150
+    robot.setpoints.assert_smooth(ACCELERATION)
+    assert stream.message == "closed by the client"
+
+
+@pytest.mark.parametrize(("mode", "velocity"), [("smooth", None), ("target", [0.0])])
+def test_a_stream_of_one_joint_moves_it_and_no_other(
+    robot: Harness, mode: str, velocity: list[float] | None
+) -> None:
+    with robot.robot.stream(["joint2"], mode=mode) as stream:
+        for index in range(31):
+            stream.send([0.01 * index], velocity)
+            robot.run(1.0 / 30.0)
+        robot.run(0.3)
+    assert robot.image.position == pytest.approx([0.0, 0.3, 0.0], abs=1e-3)
+    robot.setpoints.assert_smooth(ACCELERATION)
+
+
+def test_a_velocity_with_the_position_leaves_no_lag(robot: Harness) -> None:
+    with robot.robot.stream() as stream:
+        for index in range(200):
+            time_s = index * 0.01
+            stream.send(
+                [0.4 * math.sin(ANGULAR * time_s)] * 3,
+                [0.4 * ANGULAR * math.cos(ANGULAR * time_s)] * 3,
+            )
+            robot.run(0.01)
+        expected = 0.4 * math.sin(
+            ANGULAR * robot.setpoints.due_s[-1] - ANGULAR * (robot.now_s - 2.0)
+        )
+        assert robot.setpoints.position[-1] == pytest.approx([expected] * 3, abs=2e-3)
+    robot.setpoints.assert_smooth(ACCELERATION)
+
+
+def test_the_joints_belong_to_the_stream_until_it_is_closed(robot: Harness) -> None:
+    axes = robot.robot.axes
+    with robot.robot.stream(owner="policy"):
+        assert [axes.owner(axis) for axis in range(3)] == ["policy"] * 3
+        with pytest.raises(NotReady, match="joint1: in use by policy"):
+            robot.move(0, 0.1)
+    assert axes.owner(0) == ""
+    robot.run(0.1)
+    assert robot.axes_in(Operation.STREAM) == []
+
+
+def test_without_commands_the_joints_slow_to_rest_and_the_next_one_continues(
+    robot: Harness,
+) -> None:
+    with robot.robot.stream(timeout_s=0.05) as stream:
+        for _ in range(10):
+            stream.send([2.0] * 3)
+            robot.run(1 / 30)
+        assert np.abs(robot.setpoints.velocity[-1]).max() > 0.1
+        robot.run(0.8)
+        assert np.abs(robot.setpoints.velocity[-1]).max() == pytest.approx(0.0, abs=1e-9)
+        assert stream.statistics.timeouts == 1
+        assert 0.1 < robot.setpoints.position[-1, 0] < 1.9
+        for _ in range(60):
+            stream.send([2.0] * 3)
+            robot.run(1 / 30)
+        assert robot.setpoints.position[-1] == pytest.approx([2.0] * 3)
+        assert stream.open
+    robot.setpoints.assert_smooth(ACCELERATION)
+
+
+def test_a_stream_that_ends_when_silent_gives_a_reason(robot: Harness) -> None:
+    stream = robot.robot.stream(timeout_s=0.05, ends_when_silent=True)
+    stream.send_velocity([0.5, 0.0, -0.5])
+    robot.until(lambda: not stream.open)
+    robot.run(0.5)
+    assert stream.message == "no command for 0.05 s"
+    with pytest.raises(NotReady, match=r"the stream has ended: no command for 0\.05 s"):
+        stream.send([0.0] * 3)
+    stream.close()
+
+
+def test_a_stream_takes_over_from_a_goal_in_motion_and_hands_over_to_the_next(
+    robot: Harness,
+) -> None:
+    with robot.goal([2.0, 1.0, -1.0], seconds=2.0) as first:
+        robot.run(1.0)
+        with robot.robot.stream(takeover=True, mode="smooth") as stream:
+            begin = robot.setpoints.position[-1]
+            rate = robot.setpoints.velocity[-1]
+            for index in range(30):
+                stream.send((begin + rate * (index + 2) / 30.0).tolist())
+                robot.run(1 / 30.0)
+            assert first.outcome is Outcome.PREEMPTED
+            with pytest.raises(NotReady, match="joint1: in use by stream"), robot.goal([0.0] * 3):
+                pass
+            streamed = len(robot.setpoints.rows)
+    robot.setpoints.assert_smooth(ACCELERATION)
+    assert np.abs(robot.setpoints.velocity[400:streamed, 0]).min() > 0.3
+
+
+def test_a_goal_takes_over_from_a_stream_in_motion_where_the_descriptor_allows_it() -> None:
+    robot = Harness(arm(stream={"takeover": True})).up()
+    with robot.robot.stream() as stream:
+        for index in range(30):
+            stream.send([0.02 * index + 0.05] * 3)
+            robot.run(1 / 30.0)
+        moving = len(robot.setpoints.rows)
+        with robot.goal([2.0] * 3, seconds=2.0) as goal:
+            robot.end(goal)
+            assert goal.outcome is Outcome.SUCCEEDED
+            assert not stream.open
+            with pytest.raises(NotReady, match="preempted"):
+                stream.send([0.0] * 3)
+    taken = robot.setpoints.velocity[moving : moving + 500, 0]
+    assert taken.min() > 0.1, "came to a standstill"
+    robot.setpoints.assert_smooth(ACCELERATION)
+    robot.robot.shutdown()
+
+
+@pytest.mark.parametrize(("mode", "velocity"), [("smooth", None), ("target", [0.4, 0.0, -0.3])])
+def test_a_rejected_goal_does_not_change_the_start_of_one_that_waits(
+    mode: str, velocity: list[float] | None
+) -> None:
+    robot = Harness(arm(stream={"takeover": True})).up()
+    with robot.robot.stream(mode=mode) as stream:
+        for step in range(20):
+            stream.send([0.03 * step, 0.0, -0.03 * step], velocity)
+            robot.run(0.03)
+        stream.send([1.5, 0.0, -1.5], velocity)
+        robot.run(0.03)
+        with robot.goal((1.0, 0.2, 0.0), seconds=2.5) as goal:
+            robot.run(0.004)
+            with pytest.raises(TrajectoryRejected), robot.goal((0.5, 9.0, 0.0)):
+                pass
+            robot.end(goal)
+    assert goal.outcome is Outcome.SUCCEEDED
+    robot.setpoints.assert_smooth(1.2 * ACCELERATION)
+
+
+def test_commands_wait_for_a_goal_that_is_planned_before_the_first_period() -> None:
+    robot = Harness(arm(stream={"takeover": True})).up()
+    with robot.robot.stream() as stream, robot.goal((1.0, -0.5, 0.0), seconds=2.0) as goal:
+        stream.send_velocity([1.5, -1.0, 0.0])
+        robot.end(goal)
+    assert goal.outcome is Outcome.SUCCEEDED
+    robot.setpoints.assert_smooth(ACCELERATION)
+
+
+@pytest.mark.parametrize("stall_s", [0.004, 0.01, 0.015])
+def test_after_a_stall_a_goal_takes_over_from_where_the_stream_is(stall_s: float) -> None:
+    robot = Harness(arm(stream={"takeover": True})).up()
+    with robot.robot.stream() as stream:
+        stream.send_velocity([1.5, -1.0, 0.0])
+        robot.run(0.2)
+        with robot.goal((1.0, -0.5, 0.0), seconds=2.0) as goal:
+            robot.run(0.004)
+            robot.stall(stall_s)
+            robot.end(goal)
+    assert goal.outcome is Outcome.SUCCEEDED
+    setpoints = robot.setpoints
+    velocity, elapsed_s = setpoints.velocity, np.diff(setpoints.due_s)[:, None]
+    assert np.diff(setpoints.due_s).max() > stall_s, "no underrun"
+    mean = (velocity[:-1] + velocity[1:]) / 2
+    # In the underrun the device goes on with the velocity that it has.
+    expected = np.where(elapsed_s > 1.5 * PERIOD_S, velocity[:-1], mean)
+    assert np.abs(np.diff(velocity, axis=0)).max() <= 2.1 * ACCELERATION * PERIOD_S
+    off = np.diff(setpoints.position, axis=0) - expected * elapsed_s
+    assert np.abs(off).max() <= 2.1 * ACCELERATION * PERIOD_S**2
+
+
+def test_joints_of_another_owner_are_rejected_by_its_name(robot: Harness) -> None:
+    with robot.goal([1.0] * 3, seconds=2.0):
+        robot.run(0.5)
+        with pytest.raises(NotReady, match="joint1: in use by follow_joint_trajectory"):
+            robot.robot.stream()
+
+
+def test_joints_that_are_not_streamed_hold(robot: Harness) -> None:
+    with robot.robot.stream(["joint3", "joint1"]) as stream:
+        assert stream.joints == ("joint3", "joint1")
+        for _ in range(30):
+            stream.send([0.2, -0.1])
+            robot.run(1 / 30.0)
+    assert robot.setpoints.position[-1] == pytest.approx([-0.1, 0.0, 0.2])
+
+
+def test_what_is_beyond_a_limit_is_clipped_and_counted(robot: Harness) -> None:
+    with robot.robot.stream() as stream:
+        for _ in range(90):
+            stream.send([5.0, 0.0, 0.0])
+            robot.run(1 / 30.0)
+        assert stream.statistics.clipped == 90
+        assert robot.setpoints.position[-1] == pytest.approx([3.0, 0.0, 0.0])
+        stream.send_velocity([9.0, 0.0, 0.0])
+        assert stream.statistics.clipped == 91
+
+
+def test_a_stream_keeps_to_a_lower_velocity_of_its_client(robot: Harness) -> None:
+    with robot.robot.stream(["joint2"], max_velocity=[0.2], timeout_s=9.0) as stream:
+        stream.send([0.5])
+        robot.run(1.0)
+        assert robot.setpoints.velocity[:, 1].max() == pytest.approx(0.2)
+        stream.send_velocity([2.0])
+        robot.run(1.0)
+        assert stream.statistics.clipped == 1
+        assert robot.setpoints.velocity[:, 1].max() == pytest.approx(0.2)
+
+
+def test_a_velocity_command_ends_at_rest_at_the_position_limit(robot: Harness) -> None:
+    with robot.robot.stream() as stream:
+        for _ in range(60):
+            stream.send_velocity([3.0, -1.0, 0.0])
+            robot.run(1 / 30.0)
+    position = robot.setpoints.position
+    assert position.max() <= 3.0 + 1e-6
+    assert position[-1, 0] == pytest.approx(3.0, abs=1e-6)
+    robot.setpoints.assert_smooth(ACCELERATION)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ([0.0, 0.0], "position: 2 values for 3 joints (joint1, joint2, joint3)"),
+        ([0.0, math.nan, 0.0], "joint2: position is nan, must be a finite number"),
+        ([0.0, 0.0, -math.inf], "joint3: position is -inf, must be a finite number"),
+    ],
+)
+def test_wrong_values_are_rejected(robot: Harness, values: list[float], message: str) -> None:
+    with robot.robot.stream() as stream, pytest.raises(InvalidArgument) as error:
+        stream.send(values)
+    assert message in str(error.value)
+
+
+def test_wrong_arguments_are_rejected(robot: Harness) -> None:
+    stream = robot.robot.stream
+    for message, arguments in {
+        "joint elbow is unknown (available: joint1, joint2, joint3)": {"joints": ["elbow"]},
+        "a joint is given twice: joint1, joint1": {"joints": ["joint1", "joint1"]},
+        "no joint given": {"joints": []},
+        "mode 'fast' is unknown (available: target, smooth)": {"mode": "fast"},
+        "timeout_s is 0.0, must be a positive number": {"timeout_s": 0.0},
+        "max_velocity is [0.0], must be a positive number": {
+            "joints": ["joint1"],
+            "max_velocity": [0.0],
+        },
+        "for each of 3 joints": {"max_velocity": [1.0]},
+    }.items():
+        with pytest.raises(InvalidArgument) as error:
+            stream(**arguments)  # type: ignore[arg-type]
+        assert message in str(error.value)
+    with stream(mode="smooth") as smooth, pytest.raises(InvalidArgument, match="positions only"):
+        smooth.send([0.0] * 3, [0.0] * 3)
+
+
+def test_a_drive_fault_ends_the_stream_with_its_reason(robot: Harness) -> None:
+    with robot.robot.stream() as stream:
+        stream.send([1.0] * 3)
+        robot.run(0.05)
+        robot.faults.trip(1, 17)
+        robot.until(lambda: not stream.open)
+        robot.run(0.5)
+        assert "joint2" in stream.message
+        assert "alarm 17" in stream.message
+        assert np.abs(robot.image.velocity).max() < 0.01
+
+
+def test_after_a_stall_the_joints_continue_from_where_they_are(robot: Harness) -> None:
+    with robot.robot.stream(timeout_s=1.0) as stream:
+        stream.send_velocity([0.5, 0.5, 0.5])
+        robot.run(0.5)
+        before = len(robot.setpoints.rows)
+        robot.stall(0.03)
+        robot.run(0.05)
+        gap = robot.setpoints.position[before, 0] - robot.setpoints.position[before - 1, 0]
+        passed = robot.setpoints.due_s[before] - robot.setpoints.due_s[before - 1]
+        assert gap == pytest.approx(0.5 * passed, abs=1e-4)
+        assert robot.setpoints.velocity[before:, 0] == pytest.approx(0.5, abs=1e-3)
+
+
+def test_a_stall_that_carries_joints_beyond_a_limit_is_braked_and_led_back(robot: Harness) -> None:
+    with robot.robot.stream(timeout_s=1.0) as stream:
+        for _ in range(60):
+            stream.send_velocity([2.0, 0.0, 0.0])
+            robot.run(0.025)
+            if robot.setpoints.position[-1, 0] > 2.7:
+                break
+        robot.stall(0.2)
+        carried = len(robot.setpoints.rows)
+        for _ in range(60):
+            stream.send_velocity([2.0, 0.0, 0.0])
+            robot.run(0.025)
+    position = robot.setpoints.position[carried:, 0]
+    assert position[0] > 3.05, "it was carried beyond 3 rad"
+    braking = 2.0**2 / (2.0 * ACCELERATION) + 2.0 * 0.05
+    assert position.max() < position[0] + braking
+    assert position[-1] == pytest.approx(3.0, abs=1e-6)
+    assert np.abs(robot.setpoints.acceleration[carried:]).max() <= 2.0 * ACCELERATION * 1.001
+
+
+def test_a_device_that_interpolates_trajectories_streams_nothing(
+    robot: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Axes, "trajectories_on_device", True)
+    with pytest.raises(Unsupported, match="streamed positions"):
+        robot.robot.stream()
+
+
+def test_a_lost_device_ends_the_stream(robot: Harness) -> None:
+    with robot.robot.stream() as stream:
+        stream.send([1.0] * 3)
+        robot.run(0.2)
+        robot.connection.stop_communication()
+        robot.until(lambda: not stream.open)
+        assert stream.message

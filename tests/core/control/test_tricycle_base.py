@@ -1,0 +1,79 @@
+"""Tricycle base on the simulation, on a clock that the tests advance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import pytest
+from tests.core.control.base_harness import BaseHarness, running
+
+from robotd.descriptor import load_robot_descriptor
+from robotd.device.state import CommandMode
+from robotd.errors import InvalidArgument
+from robotd.motion.planar import PlanarTwist
+
+WHEELBASE_M, RADIUS_M = 0.8, 0.1
+TRACTION, STEERING = 0, 1
+
+
+@pytest.fixture
+def harness() -> Iterator[BaseHarness]:
+    yield from running(load_robot_descriptor("tricycle_base"))
+
+
+def test_the_wheel_rolls_and_the_steering_is_in_position_mode(harness: BaseHarness) -> None:
+    image = harness.robot.image
+    assert image.mode[[TRACTION, STEERING]].tolist() == [CommandMode.VELOCITY, CommandMode.POSITION]
+    harness.drive(0.3, 0.2, 3.0)
+    angle = math.atan2(WHEELBASE_M * 0.2, 0.3)
+    assert image.position[STEERING] == pytest.approx(angle, abs=1e-3)
+    rim = math.hypot(0.3, WHEELBASE_M * 0.2)
+    assert RADIUS_M * image.velocity[TRACTION] == pytest.approx(rim, abs=2e-3)
+    assert harness.twist == pytest.approx(PlanarTwist(0.3, 0.2), abs=2e-3)
+
+
+def test_the_base_comes_to_rest_with_its_angle_and_odometry_holds(harness: BaseHarness) -> None:
+    harness.drive(0.3, 0.3, 3.0)
+    harness.drive(0.0, 0.0, 0.1)
+    harness.run(3.0)
+    assert not harness.base.moving
+    turn, angle = (float(harness.robot.image.position[axis]) for axis in (TRACTION, STEERING))
+    assert angle == pytest.approx(math.atan2(WHEELBASE_M, 1.0), abs=1e-3)
+    pose = harness.base.pose
+    harness.drive(-0.3, -0.3, 3.0)  # back on the same arc
+    harness.drive(0.0, 0.0, 0.1)
+    harness.run(3.0)
+    back = float(harness.robot.image.position[TRACTION])
+    rest = (back / turn) * pose.heading
+    assert pose.heading > 0.5
+    assert harness.base.pose.heading == pytest.approx(rest, abs=0.05)
+
+
+def test_a_fixed_axle_drives_the_same_arc() -> None:
+    robot = load_robot_descriptor("tricycle_base")
+    drive = robot.drive.model_copy(update={"traction": "fixed"}) if robot.drive else None
+    for harness in running(robot.model_copy(update={"drive": drive})):
+        harness.drive(0.3, 0.2, 3.0)
+        assert RADIUS_M * harness.robot.image.velocity[TRACTION] == pytest.approx(0.3, abs=2e-3)
+        assert harness.twist == pytest.approx(PlanarTwist(0.3, 0.2), abs=2e-3)
+
+
+def test_reverse_steers_to_the_other_side(harness: BaseHarness) -> None:
+    harness.drive(-0.3, 0.2, 3.0)
+    assert harness.robot.image.position[STEERING] < -0.4
+    assert harness.twist == pytest.approx(PlanarTwist(-0.3, 0.2), abs=2e-3)
+
+
+def test_a_turn_on_the_spot_is_rejected(harness: BaseHarness) -> None:
+    with pytest.raises(InvalidArgument, match=r"0\.5 rad/s at 0 m/s: the base cannot turn"):
+        harness.base.command(0.0, 0.5)
+
+
+def test_a_servo_that_goes_off_ends_the_motion(harness: BaseHarness) -> None:
+    harness.drive(0.3, 0.2, 1.0)
+    harness.robot.axes.servo(STEERING, False)
+    harness.step()
+    harness.settle()
+    harness.run(2.0)
+    assert abs(harness.robot.image.velocity[TRACTION]) < 1e-6

@@ -1,0 +1,170 @@
+"""A gripper on an output bit: moves, travel time, and the sensor that shows a part."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from tests.core.control.harness import Harness, arm
+
+from robotd.arrays import FloatArray
+from robotd.descriptor import GripperSettings
+from robotd.device.gripper import Gripper
+from robotd.device.process_image import ProcessImage
+from robotd.errors import InvalidArgument
+
+GRIPPER = {
+    "output_byte": 0,
+    "output_bit": 0,
+    "joints": ["left", "right"],
+    "open_m": 0.0,
+    "closed_m": 0.04,
+    "travel_time_s": 0.2,
+    "part_sensor": {"input_byte": 1, "input_bit": 3},
+}
+
+
+@pytest.fixture
+def robot() -> Iterator[Harness]:
+    harness = Harness(arm(gripper=GRIPPER)).up()
+    yield harness
+    harness.robot.shutdown()
+
+
+def test_it_closes_within_its_travel_time_and_tells_what_it_knows(robot: Harness) -> None:
+    gripper = robot.robot.gripper
+    assert gripper is not None
+    began_s = robot.now_s
+    state = gripper.move(0.04, lambda: False)
+    assert (state.position_m, state.reached, state.stalled, state.at_rest) == (
+        0.04, True, False, True
+    )  # fmt: skip
+    assert robot.now_s - began_s == pytest.approx(0.25, abs=0.01)
+    assert gripper.is_commanded_closed
+
+
+def test_a_part_stalls_it(robot: Harness) -> None:
+    gripper = robot.robot.gripper
+    assert gripper is not None
+    robot.faults.set_input_bit(1, 3, True)
+    state = gripper.move(0.04, lambda: False)
+    assert (state.reached, state.stalled, state.at_rest) == (False, True, True)
+
+
+def test_a_canceled_move_is_not_at_rest(robot: Harness) -> None:
+    gripper = robot.robot.gripper
+    assert gripper is not None
+    begun_s = robot.now_s
+    state = gripper.move(0.04, lambda: robot.now_s > begun_s + 0.1)
+    assert not state.at_rest
+    assert state.position_m == pytest.approx(0.02, abs=2e-3)
+
+
+@pytest.mark.parametrize("position", [0.1, -0.01, math.nan])
+def test_a_position_outside_the_stroke_is_rejected(robot: Harness, position: float) -> None:
+    gripper = robot.robot.gripper
+    assert gripper is not None
+    with pytest.raises(InvalidArgument, match=r"is outside 0\.0 to 0\.04 m"):
+        gripper.checked(position)
+
+
+def test_the_fingers_travel_whoever_reads_them(robot: Harness) -> None:
+    gripper = robot.robot.gripper
+    assert gripper is not None
+    gripper.move(0.04, lambda: False)
+    begun_s = robot.now_s
+    state = gripper.move(0.0, lambda: robot.now_s > begun_s + 0.06)
+    assert not state.at_rest
+    assert state.position_m == pytest.approx(0.028, abs=2e-3)
+    assert gripper.position_m == pytest.approx(state.position_m, abs=1e-3)
+
+
+def test_a_part_stops_the_fingers_where_they_are(robot: Harness) -> None:
+    gripper = robot.robot.gripper
+    assert gripper is not None
+    gripper.command(True)
+    robot.run(0.1)
+    robot.faults.set_input_bit(1, 3, True)
+    robot.run(0.5)
+    assert gripper.position_m == pytest.approx(0.02, abs=2e-3)
+    assert gripper.move(0.04, lambda: False).position_m == gripper.position_m
+    robot.faults.set_input_bit(1, 3, False)
+    robot.run(0.5)
+    assert gripper.closed == 1.0
+
+
+def test_the_ends_can_be_set(robot: Harness) -> None:
+    gripper = robot.robot.gripper
+    assert gripper is not None
+    gripper.configure(0.01, 0.03)
+    assert gripper.move(0.03, lambda: False).position_m == 0.03
+    with pytest.raises(InvalidArgument, match=r"is outside 0\.01 to 0\.03 m"):
+        gripper.checked(0.04)
+
+
+def test_positions_of_fingers_follow_their_multipliers() -> None:
+    harness = Harness(arm(gripper={**GRIPPER, "multipliers": [1.0, -2.0]})).up()
+    gripper = harness.robot.gripper
+    assert gripper is not None
+    assert gripper.checked_fingers({"left": 0.02, "right": -0.04}) == pytest.approx(0.02)
+    assert gripper.checked_fingers({"right": -0.06}) == pytest.approx(0.03)
+    with pytest.raises(InvalidArgument, match=r"by the multipliers 1, -2: they cannot be at left"):
+        gripper.checked_fingers({"left": 0.02, "right": 0.02})
+    with pytest.raises(InvalidArgument, match="joint thumb is unknown"):
+        gripper.checked_fingers({"thumb": 0.0})
+    with pytest.raises(InvalidArgument, match="has no position of a finger"):
+        gripper.checked_fingers({})
+    harness.robot.shutdown()
+
+
+class MeasuredGripper:
+    """A gripper whose fingers move as the test says, in the time of the harness."""
+
+    def __init__(self, harness: Harness) -> None:
+        self.fingers = np.zeros(2)
+        self.end_m = 0.0
+        settings = GripperSettings.model_validate({**GRIPPER, "multipliers": [1.0, -1.0]})
+        self.gripper = Gripper(harness.robot.io, settings, harness.clock, self._read)
+        harness.robot.control_loop.every(500, "measured fingers", self._step)
+
+    def _read(self, positions: FloatArray) -> None:
+        positions[:] = self.fingers
+
+    def _step(self, image: ProcessImage) -> None:
+        way = np.clip(self.end_m - self.fingers[0], -0.0004, 0.0004)
+        self.fingers += (way, -way)
+        self.gripper.advance(image)
+
+
+@pytest.fixture
+def measured() -> Iterator[MeasuredGripper]:
+    harness = Harness(arm())
+    gripper = MeasuredGripper(harness)
+    harness.up()
+    yield gripper
+    harness.robot.shutdown()
+
+
+@pytest.mark.parametrize(
+    ("end_m", "reached"),
+    [(0.04, True), (0.0275, False), (0.0, False)],
+    ids=["end", "part", "stuck"],
+)
+def test_measured_fingers_are_reported_where_they_come_to_rest(
+    measured: MeasuredGripper, end_m: float, reached: bool
+) -> None:
+    measured.end_m = end_m
+    state = measured.gripper.move(0.04, lambda: False)
+    assert state.position_m == pytest.approx(end_m, abs=5e-4)
+    assert (state.reached, state.stalled, state.at_rest) == (reached, not reached, True)
+    assert measured.gripper.finger_positions == pytest.approx([end_m, -end_m], abs=5e-4)
+    assert measured.gripper.closed == pytest.approx(end_m / 0.04, abs=0.02)
+
+
+def test_a_canceled_move_of_measured_fingers_is_not_at_rest(measured: MeasuredGripper) -> None:
+    measured.end_m = 0.04
+    state = measured.gripper.move(0.04, lambda: measured.fingers[0] > 0.01)
+    assert not state.at_rest
+    assert 0.01 < state.position_m < 0.02

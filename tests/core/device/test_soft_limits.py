@@ -1,0 +1,93 @@
+"""Velocity commands and position limits."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.core.device.harness import Harness
+
+from robotd.device.axes import Jog
+from robotd.device.soft_limits import SoftLimitGuard
+from robotd.device.state import CommandMode, Operation
+from robotd.errors import InvalidArgument
+from robotd.motion.limits import AxisLimits, room_to_stop
+from robotd.motion.profile import Profile
+
+PERIOD_S = 0.002
+LIMITS = AxisLimits(-1.0, 2.0, 3.0, 10.0)
+
+
+@pytest.fixture
+def jogged(harness: Harness) -> Harness:
+    """All axes in velocity mode and in the middle."""
+    harness.driver.image.mode[:] = CommandMode.VELOCITY
+    harness.driver.image.position[:] = 0.0
+    harness.refresh()
+    return harness
+
+
+def place(harness: Harness, axis: int, position: float, velocity: float) -> None:
+    harness.driver.image.position[axis] = position
+    harness.driver.image.velocity_command[axis] = velocity
+    harness.driver.image.operation[axis] = Operation.VELOCITY
+    harness.refresh()
+
+
+def stopped(harness: Harness) -> list[object]:
+    SoftLimitGuard(harness.axes, PERIOD_S).look(harness.image)
+    return [call[1] for call in harness.driver.calls if call[0] == "stop"]
+
+
+@pytest.mark.parametrize(
+    ("position", "velocity", "stops"),
+    [
+        (1.7, 1.0, False),  # 0.1 rad to brake in, 0.3 there
+        (1.897, 1.0, True),
+        (1.999, -1.0, False),  # away from the limit
+        (-0.897, -1.0, True),
+        (5.0, -1.0, False),  # beyond, on the way back
+        (5.0, 0.1, True),
+        (math.nan, 1.0, False),  # not known: the engine is not ready then
+    ],
+)
+def test_a_velocity_command_ends_where_just_enough_room_is_left(
+    jogged: Harness, position: float, velocity: float, stops: bool
+) -> None:
+    jogged.axes.jog([Jog(0, Profile(0.1, 5.0, 5.0))])
+    place(jogged, 0, position, velocity)
+    assert stopped(jogged) == ([[0]] if stops else [])
+
+
+def test_other_motion_and_unlimited_axes_are_left_alone(jogged: Harness) -> None:
+    place(jogged, 0, 1.999, 3.0)
+    jogged.driver.image.operation[0] = Operation.STOPPING
+    place(jogged, 2, 1e6, 100.0)
+    assert stopped(jogged) == []
+
+
+@pytest.mark.parametrize(("position", "velocity"), [(1.95, 1.0), (-0.95, -1.0), (2.0, 0.1)])
+def test_a_command_that_could_not_be_stopped_in_time_is_rejected(
+    jogged: Harness, position: float, velocity: float
+) -> None:
+    jogged.driver.image.position[0] = position
+    jogged.refresh()
+    with pytest.raises(InvalidArgument, match=r"^joint1: from .* cannot be stopped before"):
+        jogged.axes.jog([Jog(0, Profile(velocity, 5.0, 5.0))])
+    jogged.axes.jog([Jog(0, Profile(-velocity, 5.0, 5.0))])
+
+
+@given(st.floats(-1.0, 2.0), st.floats(-3.0, 3.0), st.floats(0.1, 10.0))
+def test_braking_uses_up_exactly_what_is_not_left(
+    position: float, velocity: float, deceleration: float
+) -> None:
+    room = room_to_stop(LIMITS, position, velocity, deceleration)
+    time_s = abs(velocity) / deceleration
+    rest = position + velocity * time_s / 2.0
+    if velocity:
+        expected = LIMITS.upper - rest if velocity > 0.0 else rest - LIMITS.lower
+        assert room == pytest.approx(expected, abs=1e-9)
+    else:
+        assert room == math.inf

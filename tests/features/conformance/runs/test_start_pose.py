@@ -1,0 +1,51 @@
+"""Each check returns to the start pose of the run, and a run that goes astray ends."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.features.conformance.runs.conftest import InstallPlugin
+from tests.features.conformance.runs.kept_pose import Astray, Hardware, KeptPose, NearLimit
+from tests.features.conformance.runs.kit import run_kit
+
+MOVING = ("test_units.py", "test_stopping.py", "test_profiles.py", "test_trajectories.py")
+
+
+@pytest.fixture(autouse=True)
+def fresh_controllers(monkeypatch: pytest.MonkeyPatch) -> None:
+    for plugin in (KeptPose, NearLimit, Hardware, Astray):
+        monkeypatch.setattr(plugin, "position", None)
+
+
+@pytest.mark.parametrize("plugin", [KeptPose, NearLimit])
+def test_a_controller_that_keeps_its_pose_passes_wherever_it_was_left(
+    install_plugin: InstallPlugin, plugin: type[KeptPose]
+) -> None:
+    outcome = run_kit(install_plugin(plugin.__name__), *MOVING)
+    assert outcome.failed == {}
+    assert len(outcome.passed) > 20
+    assert plugin.position == pytest.approx(np.full(3, plugin.start_rad), abs=0.31)
+
+
+@pytest.mark.parametrize("allowed", [1.3, 0.0], ids=["passes", "fails"])
+def test_hardware_is_left_at_its_start_pose(
+    install_plugin: InstallPlugin, monkeypatch: pytest.MonkeyPatch, allowed: float
+) -> None:
+    monkeypatch.setattr("robotd_conformance.checks.test_stopping.MORE", allowed)
+    ramp = "test_stopping.py::test_a_stop_takes_the_time_and_way_of_its_ramp"
+    own_device = "test_process.py::test_a_forked_process_does_not_disturb_the_device"
+    outcome = run_kit(install_plugin("Hardware"), ramp, own_device)
+    assert (ramp in outcome.failed) is (allowed == 0.0)
+    assert not outcome.ended_early
+    assert Hardware.position == pytest.approx(np.zeros(3), abs=2e-3)
+
+
+def test_a_run_on_hardware_that_goes_astray_is_stopped_and_ends(
+    install_plugin: InstallPlugin, capsys: pytest.CaptureFixture[str]
+) -> None:
+    outcome = run_kit(install_plugin("Astray"), "test_units.py")
+    assert outcome.ended_early
+    assert len(outcome.failed) == 1
+    assert "from its start pose; --max-excursion is 0.45 rad !" in capsys.readouterr().out
+    assert Astray.position is not None
+    assert np.abs(Astray.position).max() < 0.75, "0.9 rad is where it goes without a stop"

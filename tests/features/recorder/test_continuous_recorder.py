@@ -1,0 +1,112 @@
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.features.harness import Observed
+
+from robotd.clock import MonotonicClock, wait_until
+from robotd.errors import OperationError
+from robotd_recorder.continuous_recorder import ContinuousRecorder
+from robotd_recording.recording_folder import RecordingFolder
+from robotd_recording.recording_reader import RecordingError, read_recording
+from robotd_recording.recording_repair import recover
+
+CLOCK = MonotonicClock()
+WAIT_S = 30.0
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Iterator[Observed]:
+    observed = Observed(tmp_path / "recordings")
+    yield observed
+    observed.close()
+
+
+def recorder_of(arm: Observed, split_bytes: float = 1e9) -> ContinuousRecorder:
+    folder = RecordingFolder(arm.folder, "cr3a", 1, 1e6)
+    return ContinuousRecorder(arm.tap, folder, split_bytes, 3600.0)
+
+
+def test_every_period_between_start_and_stop_is_recorded(arm: Observed) -> None:
+    recorder = recorder_of(arm)
+    recorder.start()
+    first = arm.tap.frames.written
+    with arm.goal([0.2] * 6, 2.0):
+        arm.step(2.5)
+    report = recorder.stop()
+    assert report.path is not None
+    recording = read_recording(report.path)
+    assert report.size_bytes == report.path.stat().st_size
+    written = arm.tap.frames.since(first)[0]
+    np.testing.assert_array_equal(recording.frames["values"], written["values"])
+    np.testing.assert_array_equal(recording.frames["start_ns"], written["start_ns"])
+    assert len(recording.goals) == 1
+
+
+def test_a_long_recording_is_split_by_size(arm: Observed) -> None:
+    recorder = recorder_of(arm, split_bytes=30e3)
+    recorder.start()
+    for _ in range(4):
+        with arm.goal([0.2] * 6, 1.0):
+            arm.step(1.2)
+        size = recorder.report.size_bytes
+        assert wait_until(lambda size=size: recorder.report.size_bytes > size, WAIT_S, CLOCK)
+    recorder.stop()
+    frames = [read_recording(path).frames for path in arm.files()]
+    assert len(frames) > 1
+    starts = sorted(np.concatenate([each["start_ns"] for each in frames]).tolist())
+    assert len(starts) == len(set(starts)) >= 4 * 600
+
+
+def test_only_one_recording_runs_at_a_time(arm: Observed) -> None:
+    recorder = recorder_of(arm)
+    with pytest.raises(OperationError, match="nothing is being recorded"):
+        recorder.stop()
+    recorder.start()
+    with pytest.raises(OperationError, match="already recording"):
+        recorder.start()
+    recorder.stop()
+    recorder.start()
+    recorder.close()
+    assert len(arm.files()) == 2
+
+
+def test_a_writing_process_that_is_killed_leaves_a_file_that_can_be_recovered(
+    arm: Observed,
+) -> None:
+    others = {*_children()}  # of earlier tests, such as a tracker of shared memory
+    recorder = recorder_of(arm)
+    recorder.start()
+    for _ in range(4):
+        with arm.goal([0.2] * 6, 1.0):
+            arm.step(1.2)
+        size = recorder.report.size_bytes
+        assert wait_until(lambda size=size: recorder.report.size_bytes > size, WAIT_S, CLOCK)
+    (path,) = arm.files()
+    assert wait_until(lambda: path.stat().st_size > 100e3, WAIT_S, CLOCK)
+    (child,) = {*_children()} - others
+    os.kill(child, signal.SIGKILL)
+    assert wait_until(lambda: not recorder.is_recording, WAIT_S, CLOCK)
+    with pytest.raises(OperationError, match="the recording ended early"):
+        recorder.stop()
+    with pytest.raises(RecordingError, match="robotd record --recover"):
+        read_recording(path)
+    found = recover(path)
+    assert found.damaged.exists()
+    frames = read_recording(path).frames
+    assert len(frames) > 500
+    written = arm.tap.frames.since(0)[0]
+    held = np.isin(written["start_ns"], frames["start_ns"])
+    np.testing.assert_array_equal(
+        written["values"][held], frames["values"][np.isin(frames["start_ns"], written["start_ns"])]
+    )
+
+
+def _children() -> list[int]:
+    tasks = Path("/proc/self/task").iterdir()
+    return [int(child) for task in tasks for child in (task / "children").read_text().split()]

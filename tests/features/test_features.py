@@ -1,0 +1,130 @@
+"""Features as a user, an author and a robot without one of them meet them."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from robotd.cli import main
+from robotd.clock.simulated import SteppedClock
+from robotd.descriptor import load_robot_descriptor, parse_override
+from robotd.feature import _loaded, installed_features
+from robotd.feature_host import open_features
+from robotd.plugin.manager import load_backend
+from robotd.robot import Robot
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "csv_feature"
+OPTIONS = {
+    "foxglove": "--foxglove=0",
+    "metrics": "--metrics=0",
+    "page": "--page=0",
+    "recorder": "--record=folder",
+    "scenario": "--scenario=file",
+    "service": "--health=0",
+}
+
+
+@pytest.fixture
+def without(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> Iterator[str]:
+    """Name of a feature whose package is not there."""
+    name: str = request.param
+    for module in [each for each in sys.modules if each.partition(".")[0] == f"robotd_{name}"]:
+        monkeypatch.delitem(sys.modules, module)
+    monkeypatch.setitem(sys.modules, f"robotd_{name}", None)
+    for cached in (installed_features, _loaded):
+        cached.cache_clear()
+    yield name
+    for cached in (installed_features, _loaded):
+        cached.cache_clear()
+
+
+@pytest.mark.parametrize("without", OPTIONS, indirect=True)
+def test_a_robot_runs_without_a_feature(without: str, tmp_path: Path) -> None:
+    folder = parse_override(f"recorder.folder={tmp_path}")
+    overrides = [] if without == "recorder" else [folder]
+    descriptor = load_robot_descriptor("cr3a", overrides=overrides)
+    robot = Robot(descriptor, load_backend("sim"), SteppedClock())
+    with open_features(robot) as features:
+        assert without not in features.parts
+        assert features.parts or without == "recorder"
+
+
+@pytest.mark.parametrize("without", OPTIONS, indirect=True)
+def test_its_option_says_that_it_is_not_there(without: str) -> None:
+    option = OPTIONS[without]
+    result = CliRunner().invoke(main, ["--robot", "cr3a", option], prog_name="robotd")
+    assert result.exit_code == 2
+    assert f"No such option '{option.partition('=')[0]}'" in result.output
+    assert f"feature {without!r}: cannot be imported" in result.output
+
+
+def test_the_recorder_comes_before_those_that_use_it() -> None:
+    order = [*installed_features()]
+    assert order.index("recorder") < order.index("page") < order.index("metrics")
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Environment in which the example's feature is installed."""
+    site = tmp_path_factory.mktemp("site")
+    pip = (sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check")
+    arguments = ("--no-deps", "--no-build-isolation", "--target", str(site), str(EXAMPLE))
+    subprocess.run([*pip, *arguments], check=True)
+    return os.environ | {"PYTHONPATH": str(site)}
+
+
+def test_a_third_party_feature_is_listed_checked_and_offered(
+    installed: dict[str, str], tmp_path: Path
+) -> None:
+    def robotd(*words: str) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "robotd", *words]
+        return subprocess.run(
+            command, env=installed, cwd=tmp_path, capture_output=True, text=True, check=False
+        )
+
+    listed = robotd("features")
+    assert listed.returncode == 0
+    assert "joint positions as CSV" in listed.stdout
+    assert "last seconds of everything" in listed.stdout
+    assert "--csv FILE" in robotd("run", "--help").stdout
+    file = tmp_path / "robot.yaml"
+    file.write_text("extends: cr3a\nname: cr3b\ncsv:\n  rate_hz: -1.0\n", encoding="utf-8")
+    wrong = robotd("check", "--robot", str(file))
+    assert wrong.returncode == 3
+    assert f"{file}:4: csv.rate_hz: must be greater than 0 (value -1.0)" in wrong.stdout
+    file.write_text("extends: cr3a\nname: cr3b\ncsv:\n  rate: 1.0\n", encoding="utf-8")
+    unknown = robotd("check", "--robot", str(file))
+    assert "csv.rate: unknown key; did you mean" in unknown.stdout
+
+
+def test_a_third_party_feature_runs_beside_the_robot(
+    installed: dict[str, str], tmp_path: Path
+) -> None:
+    program = """
+from robotd.clock import MonotonicClock
+from robotd.descriptor import load_robot_descriptor, parse_override
+from robotd.feature_host import open_features
+from robotd.plugin.manager import load_backend
+from robotd.robot import Robot
+import time
+values = [parse_override("csv.file=out.csv"), parse_override("recorder.enabled=false")]
+descriptor = load_robot_descriptor("cr3a", overrides=values)
+robot = Robot(descriptor, load_backend("sim"), MonotonicClock())
+with open_features(robot) as features:
+    robot.start(enable=False)
+    until_s = time.monotonic() + 20.0
+    while len(open("out.csv").readlines()) < 4 and time.monotonic() < until_s:
+        time.sleep(0.05)
+    robot.shutdown()
+"""
+    subprocess.run([sys.executable, "-c", program], env=installed, cwd=tmp_path, check=True)
+    header, *rows = (tmp_path / "out.csv").read_text(encoding="utf-8").splitlines()
+    assert header == "time_s,joint1,joint2,joint3,joint4,joint5,joint6"
+    assert len(rows) >= 3
+    assert all(len(row.split(",")) == 7 for row in rows)

@@ -1,0 +1,98 @@
+"""Homing by switches that the simulated drive has, and limit switches as faults."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from tests.plugins.canopen.bus.conftest import SMALL, OpenRig
+from tests.plugins.canopen.bus.harness import Harness
+
+from robotd.control.trajectory_execution import Outcome
+from robotd.device.axes import Jog
+from robotd.device.state import CommandMode
+from robotd.errors import OperationError
+from robotd.motion.profile import Profile
+
+EDGE_RAD = 3e-3  # a period at creeping speed, and the way to rest
+SWITCHES = {"negative_limit_rad": -0.3, "positive_limit_rad": 0.4, "home_rad": 0.2}
+ENDS, LEFT, RIGHT = (-0.3, 0.4), 0.19, 0.21
+
+
+def homing(method: int, polarity: int = 1, **switches: float) -> dict[str, Any]:
+    return {
+        "axis_defaults": {
+            "counts_per_rad": 1e5,
+            "polarity": polarity,
+            "homing_method": method,
+            "homing_speed_rad_s": 0.8,
+            "homing_creep_rad_s": 0.1,
+            "homing_acceleration_rad_s2": 20.0,
+            "simulated_switches": SWITCHES | switches,
+        }
+    }
+
+
+def place(harness: Harness) -> float:
+    """Position of home, relative to the motor at power-on."""
+    return harness.drive(2).drives[0].motion.zero
+
+
+@pytest.mark.parametrize(
+    ("method", "polarity", "home"),
+    [
+        (17, 1, ENDS[0]),
+        (18, 1, ENDS[1]),
+        (17, -1, ENDS[1]),  # the drive's negative end is the joint's positive one
+        (19, 1, LEFT),
+        (23, 1, LEFT),
+    ],
+)
+def test_home_is_the_edge_of_the_switch(
+    open_rig: OpenRig, method: int, polarity: int, home: float
+) -> None:
+    with open_rig(SMALL, **homing(method, polarity)) as harness:
+        harness.robot.axes.home(1)
+        assert place(harness) == pytest.approx(home, abs=EDGE_RAD)
+        assert abs(harness.image.position[1]) < 10 * EDGE_RAD
+        assert harness.image.home_done[1]
+        assert harness.image.servo_on[1]
+        inwards = -0.1 if home == ENDS[1] else 0.1
+        assert harness.follow(0.5, inwards).outcome is Outcome.SUCCEEDED
+
+
+@pytest.mark.parametrize(("method", "home_rad"), [(23, -0.1), (27, 0.2)])
+def test_a_search_turns_at_the_limit_switch(
+    open_rig: OpenRig, method: int, home_rad: float
+) -> None:
+    with open_rig(SMALL, **homing(method, home_rad=home_rad)) as harness:
+        harness.robot.axes.home(1)
+        edge = home_rad - 0.01 if method == 23 else home_rad + 0.01
+        assert place(harness) == pytest.approx(edge, abs=EDGE_RAD)
+
+
+@pytest.mark.parametrize("method", [21, 5])
+def test_a_homing_that_finds_nothing_says_so(open_rig: OpenRig, method: int) -> None:
+    """Method 21 searches on the wrong side; the drive does not have method 5."""
+    with open_rig(SMALL, **homing(method)) as harness:
+        with pytest.raises(OperationError, match="elbow: node 2: homing failed"):
+            harness.robot.axes.home(1)
+        assert not harness.image.home_done[1]
+        assert harness.image.servo_on[1]
+
+
+def test_a_limit_switch_stops_an_axis_with_a_reason(open_rig: OpenRig) -> None:
+    with open_rig(SMALL, **homing(37)) as harness:
+        axes = harness.robot.axes
+        axes.set_command_mode(1, CommandMode.VELOCITY)
+        axes.jog([Jog(1, Profile(0.8, 5.0, 5.0))])
+        harness.until(lambda: bool(harness.image.amp_alarm[1]))
+        harness.until(lambda: "EMCY 0x8612 reference limit" in harness.image.fault(1))
+        harness.until(lambda: bool(harness.image.positive_limit[1]))
+        assert not harness.image.negative_limit[1]
+        axes.clear_alarm(1)
+        axes.servo(1, True)
+        axes.jog([Jog(1, Profile(-0.4, 5.0, 5.0))])
+        harness.until(lambda: not harness.image.positive_limit[1])
+        axes.stop([1])
+        harness.idle(1)

@@ -1,0 +1,42 @@
+"""Objects of a drive, read and written while the robot runs."""
+
+from __future__ import annotations
+
+import pytest
+from tests.plugins.canopen.bus.conftest import SMALL, OpenRig
+
+from robotd.device.axes import Move
+from robotd.errors import InvalidArgument, NotReady, OperationError
+from robotd.motion.profile import Profile
+
+ACCELERATION = (2, 0x6083, 0)  # of the elbow
+TYPE = (0x92, 1, 2, 0)  # CiA 402, servo drive
+
+
+def test_objects_are_read_in_motion_and_written_at_rest(open_rig: OpenRig) -> None:
+    with open_rig(SMALL) as harness:
+        robot, fieldbus = harness.robot, harness.robot.fieldbus
+        assert tuple(fieldbus.read_object(0, 1, 0x1000)) == TYPE
+        robot.axes.move([Move(1, 0.3, Profile(0.2, 2.0, 2.0))])
+        ramp = fieldbus.read_object(0, *ACCELERATION)
+        moving = r"elbow: writing an object needs an idle axis, this one is in position"
+        with pytest.raises(NotReady, match=moving):
+            fieldbus.write_object(0, *ACCELERATION, bytes(4))
+        assert fieldbus.read_object(0, *ACCELERATION) == ramp
+        harness.idle(1)
+        fieldbus.write_object(0, *ACCELERATION, b"\x01\x02\0\0")
+        assert fieldbus.read_object(0, *ACCELERATION) == b"\x01\x02\0\0"
+        assert fieldbus.read_object(0, 1, 0x6083) != b"\x01\x02\0\0", "another node"
+        robot.axes.move([Move(1, 0.0, Profile(0.2, 2.0, 2.0))])
+        assert fieldbus.read_object(0, *ACCELERATION) == ramp, "the driver writes its ramp again"
+        harness.idle(1)
+
+
+def test_a_rejection_names_node_object_and_reason(open_rig: OpenRig) -> None:
+    with open_rig(SMALL) as harness:
+        fieldbus = harness.robot.fieldbus
+        unknown = r"\(node 1\): reading 0x5FFF:00.* abort 0x06020000"
+        with pytest.raises(OperationError, match=unknown):
+            fieldbus.read_object(0, 1, 0x5FFF)
+        with pytest.raises(InvalidArgument, match=r"node 9 is not on bus 0 \(nodes: \[1, 2"):
+            fieldbus.read_object(0, 9, 0x1000)

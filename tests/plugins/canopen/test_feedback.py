@@ -1,0 +1,214 @@
+"""To which SYNC the values of the image belong, and which of them are believed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.plugins.canopen.network import drive, options, plan
+
+from robotd_canopen.feedback import Feedback
+from robotd_cia402.object_numbers import INPUTS, POSITION
+from robotd_cia402.scaling import Scaling
+
+ONLINE = np.zeros(2, bool)
+REACH = 16_000  # counts: 100 rad/s for twice 20 SYNCs
+CYCLIC = slice(0, 2)  # TPDOs that come with each SYNC; the third comes with each fourth
+
+
+class Drives:
+    """Two drives that answer when they are told to."""
+
+    def __init__(self, **keys: Any) -> None:
+        self.axes = plan(options(**keys)).axes
+        self.feedback = Feedback(self.axes, 0.004, 0.1)
+        for number in range(len(self.axes)):
+            self.feedback.accept(number)
+        self.handlers = {
+            (number, pdo.cob_id): self.feedback.handler(number, pdo, Scaling(axis.options, None))
+            for number, axis in enumerate(self.axes)
+            for pdo in axis.tpdos
+        }
+
+    def sync(self) -> None:
+        """As the cycle does it."""
+        self.feedback.take()
+        self.feedback.syncs += 1
+
+    def position(self, axis: int) -> int:
+        """Return the position of ``axis`` as taken last."""
+        return self.feedback.values[axis][INPUTS.index(POSITION)]
+
+    def answer(self, axis: int, count: int = 0, *, which: slice = slice(None)) -> None:
+        for pdo in self.axes[axis].tpdos[which]:
+            values = [count if entry.base == POSITION else 0 for entry in pdo.entries]
+            self.handlers[axis, pdo.cob_id](bytearray(pdo.layout.pack(*values)))
+
+
+@pytest.fixture
+def drives() -> Drives:
+    """Both have answered the first SYNC, and the second has been sent."""
+    drives = Drives()
+    drives.sync()
+    drives.answer(0)
+    drives.answer(1)
+    drives.sync()
+    return drives
+
+
+def test_the_image_is_of_the_sync_before(drives: Drives) -> None:
+    assert drives.feedback.behind(ONLINE) == 1
+    drives.feedback.take()
+    assert drives.feedback.behind(ONLINE) == 1
+
+
+def test_a_quick_answer_belongs_to_the_next_image(drives: Drives) -> None:
+    drives.answer(0, 1000)
+    assert drives.position(0) == 0
+    drives.sync()
+    assert drives.position(0) == 1000
+
+
+def test_the_most_silent_drive_counts_unless_it_is_offline(drives: Drives) -> None:
+    for _ in range(3):
+        drives.answer(0, which=CYCLIC)
+        drives.sync()
+    assert drives.feedback.behind(ONLINE) == 4
+    assert drives.feedback.behind(np.array([False, True])) == 1
+    assert drives.feedback.behind(~ONLINE) == drives.feedback.syncs
+
+
+def test_answers_between_two_syncs_are_of_the_last_one(drives: Drives) -> None:
+    drives.answer(0)
+    drives.answer(1)
+    drives.feedback.take()
+    assert drives.feedback.behind(ONLINE) == 0
+
+
+def test_a_position_that_cannot_be_is_not_believed(drives: Drives) -> None:
+    with pytest.raises(ValueError, match="the position jumps by -20 rad"):
+        drives.answer(0, -20_000, which=CYCLIC)
+    drives.answer(0, 100)
+    drives.sync()
+    assert drives.position(0) == 100
+
+
+def test_a_leap_is_believed_when_the_next_position_is_near_it(drives: Drives) -> None:
+    with pytest.raises(ValueError, match="jumps by 20 rad"):
+        drives.answer(0, 20_000, which=CYCLIC)
+    drives.answer(0, 20_010)
+    drives.sync()
+    assert drives.position(0) == 20_010
+
+
+def test_the_first_position_after_the_start_is_believed(drives: Drives) -> None:
+    drives.feedback.forget(0)
+    drives.feedback.accept(0)
+    drives.answer(0, 2_000_000)
+    drives.sync()
+    assert drives.position(0) == 2_000_000
+
+
+def test_an_endless_axis_runs_over_without_a_leap(drives: Drives) -> None:
+    drives.feedback.forget(0)
+    drives.feedback.accept(0)
+    drives.answer(0, 2**31 - 5)
+    drives.answer(0, -(2**31) + 5)
+
+
+def test_frames_before_the_start_of_a_drive_do_not_count(drives: Drives) -> None:
+    drives.feedback.forget(0)
+    pdo = drives.axes[0].tpdos[0]
+    drives.handlers[0, pdo.cob_id](bytearray(2))  # of a drive that starts by itself
+    drives.answer(0, 500)
+    drives.sync()
+    assert not drives.feedback.complete(0)
+    assert drives.position(0) == 0
+
+
+EVENT_DRIVEN = [
+    {"number": 1, "transmission": 1, "objects": ["0x6041", "0x6061"]},
+    {"number": 2, "transmission": 255, "objects": ["0x6064", "0x60F4"]},
+    {"number": 3, "transmission": 254, "objects": ["0x60F4"]},  # nothing that an axis takes
+]
+
+
+@pytest.fixture
+def event_driven() -> Drives:
+    """Axis 0 sends its position on an event, and has answered the first SYNC."""
+    drives = Drives(axes=[drive(0, tpdos=EVENT_DRIVEN), drive(1)])
+    drives.sync()
+    drives.answer(0, which=slice(0, 1))
+    drives.answer(1)
+    drives.sync()
+    return drives
+
+
+def test_an_axis_is_known_when_its_event_driven_position_has_come(event_driven: Drives) -> None:
+    feedback = event_driven.feedback
+    assert feedback.complete(1)
+    assert not feedback.complete(0)
+    assert [pdo.name for pdo in feedback.missing(0)] == ["TPDO 2"]
+    event_driven.answer(0, 700, which=slice(1, 2))
+    event_driven.sync()
+    assert feedback.complete(0)
+    assert event_driven.position(0) == 700
+
+
+def test_an_event_driven_position_is_never_late(event_driven: Drives) -> None:
+    feedback = event_driven.feedback
+    event_driven.answer(0, 700, which=slice(1, 2))
+    for _ in range(100):
+        event_driven.answer(0, which=slice(0, 1))
+        event_driven.answer(1)
+        event_driven.sync()
+    assert not feedback.stale()
+    assert feedback.behind(ONLINE) == 1
+
+
+@pytest.mark.parametrize(("comes", "expected"), [(False, 600), (True, 700)])
+def test_values_read_by_sdo_are_older_than_a_tpdo(
+    event_driven: Drives, comes: bool, expected: int
+) -> None:
+    feedback, pdo = event_driven.feedback, event_driven.axes[0].tpdos[1]
+    if comes:
+        event_driven.answer(0, 700, which=slice(1, 2))
+    feedback.seed(0, pdo, {POSITION: 600})
+    event_driven.sync()
+    assert feedback.complete(0)
+    assert event_driven.position(0) == expected
+
+
+@given(st.lists(st.integers(-(2**31), 2**31 - 1).filter(lambda count: abs(count) > REACH)))
+def test_garbage_between_two_positions_changes_nothing(garbage: list[int]) -> None:
+    drives = Drives()
+    drives.answer(0)
+    for count in garbage:
+        with pytest.raises(ValueError, match="jumps"):
+            drives.answer(0, count, which=CYCLIC)
+        drives.answer(0, 5)
+        drives.sync()
+        assert drives.position(0) == 5
+
+
+def test_a_tpdo_that_comes_more_often_than_sync_is_of_two_drives(drives: Drives) -> None:
+    assert not drives.feedback.is_counted(0)
+    for _ in range(60):
+        drives.answer(0, which=CYCLIC)
+        drives.answer(1, which=CYCLIC)
+        drives.answer(1, which=CYCLIC)  # of another node with the same id
+        drives.sync()
+    assert drives.feedback.is_counted(0)
+    assert drives.feedback.doubled(0) is None
+    assert drives.feedback.doubled(1) is drives.axes[1].tpdos[0]
+
+
+def test_an_event_driven_tpdo_may_come_at_any_rate(event_driven: Drives) -> None:
+    for _ in range(60):
+        event_driven.answer(0)
+    assert event_driven.feedback.doubled(0) not in [
+        pdo for pdo in event_driven.axes[0].tpdos if pdo.is_event_driven
+    ]

@@ -1,0 +1,101 @@
+"""URDF, MJCF and scenes as files: what is lost is told, what is wrong is an error."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from tests.plugins.mujoco.cell import cell
+
+from robotd import log
+from robotd.control.trajectory_execution import Outcome
+from robotd.errors import DescriptorError
+
+URDF = """<robot name="arm">
+  <link name="base"><visual><geometry><mesh filename="package://none/base.dae"/></geometry></visual></link>
+  <joint name="j" type="revolute"><parent link="base"/><child link="beam"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="1" effort="10" velocity="1"/></joint>
+  <link name="beam"/>
+  <joint name="fixed" type="fixed"><parent link="beam"/><child link="tool"/></joint>
+  <link name="tool"><inertial><mass value="0.5"/>
+    <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
+</robot>
+"""
+MJCF = """<mujoco><compiler angle="radian"/>
+<worldbody><body name="base" pos="0 0 .3"><body name="beam">
+  <joint name="j" axis="0 0 1" range="-1 1"/><geom size=".05" mass="1"/>
+</body></body></worldbody><actuator><motor joint="j"/></actuator></mujoco>"""
+ROBOT = """schema: 1
+name: arm
+backend: mujoco
+{urdf}
+joints:
+  - {{name: j, axis: 0, lower_rad: -1, upper_rad: 1, velocity_rad_s: 1, acceleration_rad_s2: 5}}
+backends:
+  mujoco: {{{options}}}
+"""
+SCENE_XML = """<mujoco><worldbody><geom type="plane" size="1 1 .1"/>
+  <body name="ball" pos=".5 0 .05"><freejoint/><geom size=".05" mass=".1"/></body>
+</worldbody></mujoco>"""
+
+
+def robot_file(folder: Path, options: str = "", *, urdf: bool = True) -> str:
+    """Write a robot of one joint and its files."""
+    (folder / "arm.urdf").write_text(URDF)
+    (folder / "arm.xml").write_text(MJCF)
+    (folder / "scene.xml").write_text(SCENE_XML)
+    text = ROBOT.format(options=options, urdf="urdf: arm.urdf" if urdf else "")
+    (folder / "robot.yaml").write_text(text)
+    return str(folder / "robot.yaml")
+
+
+def test_what_the_import_loses_is_told_and_links_stay(tmp_path: Path) -> None:
+    lines: list[log.LogLine] = []
+    log.add_listener(lines.append)
+    try:
+        with cell(robot=robot_file(tmp_path), start=False) as arm:
+            names = {arm.physics.model.body(number).name for number in range(4)}
+    finally:
+        log.remove_listener(lines.append)
+    assert names == {"world", "base", "beam", "tool"}
+    notes = [str(line.fields.get("note", line.text)) for line in lines]
+    assert any("base.dae is not found" in note for note in notes)
+    assert any("links without mass weigh 1 g: beam" in note for note in notes)
+
+
+def test_an_mjcf_and_a_scene_in_mjcf_make_a_robot(tmp_path: Path) -> None:
+    robot = robot_file(tmp_path, "mjcf: arm.xml, scene: scene.xml", urdf=False)
+    with cell(robot=robot) as arm:
+        execution = arm.go((0.5,), 1.0)
+        assert execution.outcome is Outcome.SUCCEEDED, execution.message
+        assert arm.robot.image.position == pytest.approx([0.5], abs=1e-3)
+        assert arm.pose("ball")[:3] == pytest.approx([0.5, 0.0, 0.05], abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("scene", "reason"),
+    [
+        ("objects: [{name: a, at_m: [0, 0, 0]}]", "needs one of box_m"),
+        ("objects: [{name: a, box_m: [1, 1, 0], at_m: [0, 0, 0]}]", "greater than 0"),
+        ("objects: [{name: a, mesh: no.stl, at_m: [0, 0, 0]}]", "no.stl does not exist"),
+        ("objects: [{name: beam, sphere_m: 1, at_m: [0, 0, 0]}]", "names of links: beam"),
+        ("obejcts: []", "obejcts"),
+        ("a: [", "not YAML"),
+        (
+            "cameras: [{name: c, link: arm9, at_m: [0, 0, 1], look_at_m: [0, 0, 0]}]",
+            "link .arm9",
+        ),
+    ],
+)
+def test_a_wrong_scene_is_an_error_with_its_reason(scene: str, reason: str, tmp_path: Path) -> None:
+    (tmp_path / "scene.yaml").write_text(scene)
+    robot = robot_file(tmp_path, "scene: scene.yaml")
+    with pytest.raises(DescriptorError, match=reason), cell(robot=robot, start=False):
+        pass
+
+
+def test_a_file_that_does_not_exist_is_an_error(tmp_path: Path) -> None:
+    robot = robot_file(tmp_path, "scene: none.yaml, initial_position_rad: [1, 2]")
+    both = r"none.yaml does not exist[\s\S]*2 positions"
+    with pytest.raises(DescriptorError, match=both), cell(robot=robot, start=False):
+        pass
