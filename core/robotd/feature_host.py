@@ -26,6 +26,8 @@ class FeatureHost:
         node_names: ROS nodes that will be served.
         namespace: of the ROS nodes.
         parts: running part of each feature that was opened before, by the feature's name.
+        offered: functions that a feature offers to those opened after it, by name. What they
+            return is made only where it is used; None: not for this robot.
         requested: names of features whose part a feature that was opened before uses.
         on_served: called when the robot's nodes answer, before the device is opened, in this order.
             Append functions.
@@ -40,6 +42,7 @@ class FeatureHost:
         self.node_names = node_names
         self.namespace = namespace
         self.parts: dict[str, Any] = {}
+        self.offered: dict[str, Callable[[], Any]] = {}
         self.requested: set[str] = set()
         self.on_served: list[Callable[[], None]] = []
         self.on_ready: list[Callable[[], None]] = []

@@ -12,12 +12,12 @@ BUILT_IN = {
         "robotd_ros.nodes.wmx_engine_node:WmxEngineNode",
         "engine: open, communicate, state, ready",
         keeps_failed_start=True,
-        parameters="robotd_ros.node_settings.device_settings:read_engine",
+        parameters="robotd_ros.nodes.device_settings:read_engine",
     ),
     "wmx_core_motion_node": NodeInfo(
         "robotd_ros.nodes.wmx_core_motion_node:WmxCoreMotionNode",
         "axes: servo, alarm, mode, homing, moves, velocity, state",
-        parameters="robotd_ros.node_settings.device_settings:read_core_motion",
+        parameters="robotd_ros.nodes.device_settings:read_core_motion",
     ),
     "wmx_io_node": NodeInfo(
         "robotd_ros.nodes.wmx_io_node:WmxIoNode",
@@ -33,52 +33,53 @@ BUILT_IN = {
         "robotd_ros.nodes.manipulator_state:ManipulatorState",
         "joint states; the joints are switched on at start",
         enables_servos=True,
-        parameters="robotd_ros.node_settings.arm_settings:read_manipulator_state",
+        parameters="robotd_ros.nodes.arm_settings:read_manipulator_state",
     ),
     "follow_joint_trajectory_server": NodeInfo(
         "robotd_ros.nodes.follow_joint_trajectory_server:FollowJointTrajectoryServer",
         "trajectories and the gripper",
-        parameters="robotd_ros.node_settings.arm_settings:read_trajectory_server",
+        parameters="robotd_ros.nodes.arm_settings:read_trajectory_server",
     ),
     "joint_command_node": NodeInfo(
         "robotd_ros.nodes.joint_command_node:JointCommandNode",
         "motion on topics: trajectories, points, positions, velocities, jog",
-        parameters="robotd_ros.node_settings.command_settings:read_joint_command",
+        parameters="robotd_ros.nodes.command_settings:read_joint_command",
     ),
     "gripper_controller": NodeInfo(
         "robotd_ros.nodes.gripper_controller:GripperController",
         "the gripper as actions, for MoveIt",
-        parameters="robotd_ros.node_settings.command_settings:read_gripper_controller",
+        parameters="robotd_ros.nodes.command_settings:read_gripper_controller",
     ),
     "robot_state_publisher": NodeInfo(
         "robotd_ros.nodes.robot_state_publisher:RobotStatePublisher",
         "transforms of the whole robot from its URDF; replaces the program of this name",
-        parameters="robotd_ros.node_settings.device_settings:read_state_publisher",
+        parameters="robotd_ros.nodes.device_settings:read_state_publisher",
     ),
     "diff_drive_controller": NodeInfo(
         "robotd_ros.nodes.base_controller:DiffDriveController",
         "twists and odometry of a mobile base; the wheels are switched on at start",
         enables_servos=True,
-        parameters="robotd_ros.node_settings.base_settings:read_diff_drive",
+        parameters="robotd_ros.nodes.base_settings:read_diff_drive",
     ),
     "mecanum_drive_controller": NodeInfo(
         "robotd_ros.nodes.base_controller:MecanumDriveController",
         "twists and odometry of a mecanum base; the wheels are switched on at start",
         enables_servos=True,
-        parameters="robotd_ros.node_settings.base_settings:read_mecanum_drive",
+        parameters="robotd_ros.nodes.base_settings:read_mecanum_drive",
     ),
     "tricycle_controller": NodeInfo(
         "robotd_ros.nodes.base_controller:TricycleController",
         "twists and odometry of a base with a steered wheel; both axes are switched on at start",
         enables_servos=True,
-        parameters="robotd_ros.node_settings.base_settings:read_tricycle",
+        parameters="robotd_ros.nodes.base_settings:read_tricycle",
     ),
 }
 
 
 @hookimpl
 def robotd_register_nodes(registry: NodeRegistry) -> None:
-    """Add the built-in nodes."""
+    """Add the built-in nodes, and what serves all nodes."""
+    registry.serve_with("robotd_ros.serve:serve")
     for name, info in BUILT_IN.items():
         registry.add(name, **asdict(info))
 

@@ -6,20 +6,26 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
+from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
 from robotd.cli import main
+from robotd.cli.exit_codes import ExitCode
 from robotd.clock.simulated import SteppedClock
 from robotd.descriptor import load_robot_descriptor, parse_override
+from robotd.device.state import ConnectionState
+from robotd.errors import DescriptorError
 from robotd.feature import _loaded, installed_features
 from robotd.feature_host import open_features
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "csv_feature"
+FEATURES = Path(__file__).parents[2] / "features"
+FOLDERS = sorted(path.name for path in FEATURES.iterdir() if (path / "README.md").is_file())
 OPTIONS = {
     "foxglove": "--foxglove=0",
     "metrics": "--metrics=0",
@@ -32,11 +38,13 @@ OPTIONS = {
 
 @pytest.fixture
 def without(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> Iterator[str]:
-    """Name of a feature whose package is not there."""
+    """Name of a folder of features whose packages are not there."""
     name: str = request.param
-    for module in [each for each in sys.modules if each.partition(".")[0] == f"robotd_{name}"]:
+    packages = packages_of(name)
+    for module in [each for each in sys.modules if each.partition(".")[0] in packages]:
         monkeypatch.delitem(sys.modules, module)
-    monkeypatch.setitem(sys.modules, f"robotd_{name}", None)
+    for package in packages:
+        monkeypatch.setitem(sys.modules, package, None)
     for cached in (installed_features, _loaded):
         cached.cache_clear()
     yield name
@@ -44,7 +52,17 @@ def without(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> 
         cached.cache_clear()
 
 
-@pytest.mark.parametrize("without", OPTIONS, indirect=True)
+def packages_of(folder: str) -> set[str]:
+    return {path.parent.name for path in (FEATURES / folder).glob("*/__init__.py")}
+
+
+def commands_of(folder: str) -> list[str]:
+    packages = packages_of(folder)
+    entries = entry_points(group="robotd.commands")
+    return sorted(each.name for each in entries if each.module.partition(".")[0] in packages)
+
+
+@pytest.mark.parametrize("without", FOLDERS, indirect=True)
 def test_a_robot_runs_without_a_feature(without: str, tmp_path: Path) -> None:
     folder = parse_override(f"recorder.folder={tmp_path}")
     overrides = [] if without == "recorder" else [folder]
@@ -53,6 +71,19 @@ def test_a_robot_runs_without_a_feature(without: str, tmp_path: Path) -> None:
     with open_features(robot) as features:
         assert without not in features.parts
         assert features.parts or without == "recorder"
+        robot.start(enable=False)
+        assert robot.connection.state is ConnectionState.COMMUNICATING
+        robot.shutdown()
+
+
+@pytest.mark.parametrize("without", FOLDERS, indirect=True)
+def test_its_commands_say_that_it_is_not_there(without: str) -> None:
+    assert CliRunner().invoke(main, ["--help"], prog_name="robotd").exit_code == 0
+    for name in commands_of(without):
+        result = CliRunner().invoke(main, [name, "--help"], prog_name="robotd")
+        assert result.exit_code == ExitCode.PLUGIN
+        assert f"command {name!r} of robotd" in result.output
+        assert "cannot be imported: ModuleNotFoundError" in result.output
 
 
 @pytest.mark.parametrize("without", OPTIONS, indirect=True)
@@ -62,6 +93,17 @@ def test_its_option_says_that_it_is_not_there(without: str) -> None:
     assert result.exit_code == 2
     assert f"No such option '{option.partition('=')[0]}'" in result.output
     assert f"feature {without!r}: cannot be imported" in result.output
+
+
+def test_faults_on_request_are_offered_by_scenarios_only() -> None:
+    robot = Robot(load_robot_descriptor("cr3a"), load_backend("sim"), SteppedClock())
+    with open_features(robot) as features:
+        faults = features.offered["faults"]()
+        assert "amp_alarm" in faults.fields
+        assert faults.inject({"amp_alarm": {"axis": 2}}).startswith("amp_alarm axis=2")
+        with pytest.raises(DescriptorError, match="amp_alarm"):
+            faults.inject({"amp_alarn": {"axis": 2}})
+        robot.shutdown()
 
 
 def test_the_recorder_comes_before_those_that_use_it() -> None:
@@ -109,6 +151,8 @@ def test_a_third_party_feature_runs_beside_the_robot(
     program = """
 from robotd.clock import MonotonicClock
 from robotd.descriptor import load_robot_descriptor, parse_override
+from robotd.device.state import ConnectionState
+from robotd.errors import DescriptorError
 from robotd.feature_host import open_features
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot

@@ -30,6 +30,7 @@ from robotd_page.control_server import PageControl
 from robotd_page.page_server import PageServer
 from robotd_page.robot_source import RobotSource
 from robotd_recorder.recorder import observed
+from robotd_scenario.requested_faults import requested_faults
 
 AT_REST = 1e-3  # rad/s
 VELOCITY_ROW = VALUES.index("velocity")
@@ -102,7 +103,7 @@ def main(name: str, rounds: int) -> None:
         tempfile.TemporaryDirectory() as folder,
         observed(robot, flight_folder=Path(folder)) as recorder,
     ):
-        control = PageControl(robot)
+        control = PageControl(robot, requested_faults(robot))
         with PageServer(RobotSource(recorder.tap, []), 0, control=control) as server:
             robot.start()
             print(f"{joint} at {velocity:.3f} rad/s; from the last message to rest:")

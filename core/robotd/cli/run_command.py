@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -188,7 +188,7 @@ def _serve(
     options: RunOptions,
     features: FeatureHost,
 ) -> ExitCode:
-    server = import_ros("robotd_ros.serve")
+    serve = _server(registry)
     is_served = False
 
     def served(report: ServeReport) -> None:
@@ -211,7 +211,7 @@ def _serve(
         return ExitCode.OK
 
     try:
-        code = server.serve(
+        code = serve(
             robot,
             nodes,
             options.ros_args,
@@ -227,6 +227,15 @@ def _serve(
             raise
         raise RosUnavailable(str(error)) from error
     return ExitCode(code)
+
+
+def _server(registry: NodeRegistry) -> Callable[..., int]:
+    """Return what serves nodes. Raises RosUnavailable: no plugin does, or ROS is not there."""
+    if not registry.server:
+        raise RosUnavailable("no installed plugin serves ROS nodes: robotd_ros is missing")
+    module, _, function = registry.server.partition(":")
+    serve: Callable[..., int] = getattr(import_ros(module), function)
+    return serve
 
 
 def _say(text: str) -> None:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pkgutil import resolve_name
 
 from robotd.descriptor import (
     DriveSettings,
     MecanumDrive,
+    OmnidirectionalDrive,
     RobotDescriptor,
     TricycleDrive,
     TwoSidedDrive,
@@ -63,7 +65,20 @@ def base_kinematics(settings: DriveSettings) -> BaseKinematics:
         case TricycleDrive():
             return steered_wheels(settings)
         case _:
-            raise TypeError(f"no kinematics of {type(settings).__name__}")
+            return _of_plugin(settings)
+
+
+def _of_plugin(settings: DriveSettings) -> BaseKinematics:
+    """Return the kinematics of a plugin's kind of base. Raises PluginError."""
+    kind, function = settings.kind, settings.KINEMATICS
+    try:
+        wheels: BaseKinematics = resolve_name(function)(settings)
+    except Exception as error:
+        what = f"kind of base {kind!r}: {function} fails: {type(error).__name__}: {error}"
+        raise PluginError(what) from error
+    if not isinstance(wheels, BaseKinematics) or wheels.steered:
+        raise PluginError(f"kind of base {kind!r}: {function} returns no unsteered BaseKinematics")
+    return wheels
 
 
 def steered_wheels(settings: TricycleDrive) -> SteeredWheels:
@@ -129,7 +144,7 @@ def _steering_limits(settings: TricycleDrive) -> AxisLimits:
 
 
 def _lateral_limits(settings: DriveSettings) -> RampLimits | None:
-    if not isinstance(settings, MecanumDrive):
+    if not isinstance(settings, OmnidirectionalDrive):
         return None
     return RampLimits(
         settings.lateral_velocity_m_s,

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, ClassVar, Literal
+from collections.abc import Iterator
+from typing import ClassVar, Literal
 
-from pydantic import Field, ValidatorFunctionWrapHandler, WrapValidator
+from pydantic import Field
 
 from robotd.descriptor.section import (
     Axis,
@@ -16,7 +16,6 @@ from robotd.descriptor.section import (
     Problem,
     Section,
     twice,
-    validation_error,
 )
 
 _SEPARATION = "Distance between the treads of the left and the right wheels."
@@ -24,9 +23,17 @@ MAX_FIXED_ANGLE = 1.4  # rad; at π/2 a base whose fixed axle drives cannot move
 
 
 class DriveSettings(Section):
-    """A base on wheels, each turned or steered by one axis."""
+    """A base on wheels, each turned or steered by one axis.
 
-    AXIS_KEYS: ClassVar[tuple[str, ...]]  # in the order of the wheels
+    A plugin's kind is a subclass, with ``kind`` as a ``Literal`` field and a field for each of
+    ``AXIS_KEYS``. All values are checked against the fields before ``problems`` is called.
+    """
+
+    AXIS_KEYS: ClassVar[tuple[str, ...]]
+    """Fields with the axes, in the order of the wheels."""
+    KINEMATICS: ClassVar[str] = ""
+    """``package.module:function`` of a plugin's kind, called with the settings. It returns the
+    ``BaseKinematics`` of wheels in the order of ``axes``; none of them is steered."""
 
     kind: str
     wheel_radius_m: Positive = Field(description="Radius of the wheels.")
@@ -162,7 +169,18 @@ class SkidSteerDrive(TwoSidedDrive):
             yield ("right_axes",), what, self.right_axes
 
 
-class MecanumDrive(DriveSettings):
+class OmnidirectionalDrive(DriveSettings):
+    """A base that moves in every direction."""
+
+    lateral_velocity_m_s: Positive = Field(description="Highest speed sideways.")
+    lateral_acceleration_m_s2: Positive = Field(description="Highest acceleration sideways.")
+    lateral_deceleration_m_s2: Positive = Field(description="Highest deceleration sideways.")
+    lateral_jerk_m_s3: Positive | None = Field(
+        None, description="Highest jerk sideways; null: not limited."
+    )
+
+
+class MecanumDrive(OmnidirectionalDrive):
     """A base on four mecanum wheels, whose rollers form an X, seen from above."""
 
     AXIS_KEYS = ("front_left_axis", "front_right_axis", "rear_left_axis", "rear_right_axis")
@@ -174,12 +192,6 @@ class MecanumDrive(DriveSettings):
     rear_right_axis: Axis = Field(description="Axis that turns the rear right wheel.")
     wheel_separation_m: Positive = Field(description=_SEPARATION)
     wheelbase_m: Positive = Field(description="Distance between the front and the rear axles.")
-    lateral_velocity_m_s: Positive = Field(description="Highest speed sideways.")
-    lateral_acceleration_m_s2: Positive = Field(description="Highest acceleration sideways.")
-    lateral_deceleration_m_s2: Positive = Field(description="Highest deceleration sideways.")
-    lateral_jerk_m_s3: Positive | None = Field(
-        None, description="Highest jerk sideways; null: not limited."
-    )
 
 
 class TricycleDrive(DriveSettings):
@@ -215,31 +227,3 @@ class TricycleDrive(DriveSettings):
         if self.traction == "fixed" and self.steering_angle_rad > MAX_FIXED_ANGLE:
             what = f"must be at most {MAX_FIXED_ANGLE} where the fixed axle drives"
             yield ("steering_angle_rad",), what, self.steering_angle_rad
-
-
-KINDS: Mapping[str, type[DriveSettings]] = {
-    "differential": DifferentialDrive,
-    "skid_steer": SkidSteerDrive,
-    "mecanum": MecanumDrive,
-    "tricycle": TricycleDrive,
-}
-
-
-def _by_kind(value: Any, handler: ValidatorFunctionWrapHandler) -> DriveSettings:
-    """Validate by the model that ``kind`` names.
-
-    Unlike those of a tagged union, the keys of errors do not contain the kind.
-    """
-    del handler
-    if isinstance(value, DriveSettings):
-        return value
-    kind = value.get("kind", "differential") if isinstance(value, dict) else "differential"
-    if isinstance(kind, str) and kind in KINDS:
-        return KINDS[kind].model_validate(value)
-    what = f"unknown kind of base (available: {', '.join(KINDS)})"
-    raise validation_error("drive", [(("kind",), what, kind)])
-
-
-Drive = Annotated[
-    DifferentialDrive | SkidSteerDrive | MecanumDrive | TricycleDrive, WrapValidator(_by_kind)
-]

@@ -13,7 +13,8 @@ from typing import Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, PrivateAttr
 
-from robotd.descriptor.drive_settings import Drive, DriveSettings
+from robotd.descriptor.base_kinds import Drive
+from robotd.descriptor.drive_settings import DriveSettings
 from robotd.descriptor.group_settings import ALL_JOINTS, GroupSettings, group_problems
 from robotd.descriptor.io_settings import (
     GripperSettings,

@@ -11,11 +11,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, Protocol
+from typing import ClassVar, Protocol, runtime_checkable
 
 from robotd.motion.planar import PlanarTwist
 
 
+@runtime_checkable
 class BaseKinematics(Protocol):
     """Wheel speeds from a twist, and back; pure functions, any thread.
 

@@ -52,9 +52,22 @@ class NodeInfo:
 
 @dataclass
 class NodeRegistry:
-    """ROS nodes by name, built-in and of plugins; imported only when a robot wants them."""
+    """ROS nodes by name, built-in and of plugins; imported only when a robot wants them.
+
+    Attributes:
+        nodes: by name.
+        server: ``package.module:function`` that serves a robot's nodes until the process is told
+            to stop, as ``robotd_ros.serve:serve``; "" where no plugin does.
+    """
 
     nodes: dict[str, NodeInfo] = field(default_factory=dict)
+    server: str = ""
+
+    def serve_with(self, function: str) -> None:
+        """Set ``server``. Raises PluginError when another plugin has set it."""
+        if self.server not in ("", function):
+            raise PluginError(f"nodes are served by {self.server} and by {function}")
+        self.server = function
 
     def add(
         self,
@@ -97,7 +110,7 @@ class NodeRegistry:
 
     def with_backend(self, others: NodeRegistry) -> NodeRegistry:
         """Return these nodes and those of a backend. Raises PluginError as ``add``."""
-        both = NodeRegistry(dict(self.nodes))
+        both = NodeRegistry(dict(self.nodes), self.server)
         for name, info in others.nodes.items():
             if both.nodes.get(name) == info:  # the backend is a plugin, too
                 continue

@@ -13,13 +13,13 @@ from contextlib import suppress
 
 import click
 
-from robotd.cli.jog_keys import JogKeys
-from robotd.cli.key_input import KeyInput
 from robotd.errors import OperationError, RobotdError
 from robotd.number_argument import parse_number
 from robotd.stop_signals import Interrupt
 from robotd_commissioning.commissioned_axis import CommissionedAxis
 from robotd_commissioning.findings import in_words
+from robotd_ros.commands.jog_keys import JogKeys
+from robotd_ros.commands.key_input import KeyInput
 
 TICK_S = 0.02
 SHOW_S = 0.2

@@ -4,17 +4,26 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Protocol
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from robotd.device.axes import each
-from robotd.device.capabilities import Capability
 from robotd.errors import ConnectError, Unsupported, reason_of
 from robotd.robot import Robot
-from robotd_scenario import FAULTS, Fault, FaultSchedule, validate_fault
 
 STOP_REASON = "by the stop button of the page"
+
+
+class Faults(Protocol):
+    """Faults of a simulation, offered as ``faults`` by another feature."""
+
+    @property
+    def fields(self) -> Mapping[str, list[dict[str, Any]]]:
+        """``name``, ``type``, ``default`` and ``optional`` of each field, by kind of fault."""
+
+    def inject(self, values: Mapping[str, Any]) -> str:
+        """Inject a fault, and return it as text. Raises RobotdError with the reason."""
 
 
 class Message(BaseModel):
@@ -54,7 +63,7 @@ class Command(Message):
         return False
 
     @abstractmethod
-    def run(self, robot: Robot, faults: FaultSchedule | None) -> str:
+    def run(self, robot: Robot, faults: Faults | None) -> str:
         """Execute it and return what happened. Raises RobotdError with the robot's reason."""
 
 
@@ -66,7 +75,7 @@ class Stop(Command):
     def is_always_allowed(self, robot: Robot) -> bool:
         return True
 
-    def run(self, robot: Robot, faults: FaultSchedule | None) -> str:
+    def run(self, robot: Robot, faults: Faults | None) -> str:
         robot.wait_stopped()  # the latch is engaged already
         return "stopped, at rest"
 
@@ -76,7 +85,7 @@ class Reset(Command):
 
     type: Literal["reset"]
 
-    def run(self, robot: Robot, faults: FaultSchedule | None) -> str:
+    def run(self, robot: Robot, faults: Faults | None) -> str:
         return robot.reset()
 
 
@@ -85,7 +94,7 @@ class Recover(Command):
 
     type: Literal["recover"]
 
-    def run(self, robot: Robot, faults: FaultSchedule | None) -> str:
+    def run(self, robot: Robot, faults: Faults | None) -> str:
         lines: list[str] = []
         robot.recover(lines.append)
         return "\n".join(lines) or "nothing to recover"
@@ -100,7 +109,7 @@ class Servos(Command):
     def is_always_allowed(self, robot: Robot) -> bool:
         return not self.on
 
-    def run(self, robot: Robot, faults: FaultSchedule | None) -> str:
+    def run(self, robot: Robot, faults: Faults | None) -> str:
         if self.on:
             robot.axes.stop_latch.check_servos()
             robot.servos.enable()
@@ -120,7 +129,7 @@ class Grip(Command):
     type: Literal["gripper"]
     closed: bool
 
-    def run(self, robot: Robot, faults: FaultSchedule | None) -> str:
+    def run(self, robot: Robot, faults: Faults | None) -> str:
         if robot.gripper is None:
             raise Unsupported("a gripper", robot.descriptor.name)
         robot.gripper.command(self.closed)
@@ -136,7 +145,7 @@ class Speed(Command):
     def is_always_allowed(self, robot: Robot) -> bool:
         return self.speed <= robot.axes.speed.speed
 
-    def run(self, robot: Robot, faults: FaultSchedule | None) -> str:
+    def run(self, robot: Robot, faults: Faults | None) -> str:
         robot.set_speed(self.speed)
         return f"speed {robot.axes.speed.text}"
 
@@ -150,7 +159,7 @@ class Pause(Command):
     def is_always_allowed(self, robot: Robot) -> bool:
         return self.paused
 
-    def run(self, robot: Robot, faults: FaultSchedule | None) -> str:
+    def run(self, robot: Robot, faults: Faults | None) -> str:
         if self.paused:
             robot.pause()
         else:
@@ -165,7 +174,7 @@ class Output(Command):
     name: str
     value: bool
 
-    def run(self, robot: Robot, faults: FaultSchedule | None) -> str:
+    def run(self, robot: Robot, faults: Faults | None) -> str:
         robot.io.set_output(self.name, self.value)
         return f"{self.name} is {_level(self.value)}"
 
@@ -178,7 +187,7 @@ class OutputBit(Command):
     bit: int
     value: bool
 
-    def run(self, robot: Robot, faults: FaultSchedule | None) -> str:
+    def run(self, robot: Robot, faults: Faults | None) -> str:
         robot.io.set_output_bit(self.byte, self.bit, self.value)
         return f"output {self.byte}.{self.bit} is {_level(self.value)}"
 
@@ -190,7 +199,7 @@ class OutputByte(Command):
     byte: int
     value: Annotated[int, Field(ge=0, le=255)]
 
-    def run(self, robot: Robot, faults: FaultSchedule | None) -> str:
+    def run(self, robot: Robot, faults: Faults | None) -> str:
         robot.io.set_output_bytes(self.byte, bytes([self.value]))
         return f"output byte {self.byte} is {self.value}"
 
@@ -201,43 +210,10 @@ class Inject(Command):
     type: Literal["inject"]
     fault: dict[str, Any]
 
-    def run(self, robot: Robot, faults: FaultSchedule | None) -> str:
+    def run(self, robot: Robot, faults: Faults | None) -> str:
         if faults is None:
             raise Unsupported("faults on request", robot.backend.name)
-        fault = validate_fault(self.fault)
-        faults.add(fault)
-        return f"injected: {fault}"
-
-
-def fault_schedule(robot: Robot) -> FaultSchedule | None:
-    """Return where faults are injected; None on hardware."""
-    if Capability.SIMULATED not in robot.capabilities:
-        return None
-    try:
-        return FaultSchedule(robot)
-    except Unsupported:
-        return None
-
-
-def fault_fields() -> dict[str, list[dict[str, Any]]]:
-    """Return name, type and default of each field, by kind of fault."""
-    found = {}
-    for kind in FAULTS:
-        schema = Fault.model_json_schema()["$defs"]
-        fields = schema["".join(map(str.capitalize, kind.split("_")))]["properties"]
-        found[kind] = [_field(name, spec) for name, spec in fields.items()]
-    return found
-
-
-def _field(name: str, spec: Mapping[str, Any]) -> dict[str, Any]:
-    types = [spec, *spec.get("anyOf", ())]
-    kind = next(each["type"] for each in types if each.get("type"))
-    return {
-        "name": name,
-        "type": kind,
-        "default": spec.get("default"),
-        "optional": "default" in spec,
-    }
+        return f"injected: {faults.inject(self.fault)}"
 
 
 def _level(value: bool) -> str:

@@ -31,7 +31,6 @@ from robotd_page.control_jog import (
 from robotd_page.page_message import websocket_frames
 from robotd_page.seen_state import rejection
 from robotd_page.viewers import Viewer, accept
-from robotd_scenario import FaultSchedule
 
 log = get_logger("page")
 
@@ -77,7 +76,7 @@ class PageControl:
 
     Args:
         robot: that is controlled.
-        faults: where faults of a simulation are injected; None: a schedule of its own.
+        faults: of a simulation, which the page can inject; None: there are none.
         hold_timeout_s: age of the last heartbeat at which a jog slows to rest.
 
     Attributes:
@@ -87,13 +86,13 @@ class PageControl:
     def __init__(
         self,
         robot: Robot,
-        faults: FaultSchedule | None = None,
+        faults: commands.Faults | None = None,
         *,
         hold_timeout_s: float = TIMEOUT_S,
     ) -> None:
         self.token = secrets.token_urlsafe(TOKEN_BYTES)
         self._robot = robot
-        self._faults = faults or commands.fault_schedule(robot)
+        self._faults = faults
         self._hold_timeout_s = hold_timeout_s
         self._numbers = itertools.count(1)
         self._controllers: set[Controller] = set()
@@ -170,7 +169,7 @@ class PageControl:
             "gripper": robot.gripper is not None,
             "outputs": {name: f"out{at.byte}.{at.bit}" for name, at in robot.io.outputs.items()},
             "output_bytes": robot.io.sizes[1],
-            "faults": commands.fault_fields() if self._faults else {},
+            "faults": self._faults.fields if self._faults else {},
         }
 
 
@@ -192,7 +191,7 @@ class Controller:
     def __init__(
         self,
         robot: Robot,
-        faults: FaultSchedule | None,
+        faults: commands.Faults | None,
         name: str,
         viewer: Viewer,
         workers: ThreadPoolExecutor,

@@ -79,7 +79,10 @@ def open_page(host: FeatureHost) -> Iterator[Tap | None]:
         raise OperationError("the page needs aiohttp: pip install 'robotd[page]'") from error
     host.requested.add("metrics")
     tap = host.tap()
-    control = PageControl(host.robot, host.parts.get("scenario")) if keys.page_control else None
+    control = None
+    if keys.page_control:
+        faults = host.offered.get("faults")
+        control = PageControl(host.robot, faults() if faults else None)
     source = RobotSource(
         tap, host.node_names, has_control=control is not None, namespace=host.namespace
     )

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from robotd.feature_host import FeatureHost
     from robotd.robot import Robot
     from robotd_scenario.fault_schedule import FaultSchedule
+    from robotd_scenario.requested_faults import RequestedFaults
 
 SIMULATION_NODE = "robotd_sim"
 
@@ -71,7 +72,10 @@ def prepare_robot(descriptor: RobotDescriptor, backend: Backend) -> RobotDescrip
 
 @contextmanager
 def open_scenario(host: FeatureHost) -> Iterator[FaultSchedule | None]:
-    """Make the fault schedule of a robot whose backend is simulated and can inject faults."""
+    """Make the fault schedule of a robot whose backend is simulated and can inject faults.
+
+    What it offers as ``faults`` injects them on request: ``RequestedFaults``.
+    """
     file = host.robot.descriptor.settings(ScenarioKeys).scenario
     if file is None and not _injects_faults(host.robot):
         yield None
@@ -80,6 +84,7 @@ def open_scenario(host: FeatureHost) -> Iterator[FaultSchedule | None]:
     from robotd_scenario.scenario_model import load_scenario
 
     faults = FaultSchedule(host.robot, load_scenario(file).faults if file else ())
+    host.offered["faults"] = lambda: _requested(host, faults)
     host.on_ready.append(faults.begin)
     yield faults
 
@@ -95,3 +100,9 @@ def _injects_faults(robot: Robot) -> bool:
     except Unsupported:
         return False
     return True
+
+
+def _requested(host: FeatureHost, schedule: FaultSchedule) -> RequestedFaults | None:
+    from robotd_scenario.requested_faults import requested_faults
+
+    return requested_faults(host.robot, schedule)

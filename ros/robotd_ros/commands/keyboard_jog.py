@@ -15,10 +15,10 @@ from rich.table import Table
 from rich.text import Text
 
 from robotd.cli.exit_codes import ExitCode
-from robotd.cli.jog_keys import JogKeys
-from robotd.cli.key_input import KeyInput
 from robotd.cli.preflight import import_ros
 from robotd.stop_signals import Interrupt
+from robotd_ros.commands.jog_keys import JogKeys
+from robotd_ros.commands.key_input import KeyInput
 from robotd_ros.commands.robot_client import print_addressed_robots, robot_client
 
 if TYPE_CHECKING:  # it needs rclpy

@@ -19,7 +19,7 @@ from robotd.plugin.parameter_reader import ParameterReader
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
 from robotd_ros.middleware import TypeMismatchCheck
-from robotd_ros.node_settings.base_settings import (
+from robotd_ros.nodes.base_settings import (
     BaseSettings,
     read_diff_drive,
     read_mecanum_drive,

@@ -14,8 +14,8 @@ from robotd.control.joint_group import JointGroups
 from robotd.log import get_logger
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
-from robotd_ros.node_settings.arm_settings import read_trajectory_server
-from robotd_ros.node_settings.constraint_settings import (
+from robotd_ros.nodes.arm_settings import read_trajectory_server
+from robotd_ros.nodes.constraint_settings import (
     END_VELOCITY,
     GOAL_TIME,
     goal_name,

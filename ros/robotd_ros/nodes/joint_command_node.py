@@ -19,7 +19,7 @@ from robotd.control.torque_stream import TorqueCommand, TorqueCommands
 from robotd.errors import DescriptorError, InvalidArgument, unknown_name
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
-from robotd_ros.node_settings.command_settings import JointTopics, read_joint_command
+from robotd_ros.nodes.command_settings import JointTopics, read_joint_command
 from robotd_ros.nodes.command_subscription import add_command_subscription
 from robotd_ros.nodes.controller_state_topic import ControllerStateTopic, TrajectoryQuery
 from robotd_ros.nodes.node_parameters import read_settings

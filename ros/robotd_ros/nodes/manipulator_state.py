@@ -15,7 +15,7 @@ from robotd.device.process_image import ProcessImage, columns
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
 from robotd_ros.middleware import HotPublisher, StampClock
-from robotd_ros.node_settings.arm_settings import ManipulatorStateSettings, read_manipulator_state
+from robotd_ros.nodes.arm_settings import ManipulatorStateSettings, read_manipulator_state
 from robotd_ros.nodes.latched_topics import publish_description
 from robotd_ros.nodes.node_parameters import read_settings
 

@@ -17,7 +17,7 @@ from robotd.control.mobile_base import MobileBase
 from robotd.device.process_image import ProcessImage
 from robotd.robot import Robot
 from robotd_ros.middleware import HotPublisher, StampClock
-from robotd_ros.node_settings.base_settings import BaseSettings
+from robotd_ros.nodes.base_settings import BaseSettings
 
 DEPTH = 10
 TF_DEPTH = 100

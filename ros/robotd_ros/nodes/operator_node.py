@@ -22,8 +22,8 @@ from robotd.observation.robot_identity import identity
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
 from robotd_ros.node_registry import IDENTITY, OPERATOR_NODE
-from robotd_ros.node_settings.device_settings import read_frame_prefix
 from robotd_ros.nodes.command_subscription import add_command_subscription
+from robotd_ros.nodes.device_settings import read_frame_prefix
 from robotd_ros.nodes.latched_topics import publish_if_alive
 from robotd_ros.nodes.named_io import NamedIo
 from robotd_ros.nodes.node_parameters import Parameters

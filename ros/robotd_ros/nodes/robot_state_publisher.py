@@ -17,8 +17,8 @@ from robotd.log import get_logger
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
 from robotd_ros.middleware import HotPublisher, StampClock
-from robotd_ros.node_settings.base_settings import TF_TOPIC
-from robotd_ros.node_settings.device_settings import read_state_publisher
+from robotd_ros.nodes.base_settings import TF_TOPIC
+from robotd_ros.nodes.device_settings import read_state_publisher
 from robotd_ros.nodes.latched_topics import publish_description
 from robotd_ros.nodes.node_parameters import read_settings
 from robotd_ros.nodes.odometry_topics import TF_DEPTH

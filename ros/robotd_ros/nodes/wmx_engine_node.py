@@ -11,7 +11,7 @@ from wmx_ros2_message.srv import SetEngine
 from robotd.errors import NotReady
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
-from robotd_ros.node_settings.device_settings import read_engine
+from robotd_ros.nodes.device_settings import read_engine
 from robotd_ros.nodes.latched_topics import PERIOD_S, ReadyTopic
 from robotd_ros.nodes.lifecycle_services import LifecycleServices
 from robotd_ros.nodes.node_parameters import read_settings

@@ -15,12 +15,12 @@ from robotd.descriptor import (
 )
 from robotd.errors import DescriptorError
 from robotd.plugin.parameter_reader import ParameterReader
-from robotd_ros.node_settings.base_settings import (
+from robotd_ros.nodes.base_settings import (
     read_diff_drive,
     read_mecanum_drive,
     read_tricycle,
 )
-from robotd_ros.node_settings.device_settings import read_state_publisher
+from robotd_ros.nodes.device_settings import read_state_publisher
 
 MECANUM = "mecanum_drive_controller"
 TRICYCLE = "tricycle_controller"

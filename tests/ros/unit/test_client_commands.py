@@ -11,8 +11,8 @@ import pytest
 from click.testing import Result
 
 from robotd.cli.exit_codes import ExitCode
-from robotd.cli.progress import Progress
 from robotd.stop_signals import Interrupt
+from robotd_ros.commands.progress import Progress
 
 Robotd = Callable[..., Result]
 

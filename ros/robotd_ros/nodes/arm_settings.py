@@ -15,7 +15,7 @@ from robotd.descriptor.group_parameters import (
     group_prefixes,
 )
 from robotd.plugin.parameter_reader import ParameterReader
-from robotd_ros.node_settings.constraint_settings import read_constraints
+from robotd_ros.nodes.constraint_settings import read_constraints
 
 FILE_MEANING = "parameter file; empty: the robot's"
 

@@ -14,8 +14,8 @@ from robotd.descriptor import (
 )
 from robotd.errors import DescriptorError
 from robotd.plugin.parameter_reader import ParameterReader
-from robotd_ros.node_settings.arm_settings import FILE_MEANING
-from robotd_ros.node_settings.device_settings import read_frame_prefix
+from robotd_ros.nodes.arm_settings import FILE_MEANING
+from robotd_ros.nodes.device_settings import read_frame_prefix
 
 RATE_HZ = 10
 LIMITED_TOPIC = "~/cmd_vel_out"
