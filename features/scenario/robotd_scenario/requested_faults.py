@@ -28,7 +28,7 @@ class RequestedFaults:
             self.fields[kind] = [_field(*each) for each in model["properties"].items()]
 
     def inject(self, values: Mapping[str, Any]) -> str:
-        """Inject a fault that is written as in a scenario file, and return it as text.
+        """Inject a fault, written as in a scenario file; return it as text.
 
         Raises DescriptorError: it is no fault; InvalidArgument: it does not fit the robot.
         """
