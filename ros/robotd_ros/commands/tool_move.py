@@ -13,11 +13,11 @@ import numpy as np
 
 from robotd.cli.exit_codes import ExitCode, Rejected
 from robotd.cli.preflight import import_ros
-from robotd.cli.progress import bar
 from robotd.descriptor.urdf import transform_numbers
 from robotd.descriptor.urdf.urdf_model import frame
 from robotd.number_argument import parse_number
 from robotd.stop_signals import Interrupt
+from robotd_ros.commands.progress import bar
 
 if TYPE_CHECKING:  # it needs rclpy
     from robotd_ros.client.ros_client import RosClient
