@@ -21,7 +21,7 @@ class BaseKinematics(Protocol):
     """Wheel speeds from a twist, and back; pure functions, any thread.
 
     The wheels have a fixed order. No wheel's rim is faster than
-    |linear| + |lateral| + ``lever`` · |angular|.
+    ``|linear| + |lateral| + lever · |angular|``.
     """
 
     @property

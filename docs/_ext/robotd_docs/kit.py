@@ -18,7 +18,7 @@ from robotd_docs.markdown import table
 JOINTS = "joints"  # the fixture of checks that need joints
 INJECTOR = "FaultInjector"  # the type of the fixture of checks that need one
 USES_INJECTOR = re.compile(r"\.injector\b|harness\.trip\(")
-MUTANTS = Path(__file__).parents[3] / "tests" / "conformance" / "mutants"
+MUTANTS = Path(__file__).parents[3] / "tests" / "features" / "conformance" / "runs" / "mutants"
 FOLDER = Path(robotd_conformance.checks.__file__).parent
 
 
