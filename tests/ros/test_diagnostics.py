@@ -18,6 +18,7 @@ from robotd.health.part_status import Level
 from robotd.robot import build_robot
 from robotd_ros.diagnostics.diagnostics_publisher import CHECK_PERIOD_S, Diagnostics
 from robotd_ros.host import RosHost
+from robotd_ros.nodes.operator_node import OperatorNode
 
 pytestmark = [pytest.mark.daily, pytest.mark.ros]
 
@@ -104,7 +105,8 @@ def test_it_is_told_each_second_and_at_every_change(monkeypatch: pytest.MonkeyPa
     robot = build_robot("standalone", "sim")
     told: list[Any] = []
     with RosHost(domain_id=97) as host:
-        diagnostics = Diagnostics([Node("any", context=host.context)], robot)
+        node = Node("any", context=host.context)
+        diagnostics = Diagnostics([node], robot, OperatorNode(robot, host))
         monkeypatch.setattr(diagnostics, "_publish", told.append)
 
         def told_within(seconds: float) -> int:
@@ -136,7 +138,7 @@ def test_in_a_namespace_the_names_tell_whose_it_is_and_the_end_is_told(
         node = Node("any", namespace="left", context=host.context)
         node.create_subscription(DiagnosticArray, TOPIC, messages.append, 10)
         host.add_node(node)
-        with Diagnostics([node], robot):
+        with Diagnostics([node], robot, OperatorNode(robot, host)):
             wait_until(lambda: messages, "the first message")
             robot.start()
             wait_until(lambda: levels(messages[-1])["robotd/left/standalone: engine"] == OK, "up")

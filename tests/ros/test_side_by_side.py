@@ -34,7 +34,7 @@ EXPECTED = {
     "/right": {f"/right/{name}" for name in ARM},
     "/": {"/odom_enc", "/cmd_vel", "/wmx/axis/state", "/wmx/io/get_input_bit"},
 }
-SHARED = {"/rosout", "/parameter_events", "/diagnostics"}  # by all of ROS; senders name themselves
+SHARED = {"/rosout", "/parameter_events", "/diagnostics", "/tf_static"}  # by all of ROS
 
 
 @pytest.fixture(scope="module")

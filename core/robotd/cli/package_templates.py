@@ -9,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 from string import Template
 
-from robotd.errors import OperationError
+from robotd.errors import RobotdError
 
 SUFFIX = ".in"  # so that no tool treats a template as source code
 
@@ -31,10 +31,10 @@ def write_folder(folder: Path, files: Mapping[str, bytes | Path]) -> None:
         folder: must not exist; its parents are made.
         files: contents, or files to copy, by their paths in the folder.
 
-    Raises OperationError: the folder exists, or cannot be written; it names the reason.
+    Raises RobotdError: the folder exists, or cannot be written; it names the reason.
     """
     if folder.exists():
-        raise OperationError(f"folder {folder} exists already")
+        raise RobotdError(f"folder {folder} exists already")
     made = next((each for each in [folder, *folder.parents][::-1] if not each.exists()), folder)
     unfinished = folder.with_name(f".{folder.name}.unfinished-{os.getpid()}")
     try:
@@ -49,7 +49,7 @@ def write_folder(folder: Path, files: Mapping[str, bytes | Path]) -> None:
     except OSError as error:
         shutil.rmtree(unfinished if made == folder else made, ignore_errors=True)
         what = f"folder {folder} cannot be written, nothing is left of it: {error.strerror}"
-        raise OperationError(what) from error
+        raise RobotdError(what) from error
 
 
 def package_words(name: str) -> dict[str, str]:

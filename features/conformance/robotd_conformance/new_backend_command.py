@@ -42,7 +42,7 @@ def write_backend(name: str, into: Path, *, minimal: bool = False) -> None:
 
     Raises:
         InvalidArgument: the name is not one, or is taken by an installed backend.
-        OperationError: the folder exists, or cannot be written.
+        RobotdError: the folder exists, or cannot be written.
     """
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         raise InvalidArgument(

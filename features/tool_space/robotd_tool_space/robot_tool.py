@@ -31,9 +31,9 @@ from robotd.api.features import (
     TrajectoryExecution,
     TrajectoryRequest,
 )
-from robotd_tool_space.settings import ToolSpaceKeys
 from robotd_tool_space.kinematics import Kinematics
 from robotd_tool_space.rotations import checked_pose, inverse_pose, pose_of, rpy_of
+from robotd_tool_space.settings import ToolSpaceKeys
 from robotd_tool_space.tool_motion import (
     ToolMotion,
     ToolSpeed,

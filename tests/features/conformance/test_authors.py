@@ -95,7 +95,7 @@ def test_a_taken_name_is_rejected(tmp_path: Path) -> None:
 def test_nothing_is_overwritten(tmp_path: Path) -> None:
     (tmp_path / "robotd-acme").mkdir()
     result = robotd("new-backend", "acme", "--into", tmp_path)
-    assert result.exit_code == ExitCode.DEVICE
+    assert result.exit_code == ExitCode.FAILED
     assert "exists already" in result.output
 
 
@@ -109,4 +109,5 @@ def test_the_checks_are_not_begun_for_a_backend_that_cannot_load() -> None:
 def test_a_folder_that_cannot_be_written_is_named(arguments: tuple[str, str]) -> None:
     more = ("--extends", "cr3a") if arguments[0] == "new-robot" else ()
     result = robotd(*arguments, *more, "--into", "/proc")
-    assert result.stderr.startswith("robotd: error: /proc/")
+    assert result.exit_code == ExitCode.FAILED
+    assert result.stderr.startswith("robotd: error: folder /proc/")

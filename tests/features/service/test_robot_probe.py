@@ -46,7 +46,7 @@ def test_the_state_is_the_first_problem_until_the_robot_is_ready() -> None:
         before = probe.look()
         assert (before.alive, before.ready) == (True, False)
         robot.start(enable=False)
-        assert becomes(lambda: probe.look().state.startswith("servo off: joint1"))
+        assert becomes(lambda: probe.look().state.endswith(": servo off"))
         robot.servos.enable()
         assert becomes(lambda: probe.look().ready)
         found = probe.document()
@@ -112,7 +112,7 @@ def test_the_manager_gets_no_watchdog_notification_while_the_loop_hangs(
             each()
         texts("READY=1")
         robot.start(enable=False)
-        texts("STATUS=servo off")
+        texts("servo off")
         texts("WATCHDOG=1")
         robot.control_loop.every(500, "hang", lambda _: released.wait(PATIENCE_S))
         texts("STATUS=the control loop hangs")
@@ -186,7 +186,7 @@ def test_probes_read_life_and_readiness() -> None:
         assert status_of(f"{url}/other")[0] == 404
         asked = CliRunner().invoke(main, ["health", "--port", str(port)])
         assert asked.exit_code == ExitCode.OK
-        assert "cr3a on sim, SIMULATED: servo off: joint1" in asked.output
+        assert "cr3a on sim, SIMULATED: joint1, joint2" in asked.output
         assert CliRunner().invoke(main, ["health", "--port", str(port), "--ready"]).exit_code == 1
         robot.servos.enable()
         assert becomes(lambda: status_of(f"{url}/readyz")[0] == 200)

@@ -38,7 +38,7 @@ def test_nothing_is_sent_to_an_interface_that_the_user_has_not_named() -> None:
     assert run_on_a_cable("ethercat", "scan").startswith("status 2, 0 frames")
     listed = run_on_a_cable("ethercat", "doctor")
     assert listed.splitlines()[0].endswith(", 0 frames")
-    assert "eth0 (up) has no address: --interface eth0 checks it" in listed
+    assert "eth0 (up) has no address\n         --interface eth0 checks it" in listed
     scanned = run_on_a_cable("ethercat", "scan", "--interface", "eth0")
     assert scanned.startswith("status 0")
     assert ", 0 frames" not in scanned
