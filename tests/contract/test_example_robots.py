@@ -30,7 +30,7 @@ def elements(robot: str, prefix: str = "", base: str = "base_link") -> dict[str,
             for key in ("name", "link"):
                 if (name := each.get(key)) is not None:
                     each.set(key, "base_link" if name == base else name.removeprefix(prefix))
-        found[element.get("name")] = etree.tostring(element, with_tail=False).decode()
+        found[str(element.get("name"))] = etree.tostring(element, with_tail=False).decode()
     return found
 
 

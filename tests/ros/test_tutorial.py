@@ -68,7 +68,7 @@ class Terminal:
             assert process.poll() is None, process.communicate()[0]
             return any(abs(speed) > MOVING_RAD_S for speed in self._joints[-1].velocity)
 
-        wait_until(is_moving, f"no motion by {process.args}")
+        wait_until(is_moving, f"no motion by {process.args!r}")
 
 
 def blocks(page: str) -> list[str]:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
@@ -119,7 +119,7 @@ def test_the_motion_tells_which_of_the_stated_scales_counts(
     """The descriptor has another gear; the measured value is off by a part of a percent."""
     at, operator = bench([True, math.degrees(0.5)], factor=factor * 0.5, move=0.5)
     objects = {(0x608F, 1): 1 << 22, (0x608F, 2): 1, (0x6092, 1): 3600, (0x6092, 2): 1}
-    at.axis.objects = objects
+    cast(PlayedAxis, at.axis).objects = objects
     drive = {**DRIVE, "counts_per_rad": 2 * 3600.0 / math.tau, "axis_offset": 0}
     finding = steps.scaling(replace(at, drive=drive))
     (change,) = finding.changes

@@ -132,7 +132,7 @@ def test_a_missing_recording_is_named(tmp_path: Path) -> None:
 
 def test_a_prismatic_joint_has_its_units(fault: Path) -> None:
     recording = read_recording(fault)
-    info = replace(recording.info, units=recording.info.units | {"joint3": "m"})
+    info = replace(recording.info, units={**recording.info.units, "joint3": "m"})
     text = "\n".join(explained(replace(recording, info=info)))
     for part in ("limits -2.86 to 2.86 m", " m, command ", "limit 3.14 m/s", "  force "):
         assert part in text

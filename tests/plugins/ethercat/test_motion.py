@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from tests.plugins.ethercat.fake_bus import COUNTS_PER_RAD
@@ -175,7 +177,7 @@ def test_a_setpoint_is_not_sent_after_a_frame_that_came_after_a_stall(periods: P
 def test_a_stall_while_the_frame_is_encoded_is_seen(
     periods: Periods, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    io = periods.master.io
+    io: Any = periods.master.io
     pack = io.pack
 
     def slow_pack() -> None:

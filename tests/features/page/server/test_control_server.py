@@ -54,7 +54,7 @@ class Controller:
             pass
         return answer
 
-    async def close_reason(self) -> tuple[int, str]:
+    async def close_reason(self) -> tuple[int, str | None]:
         while (message := await self.socket.receive(TIMEOUT_S)).type is aiohttp.WSMsgType.TEXT:
             pass
         assert message.type is aiohttp.WSMsgType.CLOSE, message

@@ -7,6 +7,7 @@ import time
 from contextlib import ExitStack
 from http.client import HTTPConnection
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlsplit
 
 import aiohttp
@@ -172,7 +173,7 @@ def test_nothing_is_computed_while_nobody_watches(
 
     with served_page(tmp_path) as (_, server):
         calls: list[float] = []
-        feed = server._source.feed("")
+        feed: Any = server._source.feed("")
         live = feed.live
         monkeypatch.setattr(feed, "live", lambda: calls.append(time.monotonic()) or live())
         asyncio.run(watch())

@@ -171,7 +171,8 @@ class StreamTwoPeriodsLate(Mutant):
                 queue.clear()
             self.__dict__["last_ns"] = due_ns
             queue.append((position.copy(), velocity.copy()))
-            super().stream(*queue[0], due_ns)
+            late, speeds = queue[0]
+            super().stream(late, speeds, due_ns)
 
 
 class OperationNeverStream(Mutant):

@@ -151,6 +151,6 @@ class StreamOnePeriodLate(Mutant):
 
     class Axes(SimAxes):
         def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
-            before = self.__dict__.get("before", (position.copy(), velocity.copy()))
+            before, speeds = self.__dict__.get("before", (position.copy(), velocity.copy()))
             self.__dict__["before"] = position.copy(), velocity.copy()
-            super().stream(*before, due_ns)
+            super().stream(before, speeds, due_ns)
