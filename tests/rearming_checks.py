@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any
@@ -41,6 +41,9 @@ class Commander:
 
     def submit(self, function: Callable[..., Any], *args: Any) -> None:
         self._workers.submit(function, *args)
+
+    def on_rejection(self, topic: str, axes: Sequence[int], reason: str) -> None:
+        """Take the place of a host, to which nobody listens."""
 
     @contextmanager
     def running(self) -> Iterator[None]:

@@ -185,7 +185,9 @@ def test_a_recovery_from_an_nmt_stop_lasts(open_rig: OpenRig) -> None:
     """The drives report that they are on until they obey the first frame after the restart."""
     with open_rig() as harness:
         harness.master.bus.send(Frame(0, bytes([NmtCommand.STOP, 0])))
-        harness.until(lambda: not harness.robot.connection.ready)
+        # Of each drive: the report of one that is still on its way would take it off again.
+        nodes = harness.master.nodes
+        harness.until(lambda: not any(nodes[number].online for number in range(1, 7)))
         lines: list[str] = []
         harness.robot.recover(lines.append)
         assert lines[-1].startswith("verified: 6 axes on")
