@@ -13,6 +13,7 @@ from robotd.control.trajectory_execution import TrajectoryExecution
 from robotd.descriptor.section import Name, Positive, Section
 from robotd.descriptor.section import Problem as SectionProblem
 from robotd.descriptor.urdf import UrdfJoint, UrdfRobot, read_urdf, transform_numbers
+from robotd.descriptor.urdf.urdf_model import frame
 from robotd.device.process_image import FLAGS, NUMBERS, VALUES, ProcessImage
 from robotd.device.tool_pose import tool_link
 from robotd.errors import InvalidArgument, OperationError, RobotdError
@@ -57,6 +58,7 @@ __all__ = [
     "TrajectoryRequest",
     "UrdfJoint",
     "UrdfRobot",
+    "frame",
     "read_urdf",
     "tool_link",
     "transform_numbers",

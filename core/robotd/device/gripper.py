@@ -88,10 +88,8 @@ class Gripper:
         self._measured = measured
         self.is_measured = measured is not None
         self._fingers: FloatArray = self.multipliers * self.open_m
-        self._still_m, self._still_ns = (
-            math.inf,
-            0,
-        )  # where the fingers were last in motion, and when
+        # Where the fingers were last in motion, and when.
+        self._still_m, self._still_ns = math.inf, 0
 
     def configure(self, open_m: float, closed_m: float) -> None:
         """Set the positions of the two ends, which differ. Before the start only."""

@@ -4,8 +4,7 @@ The names below are for authors of features and programs.
 """
 
 from robotd_tool_space.chain import Chain
-from robotd_tool_space.kinematics import Kinematics
-from robotd_tool_space.obstacle import Obstacle, Unreachable
+from robotd_tool_space.kinematics import Kinematics, Obstacle, Unreachable
 from robotd_tool_space.rotations import (
     inverse_pose,
     pose_differences,

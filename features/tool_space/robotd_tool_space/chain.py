@@ -9,6 +9,7 @@ import numpy as np
 
 from robotd.api import BoolArray, DescriptorError, FloatArray
 from robotd.api.features import UrdfJoint, UrdfRobot
+from robotd_tool_space.rotations import skew
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,8 +160,7 @@ def _frames(origin: FloatArray, joint: UrdfJoint) -> tuple[FloatArray, FloatArra
     if joint.type == "prismatic":
         first[:3, 3] = joint.axis
     else:
-        x, y, z = joint.axis
-        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        cross = skew(joint.axis)
         first[:3, :3], second[:3, :3] = cross, cross @ cross
     return origin, origin @ first, origin @ second
 

@@ -40,11 +40,8 @@ class Differential:
 
     def __init__(self, kinematics: Kinematics) -> None:
         self._task, self._chain = kinematics.task, kinematics.chain
-        length = kinematics.length_m
-        self._rows = np.diag([1.0 / length] * 3 + [1.0] * 3)
-        self._columns = np.where([unit == "m" for unit in kinematics.units], length, 1.0)
-        chosen = len(self._task.chosen) + 2 * self._task.about_axis
-        self._rank = min(chosen, len(self._chain.names))
+        self._rows = np.diag(kinematics.weights)
+        self._columns, self._rank = kinematics.joint_lengths, kinematics.rank
 
     def at(self, positions: FloatArray, twist: FloatArray) -> tuple[FloatArray, list[Rates]]:
         """Return poses (p, 4, 4) and rates at positions (p, n) for one twist.

@@ -1,10 +1,14 @@
-"""Tool space as a feature: keys of the robot's file, ``robot.tool``, services and the action."""
+"""Tool space as a feature: keys of the robot's file, ``robot.tool``, services, and a node.
+
+Imports no ROS.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from robotd.api import NodeRegistry, hookimpl
 from robotd.api.features import Feature, FeatureHost
 from robotd_tool_space.settings import ToolSpaceKeys
 
@@ -30,3 +34,14 @@ def open_tool_space(host: FeatureHost) -> Iterator[object | None]:
         return
     groups = tool_groups(host.robot)
     yield groups or None
+
+
+@hookimpl
+def robotd_register_nodes(registry: NodeRegistry) -> None:
+    """Add ``servo_node``."""
+    registry.add(
+        "servo_node",
+        "robotd_tool_space.servo_node:ServoNode",
+        summary="motion of the tool on topics: twists and poses, as MoveIt Servo takes them",
+        parameters="robotd_tool_space.servo_settings:read_servo",
+    )

@@ -42,11 +42,6 @@ class Problem:
     upper: FloatArray
     length_m: float
 
-    @property
-    def weights(self) -> FloatArray:
-        """Weights (6,) of a pose's difference: 1/length of the translation, 1 of the rotation."""
-        return np.array([1.0 / self.length_m] * 3 + [1.0] * 3)
-
     def residual(self, positions: FloatArray) -> FloatArray:
         """Return errors in m and rad that count, (..., 6), of positions (..., n)."""
         pose = self.chain.forward(positions)
@@ -90,7 +85,7 @@ class Problem:
     def _step(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the step (s, n) and the squared error (s,) before it."""
         pose, jacobian = self.chain.forward_and_jacobian(positions)
-        weights = self.weights
+        weights = pose_weights(self.length_m)
         difference = pose_differences(pose, self.target) * weights
         errors = self.task.errors(difference, pose, self.target)
         rows = self.task.rows(jacobian * weights[:, None], pose)
@@ -115,6 +110,11 @@ class Problem:
         """(n,) True for the joints that are prismatic."""
         moved = self.chain.ratios != 0.0
         return np.asarray((moved & self.chain.slides[:, None]).any(axis=0))
+
+
+def pose_weights(length_m: float) -> FloatArray:
+    """Return the weights (6,) of a pose's difference: 1/length, and 1 of the rotation."""
+    return np.array([1.0 / length_m] * 3 + [1.0] * 3)
 
 
 def _damped(rows: FloatArray, errors: FloatArray, squared: FloatArray) -> FloatArray:

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotd.api import FloatArray
-from robotd_tool_space.kinematics import Kinematics
-from robotd_tool_space.obstacle import Obstacle, Unreachable
+from robotd_tool_space.kinematics import Kinematics, Obstacle, Unreachable
 from robotd_tool_space.rotations import pose_differences
 from robotd_tool_space.tool_path import ToolPath
 
@@ -94,7 +93,7 @@ def correct(
     kinematics: Kinematics, positions: FloatArray, poses: FloatArray, iterations: int
 ) -> FloatArray:
     """Return positions (k, n) brought to the poses (k, 4, 4) by Newton's iteration."""
-    weights = _weights(kinematics)
+    weights = kinematics.weights
     task, chain = kinematics.task, kinematics.chain
     for _ in range(iterations):
         pose, jacobian = chain.forward_and_jacobian(positions)
@@ -110,7 +109,7 @@ def slopes(
     kinematics: Kinematics, path: ToolPath, at_s: FloatArray, positions: FloatArray
 ) -> FloatArray:
     """Return the joint velocities (k, n) at unit speed of the parameter."""
-    weights, half_s = _weights(kinematics), 1e-5 * path.length_s
+    weights, half_s = kinematics.weights, 1e-5 * path.length_s
     # One-sided at both ends and never across a corner that is a stop: the piece decides.
     before, behind = np.maximum(at_s - half_s, 0.0), np.minimum(at_s + half_s, path.length_s)
     for edge in path.edges_s[1:-1]:
@@ -143,10 +142,6 @@ def _least_squares(rows: FloatArray, values: FloatArray) -> FloatArray:
     return np.asarray(found[..., 0], np.float64)
 
 
-def _weights(kinematics: Kinematics) -> FloatArray:
-    return np.array([1.0 / kinematics.length_m] * 3 + [1.0] * 3)
-
-
 def _samples(path: ToolPath) -> FloatArray:
     """Return the parameters to compute joints at; each end of a piece is one."""
     at_s = [np.zeros(1)]
@@ -162,7 +157,7 @@ def _check(
     kinematics: Kinematics, before: FloatArray, here: FloatArray, pose: FloatArray, place: float
 ) -> None:
     """Raise Unreachable for positions outside of the limits, off the path, or too far."""
-    names, units = kinematics.chain.names, kinematics.units
+    names = kinematics.chain.names
     step = np.abs(here - before)
     error = pose_differences(kinematics.forward(here), pose) @ kinematics.task.chosen.T
     lost = not np.isfinite(here).all() or np.abs(error).max() > 1e-6
@@ -175,15 +170,7 @@ def _check(
     excess = np.maximum(kinematics.lower - here, here - kinematics.upper)
     joint = int(np.argmax(excess))
     if excess[joint] > 1e-9:
-        limit = (kinematics.lower if here[joint] < kinematics.lower[joint] else kinematics.upper)[
-            joint
-        ]
-        unit = units[joint]
-        text = (
-            f"{names[joint]} would have to be at {here[joint]:.4g} {unit}, its limit is"
-            f" {limit:.4g} {unit}"
-        )
-        raise Unreachable(Obstacle.LIMITS, text, place)
+        raise Unreachable(Obstacle.LIMITS, kinematics.limit_text(joint, here[joint]), place)
 
 
 def _check_slopes(kinematics: Kinematics, at_s: FloatArray, slope: FloatArray) -> None:

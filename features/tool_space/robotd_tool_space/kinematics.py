@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 from functools import cached_property
 
 import numpy as np
@@ -11,8 +12,7 @@ import numpy as np
 from robotd.api import BoolArray, FloatArray, InvalidArgument, RobotDescriptor, Unsupported
 from robotd.api.features import JointLimits, UrdfRobot, read_urdf, tool_link
 from robotd_tool_space.chain import Chain
-from robotd_tool_space.inverse import Problem
-from robotd_tool_space.obstacle import Obstacle, Unreachable
+from robotd_tool_space.inverse import Problem, pose_weights
 from robotd_tool_space.rotations import checked_pose, pose_differences
 from robotd_tool_space.task import Task
 
@@ -22,6 +22,29 @@ MANY_STARTS = 128  # for all solutions
 SAME_RAD = 1e-3  # distance of two positions that are one solution, rad or m
 OUTSIDE_RAD = 1e-9  # beyond a limit that is rounding
 TURN = 2.0 * np.pi
+
+
+class Obstacle(Enum):
+    """Kind of a reason."""
+
+    OUT_OF_REACH = "out of reach"
+    ORIENTATION = "orientation"
+    LIMITS = "limits"
+    SINGULAR = "singular"
+    PATH = "path"  # positions before and behind it belong to different postures
+
+
+class Unreachable(InvalidArgument):
+    """A pose or line that the arm cannot reach; the text says why.
+
+    Attributes:
+        obstacle: kind of the reason.
+        place: where on a line, 0 to 1; None: not on a line.
+    """
+
+    def __init__(self, obstacle: Obstacle, reason: str, place: float | None = None) -> None:
+        super().__init__(reason if place is None else f"at {100.0 * place:.0f} % {reason}")
+        self.obstacle, self.text, self.place = obstacle, reason, place
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +129,21 @@ class Kinematics:
         links = float(np.linalg.norm(frames, axis=1).sum() + np.linalg.norm(self.chain.end[:3, 3]))
         return min(max(links / 3.0, 0.05), 1.0)
 
+    @cached_property
+    def weights(self) -> FloatArray:
+        """Weights (6,) of a pose's difference, see ``length_m``."""
+        return pose_weights(self.length_m)
+
+    @cached_property
+    def joint_lengths(self) -> FloatArray:
+        """(n,) what counts as one radian: ``length_m`` where a joint slides, 1 otherwise."""
+        return np.where([unit == "m" for unit in self.units], self.length_m, 1.0)
+
+    @property
+    def rank(self) -> int:
+        """Directions of the task that the joints span where the arm is not singular."""
+        return min(len(self.task.chosen) + 2 * self.task.about_axis, len(self.chain.names))
+
     def forward(self, positions: FloatArray) -> FloatArray:
         """Return the pose of the tool; (..., 4, 4) of positions (..., n)."""
         return self.chain.forward(positions)
@@ -124,7 +162,7 @@ class Kinematics:
         has a number that is not finite.
         """
         problem, seed = self._problem(target), self._checked_seed(seed)
-        self._check_task(problem, seed)
+        self.require_possible(self.forward(seed), problem.target)
         random = np.random.default_rng(0)
         found = problem.solve(np.vstack([seed, self._random(random, STARTS)]), until="first")
         reached = problem.converged(found)
@@ -147,7 +185,7 @@ class Kinematics:
         Raises as ``inverse``.
         """
         problem, seed = self._problem(target), self._checked_seed(seed)
-        self._check_task(problem, seed)
+        self.require_possible(self.forward(seed), problem.target)
         starts = self._random(np.random.default_rng(0), MANY_STARTS)
         found = problem.solve(np.vstack([seed, starts]))
         found = found[problem.converged(found)]
@@ -181,11 +219,21 @@ class Kinematics:
         Lengths are divided by ``length_m``.
         """
         pose, jacobian = self.chain.forward_and_jacobian(positions)
-        scaled = jacobian / np.array([self.length_m] * 3 + [1.0] * 3)[:, None]
-        scaled = scaled * np.where([unit == "m" for unit in self.units], self.length_m, 1.0)
+        scaled = self.weights[:, None] * jacobian * self.joint_lengths
         sizes = np.linalg.svd(self.task.rows(scaled, pose), compute_uv=False)
-        rank = min(len(self.task.chosen) + 2 * self.task.about_axis, len(self.chain.names))
-        return float(sizes[rank - 1])
+        return float(sizes[self.rank - 1])
+
+    def require_possible(self, pose: FloatArray, target: FloatArray) -> None:
+        """Raise Unreachable for a target that the structure of the arm rules out from ``pose``."""
+        if what := self.task.contradiction(pose_differences(pose, target)):
+            text = f"the tool would have to move in {what}, which no joint of the arm can"
+            raise Unreachable(Obstacle.ORIENTATION, text)
+
+    def limit_text(self, joint: int, at: float) -> str:
+        """Return the reason for a joint, by its index, that would be beyond a limit."""
+        name, unit = self.chain.names[joint], self.units[joint]
+        limit = self.upper[joint] if at > self.upper[joint] else self.lower[joint]
+        return f"{name} would have to be at {at:.4g} {unit}, its limit is {limit:.4g} {unit}"
 
     @cached_property
     def _turning(self) -> BoolArray:
@@ -213,12 +261,6 @@ class Kinematics:
     def _nearest(self, found: FloatArray, seed: FloatArray) -> FloatArray:
         near = [self.near(each, seed) for each in found]
         return min(near, key=lambda each: self.seconds(each, seed))
-
-    def _check_task(self, problem: Problem, seed: FloatArray) -> None:
-        """Raise Unreachable for a target that the structure of the arm rules out."""
-        if what := self.task.contradiction(pose_differences(self.forward(seed), problem.target)):
-            text = f"the tool would have to move in {what}, which no joint of the arm can"
-            raise Unreachable(Obstacle.ORIENTATION, text)
 
     def _obstacle(self, problem: Problem, seed: FloatArray) -> Unreachable:
         """Return the reason why no start leads to the target."""
@@ -260,11 +302,7 @@ class Kinematics:
         excess = np.maximum(np.maximum(self.lower - found, found - self.upper), 0.0)
         best = int(np.argmin(excess.max(axis=1)))
         joint = int(np.argmax(excess[best]))
-        at, unit = found[best, joint], self.units[joint]
-        limit = self.upper[joint] if at > self.upper[joint] else self.lower[joint]
-        name = self.chain.names[joint]
-        text = f"{name} would have to be at {at:.4g} {unit}, its limit is {limit:.4g} {unit}"
-        return Unreachable(Obstacle.LIMITS, text)
+        return Unreachable(Obstacle.LIMITS, self.limit_text(joint, found[best, joint]))
 
 
 def _position_of(task: Task) -> Task:

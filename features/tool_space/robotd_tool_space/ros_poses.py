@@ -24,11 +24,3 @@ def fill_pose(message: Any, pose: FloatArray) -> None:
     message.position.x, message.position.y, message.position.z = x, y, z
     turn = message.orientation
     turn.x, turn.y, turn.z, turn.w = qx, qy, qz, qw
-
-
-def fill_transform(message: Any, pose: FloatArray) -> None:
-    """Set a geometry_msgs/Transform."""
-    x, y, z, qx, qy, qz, qw = map(float, transform_numbers(pose))
-    message.translation.x, message.translation.y, message.translation.z = x, y, z
-    turn = message.rotation
-    turn.x, turn.y, turn.z, turn.w = qx, qy, qz, qw

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from robotd.api import FloatArray, InvalidArgument
+from robotd.api.features import frame
 
 HALF_TURN_COSINE = -0.9999  # beyond it the skew part of a matrix has no direction left
 ROTATION_TOLERANCE = 1e-6  # of a given matrix: R·Rᵀ against the identity
@@ -80,11 +81,7 @@ def pose_of(
     rpy: Sequence[float] | FloatArray = (0.0, 0.0, 0.0),
 ) -> FloatArray:
     """Return a pose (4, 4) of m and of roll, pitch, yaw in rad."""
-    roll, pitch, yaw = rotation_matrices(np.diag(np.asarray(rpy, np.float64)))
-    result = np.eye(4)
-    result[:3, :3] = yaw @ pitch @ roll
-    result[:3, 3] = position
-    return result
+    return frame(np.asarray(position, np.float64), np.asarray(rpy, np.float64))
 
 
 def rpy_of(matrix: FloatArray) -> FloatArray:

@@ -17,7 +17,7 @@ from robotd.api import FloatArray, InvalidArgument, unknown_name
 from robotd.api.features import Robot
 from robotd_ros.api import STREAM, RosHost, TopicStream, add_command_subscription, read_settings
 from robotd_tool_space.kinematics import Kinematics
-from robotd_tool_space.rotations import quaternion_pose
+from robotd_tool_space.ros_poses import pose_of_message
 from robotd_tool_space.servo_settings import ServoSettings, ServoTopics, read_servo
 from robotd_tool_space.servo_status import ServoStatus
 from robotd_tool_space.twist import Command, PoseCommand, TwistCommand, TwistStage
@@ -102,8 +102,7 @@ class _GroupServo:
         return TwistCommand(twist, self._is_tool(message.header.frame_id))
 
     def _pose(self, message: PoseStamped) -> PoseCommand:
-        place, turn = message.pose.position, message.pose.orientation
-        pose = quaternion_pose((place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w))
+        pose = pose_of_message(message.pose)
         if self._is_tool(message.header.frame_id):
             tool = self._frames[1]
             raise InvalidArgument(f"frame_id {tool}: a pose is one in {self._frames[0]}")

@@ -10,8 +10,7 @@ import numpy as np
 from robotd.api import FloatArray, InvalidArgument
 from robotd.api.features import JointLimits
 from robotd_tool_space.joint_path import JointPath, follow_path, hermite
-from robotd_tool_space.kinematics import Kinematics
-from robotd_tool_space.obstacle import Obstacle, Unreachable
+from robotd_tool_space.kinematics import Kinematics, Obstacle, Unreachable
 from robotd_tool_space.rotations import pose_differences
 from robotd_tool_space.timing import Timing, time_path
 from robotd_tool_space.tool_path import ToolPath
@@ -105,9 +104,7 @@ def plan_lines(
     """
     first = kinematics.forward(start)
     for pose in poses:
-        if what := kinematics.task.contradiction(pose_differences(first, pose)):
-            text = f"the tool would have to move in {what}, which no joint of the arm can"
-            raise Unreachable(Obstacle.ORIENTATION, text)
+        kinematics.require_possible(first, pose)
     path = ToolPath.through([first, *poses], speed.velocity, speed.angular_velocity, blend_m)
     if not path.pieces:
         return _standing(start)
@@ -166,7 +163,7 @@ def plan_joint_motion(
         )
     )
     parts = np.linspace(0.0, 1.0, 101)
-    place = parts**3 * (10.0 + parts * (6.0 * parts - 15.0))
+    place = _quintic(parts)
     poses = kinematics.forward(start + place[:, None] * way)
     steps = pose_differences(poses[:-1], poses[1:]) * 100.0 / shortest_s
     excess = max(
@@ -177,12 +174,18 @@ def plan_joint_motion(
     duration_s = shortest_s * excess
     count = int(np.clip(np.ceil(duration_s / KNOT_S), 2, MAX_KNOTS))
     parts = np.linspace(0.0, 1.0, count + 1)
-    place = parts**3 * (10.0 + parts * (6.0 * parts - 15.0))
+    place = _quintic(parts)
     rate = 30.0 * parts**2 * (1.0 - parts) ** 2 / duration_s
     motion = ToolMotion(
         duration_s * parts, start + place[:, None] * way, rate[:, None] * way, path_s=duration_s
     )
     return _within_limits(motion, limits)
+
+
+def _quintic(parts: FloatArray) -> FloatArray:
+    """Return shares of the way at shares of the time, from rest to rest."""
+    place: FloatArray = parts**3 * (10.0 + parts * (6.0 * parts - 15.0))
+    return place
 
 
 def _standing(start: FloatArray) -> ToolMotion:

@@ -9,11 +9,12 @@ from geometry_msgs.msg import TransformStamped
 from tf2_msgs.msg import TFMessage
 
 from robotd.api import FloatArray, get_logger
+from robotd.api.features import transform_numbers
 from robotd_ros.nodes.latched_topics import publish_if_alive
+from robotd_ros.nodes.tool_pose_topic import fill_transform
 from robotd_ros.qos import LATCHED
 from robotd_ros.run_nodes import NodeContext
 from robotd_tool_space.robot_tool import ToolGroups
-from robotd_tool_space.ros_poses import fill_transform
 
 log = get_logger("tool")
 
@@ -72,5 +73,5 @@ class FrameTopics:
     def _transform(self, parent: str, name: str, pose: FloatArray) -> TransformStamped:
         message = TransformStamped(child_frame_id=name)
         message.header.frame_id, message.header.stamp = parent, self._clock.now().to_msg()
-        fill_transform(message.transform, pose)
+        fill_transform(message, transform_numbers(pose))
         return message

@@ -11,9 +11,9 @@ from typing import Any, Self
 from rclpy.node import Node
 from std_msgs.msg import String
 
+from robotd.control.problem import ProblemKind
 from robotd.log import get_logger
 from robotd.observation.robot_identity import identity
-from robotd.observation.robot_summary import robot_summary
 from robotd.robot import Robot
 from robotd_ros.node_registry import SUMMARY
 from robotd_ros.nodes.latched_topics import publish_if_alive
@@ -23,6 +23,20 @@ log = get_logger("summary")
 
 LOOK_PERIOD_S = 0.25
 HEARTBEAT_S = 1.0  # a list shows a robot whose computer has gone long before discovery does
+
+MAX_PROBLEMS = 8
+READY = "ready"
+# The first of these kinds that a robot has is its state.
+STATES = {
+    ProblemKind.ENDING: "shutting down",
+    ProblemKind.STARTING: "starting",
+    ProblemKind.DEVICE: "no device",
+    ProblemKind.CONTROLLER: "fault",
+    ProblemKind.ALARM: "fault",
+    ProblemKind.OFFLINE: "fault",
+    ProblemKind.STOPPED: "stopped",
+    ProblemKind.SERVO_OFF: "servo off",
+}
 
 
 class SummaryTopic:
@@ -73,3 +87,22 @@ class SummaryTopic:
         uptime_s = round(now_s - self._began_s)
         message = {**self._identity, **summary, "uptime_s": uptime_s}
         publish_if_alive(self._publisher, String(data=json.dumps(message)))
+
+
+def robot_summary(robot: Robot) -> dict[str, Any]:
+    """Return what changes in a list of robots, as JSON. Any thread.
+
+    ``state`` is "ready" or one of ``STATES``; ``problems`` are texts, the root cause first;
+    ``owners`` names the clients that move axes.
+    """
+    problems = robot.find_problems()
+    kinds = {problem.kind for problem in problems}
+    found = next((text for kind, text in STATES.items() if kind in kinds), READY)
+    state = found if found != READY or robot.connection.ready else STATES[ProblemKind.DEVICE]
+    axes = robot.axes
+    owners = {axes.owner(axis) for axis in range(len(axes))} - {""}
+    return {
+        "state": state,
+        "problems": [problem.text for problem in problems[:MAX_PROBLEMS]],
+        "owners": sorted(owners),
+    }

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from robotd_conformance.checks import inconclusive
-from robotd_conformance.checks.inconclusive import ATTEMPTS, STALL_S, Repeats
-from robotd_conformance.checks.stall_monitor import StallMonitor
+from robotd_conformance.checks.inconclusive import ATTEMPTS, STALL_S, Repeats, StallMonitor
 
 CHECKS = """
 import pytest

@@ -2,20 +2,51 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections import Counter
-from typing import Protocol
+from typing import Protocol, Self
 
 import pytest
 from _pytest.runner import runtestprotocol
-
-from robotd_conformance.checks.stall_monitor import StallMonitor
 
 UNDECIDED = "inconclusive: the computer was too busy to judge"
 """A check that skips itself with this reason is repeated."""
 ATTEMPTS = 3
 STALL_S = 0.015  # a thread that wakes up so late, and others with it
+STALL_CHECK_S = 0.005
 CALM_S, PATIENCE_S = 1.0, 8.0  # without a stall, before a further attempt; how long to wait for it
+
+
+class StallMonitor:
+    """Longest stall of this process while the context is open.
+
+    A thread sleeps and looks how late it wakes up. Processor time that other processes take is
+    seen as well as time that a host takes from a virtual machine.
+
+    Attributes:
+        longest_s: how late the thread woke up at most.
+    """
+
+    def __init__(self) -> None:
+        self.longest_s = 0.0
+        self._end = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="stall monitor", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._end.set()
+        self._thread.join()
+
+    def _watch(self) -> None:
+        before_s = time.monotonic()
+        while not self._end.wait(STALL_CHECK_S):
+            now_s = time.monotonic()
+            self.longest_s = max(self.longest_s, now_s - before_s - STALL_CHECK_S)
+            before_s = now_s
 
 
 class Target(Protocol):
