@@ -103,8 +103,8 @@ def _xacro_arguments(
     metavar="FOLDER",
     type=click.Path(path_type=Path, exists=True, file_okay=False),
     multiple=True,
-    help="Folder with meshes that are neither beside the URDF nor in AMENT_PREFIX_PATH. May be"
-    " repeated.",
+    help="Folder with meshes, or packages of a xacro file, that are neither beside the file nor in"
+    " AMENT_PREFIX_PATH. May be repeated.",
 )
 @click.option("--copy-meshes", is_flag=True, help="Copy the meshes into the robot's folder.")
 @click.option(
@@ -274,7 +274,8 @@ def _urdf_text(options: Mapping[str, Any]) -> tuple[str, Path]:
     if path is not None:
         text = read_urdf_text(path)
         if is_xacro(xml_root(text, path)):
-            text = urdf_text(expand_xacro(path, options["xacro_arguments"]), path)
+            expanded = expand_xacro(path, options["xacro_arguments"], options["meshes"])
+            text = urdf_text(expanded, path)
         return text, path
     with robot_client(options["timeout_s"]) as client:
         text = import_ros("robotd_ros.client.status_client").read_description(client)

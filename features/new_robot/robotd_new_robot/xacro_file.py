@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -12,14 +12,15 @@ from robotd.descriptor.urdf.package_files import package_folders
 from robotd.errors import DescriptorError
 
 
-def expand_xacro(path: Path, arguments: Mapping[str, str]) -> str:
+def expand_xacro(path: Path, arguments: Mapping[str, str], folders: Sequence[Path]) -> str:
     """Return the URDF of a xacro file.
 
-    ``$(find PACKAGE)`` is looked up in ``AMENT_PREFIX_PATH`` and beside the file.
+    ``$(find PACKAGE)`` is looked up in ``AMENT_PREFIX_PATH``, beside the file and in ``folders``.
 
     Args:
         path: of the file.
         arguments: values of its ``<xacro:arg>``.
+        folders: that hold packages.
 
     Raises DescriptorError: xacro is not installed, or cannot expand the file.
     """
@@ -34,11 +35,13 @@ def expand_xacro(path: Path, arguments: Mapping[str, str]) -> str:
         raise DescriptorError(what, path=path) from None
 
     def find(package: str) -> str:
-        for folder in package_folders(package, path):
+        beside = package_folders(package, path)
+        for folder in (*beside, *(each / package for each in folders)):
             if folder.is_dir():
                 return str(folder)
         raise FileNotFoundError(
-            f"package {package!r} is neither in AMENT_PREFIX_PATH nor beside the file"
+            f"package {package!r} is neither in AMENT_PREFIX_PATH nor beside the file: pass"
+            " --meshes FOLDER, the folder that holds it"
         )
 
     # xacro's own search needs ROS; it has no option for another one.
@@ -46,7 +49,8 @@ def expand_xacro(path: Path, arguments: Mapping[str, str]) -> str:
         with patch.object(substitution, "_eval_find", find):
             text: str = xacro.process_file(str(path), mappings=dict(arguments)).toxml()
     except Exception as error:  # noqa: BLE001 - its parser, evaluator and macros raise any kind
-        reason = str(error) or type(error).__name__
+        cause = getattr(error, "exc", None)  # xacro's texts repeat it
+        reason = str(cause if isinstance(cause, OSError) else error) or type(error).__name__
         if "Undefined substitution argument" in reason:
             reason += ": pass --xacro-arg NAME:=VALUE"
         raise DescriptorError(f"xacro cannot expand it: {reason}", path=path) from None

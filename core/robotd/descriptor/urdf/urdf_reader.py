@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -13,6 +13,7 @@ import numpy as np
 from robotd.arrays import FloatArray
 from robotd.descriptor.files import read_limited
 from robotd.descriptor.urdf.urdf_model import (
+    FIXED,
     HELD_TYPES,
     MOVING_TYPES,
     Mimic,
@@ -32,6 +33,9 @@ IS_XACRO = (
     "is xacro, not URDF: pass it to 'robotd new-robot --urdf', which expands it, or run"
     " 'xacro FILE > NAME.urdf' and pass the result"
 )
+REFUSED = "RViz and MoveIt refuse the file"
+# Parts of a joint that robotd does not use: urdfdom needs one of the attributes, as a number.
+_UNUSED = {"dynamics": ("damping", "friction"), "safety_controller": ("k_velocity",)}
 _INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
@@ -66,6 +70,7 @@ class _Reader:
         self._path = path
         self._problems: list[DescriptorError] = []
         self._notes: list[str] = []
+        self._refused: dict[str, list[str]] = {}  # joints by what urdfdom refuses about them
 
     def robot(self, root: Any) -> UrdfRobot:
         self._check_root(root)
@@ -75,7 +80,7 @@ class _Reader:
             self._check_links(joint, links)
             self._check_mimic(joint, joints)
         if not links:
-            self._problem("has no link", root)
+            self._problem("has no link; of macros of xacro, pass the file that uses them", root)
         if not self._problems:
             for what, line, name in check_tree(links, joints.values()):
                 self._problems.append(DescriptorError(what, path=self._path, line=line, key=name))
@@ -83,8 +88,16 @@ class _Reader:
             ordered = sorted(self._problems, key=lambda problem: problem.line or 0)
             raise DescriptorError.join(ordered)
         first, ordered_joints = depth_first(links, joints.values())
-        joined, notes = tuple(ordered_joints), tuple(self._notes)
-        return UrdfRobot(root.get("name", ""), first, links, joined, notes)
+        notes = (*self._notes, *self._refusals(root))
+        return UrdfRobot(root.get("name", ""), first, links, tuple(ordered_joints), notes)
+
+    def _refusals(self, root: Any) -> Iterator[str]:
+        """Yield what robotd reads and urdfdom refuses, one line for all joints with the same."""
+        if not root.get("name"):
+            yield f"the robot has no name: {REFUSED}"
+        for what, joints in self._refused.items():
+            more = f" and {len(joints) - 1} more have" if len(joints) > 1 else " has"
+            yield f"joint {joints[0]}{more} {what}: {REFUSED}"
 
     def _check_root(self, root: Any) -> None:
         if root.tag != "robot":
@@ -110,28 +123,46 @@ class _Reader:
         return found
 
     def _link(self, element: Any, name: str) -> UrdfLink:
-        mass, center, inertia = None, np.zeros(3), np.zeros((3, 3))
-        if (inertial := element.find("inertial")) is not None:
-            mass = self._number(inertial.find("mass"), "value", name)
-            if mass is not None and mass < 0.0:
-                self._notes.append(f"link {name} has a mass below 0, which is ignored")
-                mass = None
-            pose = self._origin(inertial, name)
-            center = pose[:3, 3]
-            if (tensor := inertial.find("inertia")) is not None:
-                values = [self._number(tensor, key, name, default=0.0) or 0.0 for key in _INERTIA]
-                xx, xy, xz, yy, yz, zz = values
-                matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-                inertia = pose[:3, :3] @ matrix @ pose[:3, :3].T
         return UrdfLink(
-            name, element.sourceline, mass, center, inertia, self._radius(element, name)
+            name,
+            element.sourceline,
+            *self._inertial(element, name),
+            self._radius(element, name),
         )
+
+    def _inertial(self, link: Any, name: str) -> tuple[float | None, FloatArray, FloatArray]:
+        """Return mass, centre and inertia of a link; without a mass where they are wrong.
+
+        urdfdom drops an <inertial> that it cannot read, and keeps the link.
+        """
+        nothing = None, np.zeros(3), np.zeros((3, 3))
+        if (inertial := link.find("inertial")) is None:
+            return nothing
+        known = len(self._problems)
+        mass = self._number(inertial.find("mass"), "value", name)
+        pose, tensor = self._origin(inertial, name), inertial.find("inertia")
+        values = [self._number(tensor, key, name, default=0.0) or 0.0 for key in _INERTIA]
+        if self._problems[known:]:
+            del self._problems[known:]
+            what = "has numbers that cannot be read, and is ignored"
+            self._notes.append(f"link {name}: <inertial> on line {inertial.sourceline} {what}")
+            return nothing
+        if mass is not None and mass < 0.0:
+            self._notes.append(f"link {name} has a mass below 0, which is ignored")
+            mass = None
+        xx, xy, xz, yy, yz, zz = values
+        matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        return mass, pose[:3, 3], pose[:3, :3] @ matrix @ pose[:3, :3].T
 
     def _radius(self, link: Any, name: str) -> float | None:
         for part in ("collision", "visual"):
             for shape in ("cylinder", "sphere"):
                 for solid in link.findall(f"{part}/geometry/{shape}"):
-                    return self._number(solid, "radius", name, minimum=0.0)
+                    radius = _finite(solid.get("radius", ""))
+                    if radius > 0.0:
+                        return radius
+                    what = f"radius={solid.get('radius')!r} is no radius: the shape is ignored"
+                    self._notes.append(f"link {name}: {what}")
         return None
 
     def _joint(self, element: Any, name: str) -> UrdfJoint | None:
@@ -146,6 +177,11 @@ class _Reader:
             self._notes.append(
                 f"joint {name} is {kind}: no axis moves it, its link stays at the origin"
             )
+        axis = self._axis(element, name) if moves else np.array(_AXIS)
+        if not axis.any():
+            self._notes.append(f"joint {name} has the axis 0 0 0: it is read as fixed")
+            kind, moves, axis = FIXED, False, np.array(_AXIS)
+        self._note_refusals(element, name, kind)
         limits = self._limits(element, name, kind) if moves else _NO_LIMITS
         return UrdfJoint(
             name,
@@ -154,10 +190,27 @@ class _Reader:
             self._end(element, name, "parent"),
             self._end(element, name, "child"),
             self._origin(element, name),
-            self._axis(element, name) if moves else np.array(_AXIS),
+            axis,
             *limits,
             self._mimic(element, name) if moves else None,
         )
+
+    def _note_refusals(self, element: Any, name: str, kind: str) -> None:
+        """Note what is missing or unreadable for urdfdom, and not needed here."""
+        limit = element.find("limit")
+        if limit is None and kind in ("revolute", "prismatic"):
+            self._refuse("no <limit>", name)
+        for key in ("velocity", "effort"):
+            if limit is not None and limit.get(key) is None:
+                self._refuse(f"no {key}", name)
+        for tag, keys in _UNUSED.items():
+            if (part := element.find(tag)) is not None:
+                texts = [text for key in keys if (text := part.get(key)) is not None]
+                if not texts or not all(math.isfinite(_finite(text)) for text in texts):
+                    self._refuse(f"a <{tag}> without {' or '.join(keys)}", name)
+
+    def _refuse(self, what: str, joint: str) -> None:
+        self._refused.setdefault(what, []).append(joint)
 
     def _end(self, element: Any, name: str, tag: str) -> str:
         found = element.find(tag)
@@ -171,11 +224,7 @@ class _Reader:
         limit = element.find("limit")
         bounded = kind in ("revolute", "prismatic")
         if limit is None:
-            if bounded:
-                self._notes.append(f"joint {name} has no <limit>: RViz and MoveIt refuse the file")
             return _NO_LIMITS
-        if bounded and limit.get("velocity") is None:
-            self._notes.append(f"joint {name} has no velocity: RViz and MoveIt refuse the file")
         # Exporters write 0 where they know no speed; who drives the joint asks for one.
         velocity = self._number(limit, "velocity", name, minimum=0.0) or None
         effort = self._number(limit, "effort", name, minimum=0.0)
@@ -217,12 +266,10 @@ class _Reader:
         return Mimic(leader or "", multiplier or 0.0, offset or 0.0)
 
     def _axis(self, element: Any, name: str) -> FloatArray:
+        """Return the unit vector of the axis; zeros where it has no direction."""
         axis = self._vector(element.find("axis"), "xyz", name, _AXIS)
         length = float(np.linalg.norm(axis))
-        if length == 0.0:
-            self._problem("axis 0 0 0 has no direction", element.find("axis"), name)
-            return axis
-        unit: FloatArray = axis / length
+        unit: FloatArray = axis / (length or 1.0)
         return unit
 
     def _origin(self, element: Any, name: str) -> FloatArray:
@@ -238,7 +285,7 @@ class _Reader:
             return np.array(default)
         values = [_finite(word) for word in text.split()]
         if len(values) != 3 or not all(map(math.isfinite, values)):
-            self._problem(f"{key}={text!r} is not three finite numbers", element, name)
+            self._problem(f"{key}={text!r} is not three finite numbers{_hint(text)}", element, name)
             return np.array(default)
         return np.array(values)
 
@@ -257,7 +304,7 @@ class _Reader:
             return default
         value = _finite(text)
         if not math.isfinite(value):
-            self._problem(f"{key}={text!r} is not a finite number", element, name)
+            self._problem(f"{key}={text!r} is not a finite number{_hint(text)}", element, name)
         elif minimum is not None and value < minimum:
             self._problem(f"{key}={text!r} is below {minimum:g}", element, name)
         else:
@@ -298,6 +345,11 @@ class _Reader:
     def _error(self, what: str, element: Any, name: str | None = None) -> DescriptorError:
         line = cast("int | None", element.sourceline)
         return DescriptorError(what, path=self._path, line=line, key=name)
+
+
+def _hint(text: str) -> str:
+    is_xacro_value = "$(" in text or "${" in text
+    return ", but a value that xacro computes: pass the xacro file" if is_xacro_value else ""
 
 
 def _finite(text: str) -> float:

@@ -15,10 +15,15 @@ from robotd.errors import DescriptorError
 
 MAX_BYTES = 8_000_000
 
-_DECLARATION = re.compile(r"\s*<\?xml[^>]*\?>")
+_DECLARATION = re.compile(r"\s*<\?xml\s[^>]*\?>")
+_VERSION_1 = re.compile(r"""<\?xml\s+version\s*=\s*(["'])1\.\d+\1""")
+_UTF8 = "<?xml version='1.0' encoding='UTF-8'?>"
 _ENCODING = re.compile(r"""(<\?xml[^>]*?encoding\s*=\s*)(["'])([^"']*)\2""")
 _NAMESPACE = re.compile(r"""(<robot\b[^>]*?)\sxmlns\s*=\s*(["'])[^"']*\2""")
 _PREFIX = re.compile(r"Namespace prefix (\S+) ")
+_COMMENT = re.compile(r"<!--(.*?)-->", re.DOTALL)
+_HYPHEN = re.compile(r"-(?=-|$)")  # that a comment may not have
+_AMPERSAND = re.compile(r"&(?!#\d+;|#x[0-9a-fA-F]+;|[\w.:-]+;)")
 # UTF-32 first: its mark begins with that of UTF-16.
 _MARKS = {
     codecs.BOM_UTF32_LE: "UTF-32", codecs.BOM_UTF32_BE: "UTF-32", codecs.BOM_UTF8: "UTF-8",
@@ -35,29 +40,27 @@ def read_urdf_text(path: Path) -> str:
 def urdf_text(data: bytes | str, path: Path) -> str:
     """Return the content of ``path`` as text declared as UTF-8, without a mark.
 
-    Prefixes without a namespace are declared: urdfdom reads ``<sensor:camera>`` as it is, other
-    parsers refuse it.
+    What urdfdom reads and other parsers refuse is mended, without a change of the lines: other
+    versions of XML, a NUL at the end, prefixes without a namespace, a bare ``&``, and ``--`` in
+    comments.
 
     Raises DescriptorError: not XML, or an unknown encoding.
     """
-    text = declared_as_utf8(data if isinstance(data, str) else _decoded(data, path))
+    text = data if isinstance(data, str) else _decoded(data, path)
+    text = _declared_as_utf8(text.partition("\0")[0])
     # urdfdom knows no namespaces: <robot xmlns="..."> is its <robot>.
     text = _NAMESPACE.sub(r"\1", text, count=1)
-    prefixes = _undeclared_prefixes(text, path)
-    if prefixes:
-        names = "".join(f' xmlns:{prefix}="undeclared:{prefix}"' for prefix in prefixes)
-        text = re.sub(r"<robot\b", f"<robot{names}", text, count=1)
+    try:
+        etree.fromstring(text.encode(), _parser())
+    except etree.XMLSyntaxError:
+        text = _mended(text)
+    else:
+        return text
+    try:
+        etree.fromstring(text.encode(), _parser())
+    except etree.XMLSyntaxError as error:
+        raise DescriptorError(f"not XML: {error.msg}", path=path, line=error.lineno) from None
     return text
-
-
-def declared_as_utf8(text: str) -> str:
-    """Return ``text`` for readers of UTF-8: without a byte order mark, declared as UTF-8."""
-    text = text.removeprefix("\ufeff")
-    if declaration := _DECLARATION.match(text):  # urdfdom allows blank lines before it
-        first = declaration[0]
-        blank = first[: len(first) - len(first.lstrip())]
-        text = f"{first.lstrip()}{blank}{text[len(first) :]}"
-    return _ENCODING.sub(r"\1\2UTF-8\2", text, count=1) if declaration else text
 
 
 def xml_root(data: bytes | str, path: Path) -> Any:
@@ -96,25 +99,29 @@ def _decoded(data: bytes, path: Path) -> str:
     return data.decode("latin-1")
 
 
-def _undeclared_prefixes(text: str, path: Path) -> list[str]:
-    """Raise DescriptorError for text that is not XML apart from prefixes without a namespace."""
-    try:
-        etree.fromstring(text.encode(), _parser())
-    except etree.XMLSyntaxError as error:
-        if not _PREFIX.match(error.msg or ""):
-            raise DescriptorError(f"not XML: {error.msg}", path=path, line=error.lineno) from None
-    else:
-        return []
+def _declared_as_utf8(text: str) -> str:
+    """Return ``text`` for readers of UTF-8: without a byte order mark, declared as UTF-8."""
+    text = text.removeprefix("\ufeff")
+    declaration = _DECLARATION.match(text)
+    if declaration is None:
+        return text
+    first, rest = declaration[0], text[declaration.end() :]
+    line = first.lstrip()  # urdfdom allows blank lines before it, and any version
+    blank = first[: len(first) - len(line)]
+    line = _ENCODING.sub(r"\1\2UTF-8\2", line) if _VERSION_1.match(line) else _UTF8
+    return line + blank + rest
+
+
+def _mended(text: str) -> str:
+    """Return ``text`` without what urdfdom alone reads; what else is wrong with it stays."""
+    text = _COMMENT.sub(lambda found: f"<!--{_HYPHEN.sub('=', found[1])}-->", text)
+    text = _AMPERSAND.sub("&amp;", text)
     lenient = _parser(recover=True)
     etree.fromstring(text.encode(), lenient)
-    found: dict[str, None] = {}
-    for problem in lenient.error_log:
-        prefix = _PREFIX.match(problem.message)
-        if prefix is None:
-            what = f"not XML: {problem.message}"
-            raise DescriptorError(what, path=path, line=problem.line)
-        found[prefix[1]] = None
-    return list(found)
+    found = (_PREFIX.match(problem.message) for problem in lenient.error_log)
+    prefixes = dict.fromkeys(prefix[1] for prefix in found if prefix)
+    names = "".join(f' xmlns:{prefix}="undeclared:{prefix}"' for prefix in prefixes)
+    return re.sub(r"<robot\b", f"<robot{names}", text, count=1)
 
 
 def _parser(*, recover: bool = False) -> etree.XMLParser:
