@@ -9,8 +9,7 @@ from pathlib import Path
 
 from robotd.descriptor import JointSettings, JointType, RobotDescriptor, TwoSidedDrive
 from robotd.descriptor.urdf import UrdfJoint, UrdfRobot, read_urdf, read_urdf_text
-from robotd.descriptor.urdf.package_files import find_mesh, mesh_names
-from robotd.descriptor.urdf.urdf_text import xml_root
+from robotd.descriptor.urdf.package_files import mesh_files
 from robotd.errors import DescriptorError, did_you_mean
 
 SHOWN_MESHES = 3
@@ -70,12 +69,12 @@ def urdf_warnings(urdf: UrdfRobot, path: Path, descriptor: RobotDescriptor) -> I
 
 def _missing_meshes(path: Path) -> Iterator[str]:
     """Yield one line that counts the missing meshes and names the first ones."""
-    names = mesh_names(xml_root(read_urdf_text(path), path))
-    missing = [name for name in names if find_mesh(name, path) is None]
+    files = mesh_files(read_urdf_text(path), path)
+    missing = [name for name, file in files.items() if file is None]
     if missing:
         shown = ", ".join(missing[:SHOWN_MESHES]) + (", ..." if len(missing) > SHOWN_MESHES else "")
         yield (
-            f"{len(missing)} of {len(names)} meshes not found ({shown}): the page does not draw"
+            f"{len(missing)} of {len(files)} meshes not found ({shown}): the page does not draw"
             " these links; add their packages to AMENT_PREFIX_PATH, or put the files beside"
             " the URDF"
         )

@@ -8,8 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from robotd.descriptor.urdf import parse_urdf
-from robotd.descriptor.urdf.package_files import find_mesh, mesh_names, with_mesh_names
-from robotd.descriptor.urdf.urdf_text import xml_root
+from robotd.descriptor.urdf.package_files import mesh_files, moved_mesh_names, with_mesh_names
 from robotd_export.export_input import ExportInput
 from robotd_export.moveit import move_group_content
 from robotd_export.srdf import chain_groups, semantic_description
@@ -55,7 +54,9 @@ def moveit_package(source: ExportInput) -> dict[str, str]:
     content = move_group_content(source)
     servo = content.pop("moveit_servo", None)
     limits = content.pop("robot_description_planning")
-    text, path = _urdf_with_found_meshes(source), source.urdf_path()
+    text, path = source.urdf(), source.urdf_path()
+    # MoveIt finds neither relative meshes nor packages that are only beside the URDF.
+    text = with_mesh_names(text, moved_mesh_names(mesh_files(text, path), None))
     urdf = parse_urdf(text, path)
     groups = chain_groups(urdf, descriptor)
     pipeline = OMPL | {group: {"planner_configs": [PLANNER]} for group in groups}
@@ -82,14 +83,6 @@ def moveit_package(source: ExportInput) -> dict[str, str]:
 def package_name(robot: str) -> str:
     """Return the name of the package of a robot's configuration."""
     return f"{robot.lower()}_moveit_config"
-
-
-def _urdf_with_found_meshes(source: ExportInput) -> str:
-    """Return the URDF; meshes without a scheme, which MoveIt does not find, as ``file``."""
-    text, path = source.urdf(), source.urdf_path()
-    found = {name: find_mesh(name, path) for name in mesh_names(xml_root(text, path))}
-    renamed = {name: file.as_uri() for name, file in found.items() if file and "://" not in name}
-    return with_mesh_names(text, renamed)
 
 
 def _setup_assistant(name: str) -> dict[str, Any]:

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from robotd.descriptor.urdf.mesh_files import gltf_parts
-from robotd.descriptor.urdf.package_files import find_mesh, mesh_names, with_mesh_names
-from robotd.descriptor.urdf.urdf_text import xml_root
+from robotd.descriptor.urdf.package_files import mesh_files, moved_mesh_names, with_mesh_names
 
 FOLDER = "meshes"  # of a robot
 
@@ -40,17 +39,14 @@ def place_meshes(
         folders: searched in addition, see ``find_mesh``.
         copy: copy the meshes into the folder of ``written``.
     """
-    names = mesh_names(xml_root(text, path))
-    found = {name: file for name in names if (file := find_mesh(name, path, folders))}
+    found = mesh_files(text, path, folders)
     files: dict[str, Path] = {}
-    renamed: dict[str, str] = {}
-    for name, file in found.items():
-        if copy:
-            renamed[name] = _copied(file, files)
-        elif find_mesh(name, written) != file:
-            renamed[name] = file.absolute().as_uri()
+    if copy:
+        renamed = {name: _copied(file, files) for name, file in found.items() if file}
+    else:
+        renamed = moved_mesh_names(found, written)
     return PlacedMeshes(
-        with_mesh_names(text, renamed), files, _summary(names, [*found.values()], copy=copy)
+        with_mesh_names(text, renamed), files, _summary([*found.values()], copy=copy)
     )
 
 
@@ -70,16 +66,18 @@ def _copied(file: Path, files: dict[str, Path]) -> str:
     return place
 
 
-def _summary(names: Sequence[str], found: Sequence[Path], *, copy: bool) -> str:
-    if not names:
+def _summary(meshes: Sequence[Path | None], *, copy: bool) -> str:
+    """Return what became of the meshes; None among them is one that was not found."""
+    if not meshes:
         return ""
+    found = [file for file in meshes if file is not None]
     size = sum(file.stat().st_size for file in {*found})
     mebibytes = f"{size / 2**20:.1f} MiB"
     if copy:
         text = f"{_count(len(found))} copied, {mebibytes}"
     else:
         text = f"{_count(len(found))} left in place, {mebibytes}; --copy-meshes copies them"
-    missing = len(names) - len(found)
+    missing = len(meshes) - len(found)
     return f"{text}; {_count(missing)} not found: --meshes FOLDER" if missing else text
 
 

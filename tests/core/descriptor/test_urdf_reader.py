@@ -8,6 +8,7 @@ import pytest
 from lxml import etree
 
 from robotd.descriptor.urdf import parse_urdf, read_urdf, read_urdf_text
+from robotd.descriptor.urdf.package_files import mesh_files, moved_mesh_names
 from robotd.errors import DescriptorError
 
 URDFS = Path(__file__).parents[2] / "urdf"
@@ -49,8 +50,8 @@ def problems(body: str) -> list[str]:
          "arm.urdf:2: a: xyz='0 0' is not three finite numbers"),
         (joint("a", "base", "tip", LIMIT + '<origin rpy="0 inf 0"/>') + links("base", "tip"),
          "arm.urdf:2: a: rpy='0 inf 0' is not three finite numbers"),
-        (joint("a", "base", "tip", LIMIT + '<axis xyz="0 0 0"/>') + links("base", "tip"),
-         "arm.urdf:2: a: axis 0 0 0 has no direction"),
+        (joint("a", "base", "tip", LIMIT + '<origin xyz="$(x)"/>') + links("base", "tip"),
+         "arm.urdf:2: a: xyz='$(x)' is not three finite numbers, but a value that xacro"),
         (joint("a", "base", "tip", LIMIT + '<mimic joint="a"/>') + links("base", "tip"),
          "arm.urdf:2: a: mimics itself: a → a"),
         (joint("a", "base", "tipp") + links("base", "tip"),
@@ -211,6 +212,9 @@ def test_text_that_cannot_be_decoded_is_named(tmp_path: Path, data: bytes, probl
         f"{KAEFER}</robot>".encode("utf-16-le"),
         f"\n <?xml version='1.0'?>{KAEFER}</robot>".encode(),
         f"{KAEFER}<sensor:camera/></robot>".encode(),
+        f"<?xml version='0.0' ?>\n{KAEFER}</robot>\0".encode(),
+        f"<?xml version='utf-8'?>\n{KAEFER}</robot>".encode(),
+        f"<!------ old -- new ----->{KAEFER}<gazebo>a & b</gazebo><sensor:x/></robot>".encode(),
     ],
 )
 def test_what_urdfdom_reads_is_read_everywhere_the_same(tmp_path: Path, data: bytes) -> None:
@@ -228,14 +232,43 @@ def test_what_urdfdom_reads_is_read_everywhere_the_same(tmp_path: Path, data: by
         ("planar", "", "joint a is planar: no axis moves it, its link stays at the origin"),
         ("revolute", "", "joint a has no <limit>: RViz and MoveIt refuse the file"),
         ("revolute", '<limit lower="0" upper="1"/>', "joint a has no velocity: RViz and MoveIt"),
+        ("revolute", LIMIT + "<dynamics/>", "joint a has a <dynamics> without damping or friction"),
     ],
 )
 def test_what_others_refuse_or_move_is_noted(kind: str, limit: str, note: str) -> None:
     body = joint("a", "base", "tip", limit, kind=kind) + links("base", "tip")
-    found = parse_urdf(f"<robot>{body}</robot>", PATH)
+    found = parse_urdf(f"<robot name='r'>{body}</robot>", PATH)
     assert found.notes[0].startswith(note)
     assert found.joint["a"].moves == (kind == "revolute")
     assert found.joint["a"].has_range == bool(limit)
+
+
+def test_joints_with_the_same_lack_are_noted_in_one_line() -> None:
+    limit = '<limit lower="0" upper="1" velocity="1"/>'
+    body = joint("a", "base", "b", limit) + joint("c", "b", "d", limit) + links("base", "b", "d")
+    found = parse_urdf(f"<robot name='r'>{body}</robot>", PATH)
+    assert found.notes == ("joint a and 1 more have no effort: RViz and MoveIt refuse the file",)
+
+
+@pytest.mark.parametrize(
+    ("inside", "note"),
+    [
+        ('<inertial><mass value="x"/></inertial>', "link tip: <inertial> on line 1 has numbers"),
+        ('<visual><geometry><sphere radius="x"/></geometry></visual>', "link tip: radius='x' is"),
+    ],
+)
+def test_a_link_is_read_without_the_part_that_urdfdom_drops(inside: str, note: str) -> None:
+    body = joint("a", "base", "tip").strip() + f'<link name="tip">{inside}</link>' + links("base")
+    found = parse_urdf(f"<robot name='r'>{body}</robot>", PATH)
+    assert found.notes[0].startswith(note)
+    assert (found.links["tip"].mass, found.links["tip"].radius) == (None, None)
+
+
+def test_a_joint_whose_axis_has_no_direction_is_fixed() -> None:
+    body = joint("a", "base", "tip", LIMIT + '<axis xyz="0 0 0"/>') + links("base", "tip")
+    found = parse_urdf(f"<robot name='r'>{body}</robot>", PATH)
+    assert not found.joint["a"].moves
+    assert found.notes == ("joint a has the axis 0 0 0: it is read as fixed",)
 
 
 def test_limits_without_a_range_are_read() -> None:
@@ -256,3 +289,20 @@ def test_a_mimic_joint_follows_its_leader() -> None:
     arm = read_urdf(URDFS / "six_axis.urdf")
     opposite = arm.position(arm.joint["right_finger_joint"], {"left_finger_joint": 0.3})
     assert opposite == -0.3
+
+
+def test_meshes_that_are_lost_in_another_place_get_urls(tmp_path: Path) -> None:
+    (tmp_path / "arm_meshes").mkdir()
+    for name in ("a.stl", "arm_meshes/b.stl"):
+        (tmp_path / name).write_bytes(b"solid")
+    names = ("a.stl", "package://arm_meshes/b.stl", "gone.stl")
+    meshes = "".join(
+        f'<visual><geometry><mesh filename="{name}"/></geometry></visual>' for name in names
+    )
+    path = tmp_path / "arm.urdf"
+    files = mesh_files(f'<robot><link name="base">{meshes}</link></robot>', path)
+    assert moved_mesh_names(files, tmp_path / "other.urdf") == {}
+    assert moved_mesh_names(files, None) == {
+        names[0]: (tmp_path / "a.stl").as_uri(),
+        names[1]: (tmp_path / "arm_meshes" / "b.stl").as_uri(),
+    }

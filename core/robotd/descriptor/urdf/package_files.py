@@ -11,6 +11,7 @@ from typing import Any
 from urllib.parse import unquote, urlparse
 
 from robotd.descriptor.files import is_file
+from robotd.descriptor.urdf.urdf_text import xml_root
 
 _FILENAME = re.compile(r"""(<mesh\b[^>]*?\bfilename\s*=\s*)(["'])(.*?)\2""")
 
@@ -30,6 +31,31 @@ def with_mesh_names(text: str, renamed: Mapping[str, str]) -> str:
         return match[0] if name is None else f"{head}{quote}{html.escape(name)}{quote}"
 
     return _FILENAME.sub(attribute, text) if renamed else text
+
+
+def mesh_files(text: str, path: Path, folders: Sequence[Path] = ()) -> dict[str, Path | None]:
+    """Return the files of the meshes of a URDF by their names; None where there is none.
+
+    Args:
+        text: of the URDF.
+        path: of the URDF.
+        folders: see ``find_mesh``.
+    """
+    return {name: find_mesh(name, path, folders) for name in mesh_names(xml_root(text, path))}
+
+
+def moved_mesh_names(files: Mapping[str, Path | None], place: Path | None) -> dict[str, str]:
+    """Return ``file`` URLs for the meshes that would be lost in another place.
+
+    Args:
+        files: see ``mesh_files``.
+        place: new path of the URDF; None: it has none, as for MoveIt, which gets the text.
+    """
+    return {
+        name: file.absolute().as_uri()
+        for name, file in files.items()
+        if file is not None and find_mesh(name, place) != file
+    }
 
 
 def find_mesh(name: str, path: Path | None, folders: Sequence[Path] = ()) -> Path | None:
