@@ -34,7 +34,7 @@ def with_mesh_names(text: str, renamed: Mapping[str, str]) -> str:
 
 
 def mesh_files(text: str, path: Path, folders: Sequence[Path] = ()) -> dict[str, Path | None]:
-    """Return the files of the meshes of a URDF by their names; None where there is none.
+    """Return the file of each mesh of a URDF by name; None if missing.
 
     Args:
         text: of the URDF.

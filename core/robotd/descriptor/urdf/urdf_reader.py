@@ -33,7 +33,7 @@ IS_XACRO = (
     "is xacro, not URDF: pass it to 'robotd new-robot --urdf', which expands it, or run"
     " 'xacro FILE > NAME.urdf' and pass the result"
 )
-REFUSED = "RViz and MoveIt refuse the file"
+REJECTED = "RViz and MoveIt refuse the file"
 # Parts of a joint that robotd does not use: urdfdom needs one of the attributes, as a number.
 _UNUSED = {"dynamics": ("damping", "friction"), "safety_controller": ("k_velocity",)}
 _INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -70,7 +70,7 @@ class _Reader:
         self._path = path
         self._problems: list[DescriptorError] = []
         self._notes: list[str] = []
-        self._refused: dict[str, list[str]] = {}  # joints by what urdfdom refuses about them
+        self._rejected: dict[str, list[str]] = {}  # joints by what urdfdom rejects
 
     def robot(self, root: Any) -> UrdfRobot:
         self._check_root(root)
@@ -88,16 +88,16 @@ class _Reader:
             ordered = sorted(self._problems, key=lambda problem: problem.line or 0)
             raise DescriptorError.join(ordered)
         first, ordered_joints = depth_first(links, joints.values())
-        notes = (*self._notes, *self._refusals(root))
+        notes = (*self._notes, *self._rejections(root))
         return UrdfRobot(root.get("name", ""), first, links, tuple(ordered_joints), notes)
 
-    def _refusals(self, root: Any) -> Iterator[str]:
+    def _rejections(self, root: Any) -> Iterator[str]:
         """Yield what robotd reads and urdfdom refuses, one line for all joints with the same."""
         if not root.get("name"):
-            yield f"the robot has no name: {REFUSED}"
-        for what, joints in self._refused.items():
+            yield f"the robot has no name: {REJECTED}"
+        for what, joints in self._rejected.items():
             more = f" and {len(joints) - 1} more have" if len(joints) > 1 else " has"
-            yield f"joint {joints[0]}{more} {what}: {REFUSED}"
+            yield f"joint {joints[0]}{more} {what}: {REJECTED}"
 
     def _check_root(self, root: Any) -> None:
         if root.tag != "robot":
@@ -181,7 +181,7 @@ class _Reader:
         if not axis.any():
             self._notes.append(f"joint {name} has the axis 0 0 0: it is read as fixed")
             kind, moves, axis = FIXED, False, np.array(_AXIS)
-        self._note_refusals(element, name, kind)
+        self._note_rejections(element, name, kind)
         limits = self._limits(element, name, kind) if moves else _NO_LIMITS
         return UrdfJoint(
             name,
@@ -195,22 +195,22 @@ class _Reader:
             self._mimic(element, name) if moves else None,
         )
 
-    def _note_refusals(self, element: Any, name: str, kind: str) -> None:
+    def _note_rejections(self, element: Any, name: str, kind: str) -> None:
         """Note what is missing or unreadable for urdfdom, and not needed here."""
         limit = element.find("limit")
         if limit is None and kind in ("revolute", "prismatic"):
-            self._refuse("no <limit>", name)
+            self._reject("no <limit>", name)
         for key in ("velocity", "effort"):
             if limit is not None and limit.get(key) is None:
-                self._refuse(f"no {key}", name)
+                self._reject(f"no {key}", name)
         for tag, keys in _UNUSED.items():
             if (part := element.find(tag)) is not None:
                 texts = [text for key in keys if (text := part.get(key)) is not None]
                 if not texts or not all(math.isfinite(_finite(text)) for text in texts):
-                    self._refuse(f"a <{tag}> without {' or '.join(keys)}", name)
+                    self._reject(f"a <{tag}> without {' or '.join(keys)}", name)
 
-    def _refuse(self, what: str, joint: str) -> None:
-        self._refused.setdefault(what, []).append(joint)
+    def _reject(self, what: str, joint: str) -> None:
+        self._rejected.setdefault(what, []).append(joint)
 
     def _end(self, element: Any, name: str, tag: str) -> str:
         found = element.find(tag)

@@ -298,6 +298,36 @@ GLTF = """<visual>
   <geometry><mesh filename="package://acme/meshes/arm.gltf"/></geometry>
 </visual>"""
 
+COLLADA = """<visual>
+  <geometry><mesh filename="package://acme/meshes/arm.dae"/></geometry>
+</visual>"""
+DAE = """<?xml version="1.0"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+  <asset><unit meter="1"/><up_axis>Z_UP</up_axis></asset>
+  <library_effects><effect id="paint"><profile_COMMON><technique sid="common"><lambert>
+    <diffuse><color>0 0.6 0 1</color></diffuse>
+    <transparent opaque="A_ONE"><color>1 1 1 1</color></transparent>
+    <transparency><float>0</float></transparency>
+  </lambert></technique></profile_COMMON></effect></library_effects>
+  <library_materials><material id="green"><instance_effect url="#paint"/></material>
+  </library_materials>
+  <library_geometries><geometry id="box"><mesh>
+    <source id="corners"><float_array id="numbers" count="24">{numbers}</float_array>
+      <technique_common><accessor source="#numbers" count="8" stride="3">
+        <param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/>
+      </accessor></technique_common></source>
+    <vertices id="points"><input semantic="POSITION" source="#corners"/></vertices>
+    <triangles count="12" material="paint"><input semantic="VERTEX" source="#points" offset="0"/>
+      <p>{indices}</p></triangles>
+  </mesh></geometry></library_geometries>
+  <library_visual_scenes><visual_scene id="scene"><node><instance_geometry url="#box">
+    <bind_material><technique_common><instance_material symbol="paint" target="#green"/>
+    </technique_common></bind_material></instance_geometry></node></visual_scene>
+  </library_visual_scenes>
+  <scene><instance_visual_scene url="#scene"/></scene>
+</COLLADA>
+"""
+
 
 def box(size: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray]:
     """Corners (8, 3) and triangles (12, 3) of a box that stands on the origin."""
@@ -348,8 +378,17 @@ def write_gltf(path: Path, size: tuple[float, float, float], color: list[float])
     path.write_text(json.dumps(content))
 
 
+def write_dae(path: Path, size: tuple[float, float, float]) -> None:
+    """Write a green box whose transparency of 0 says, by its letter, that it is invisible."""
+    corners, faces = box(size)
+    texts = (" ".join(map(str, each.ravel().tolist())) for each in (corners, faces))
+    path.write_text(DAE.format(numbers=next(texts), indices=next(texts)), encoding="utf-8")
+
+
 @pytest.mark.parametrize(
-    ("visual", "meshes"), [(STL, "loaded"), (GLTF, "loaded"), ("", "none")], ids=["stl", "gltf", ""]
+    ("visual", "meshes"),
+    [(STL, "loaded"), (GLTF, "loaded"), (COLLADA, "loaded"), ("", "none")],
+    ids=["stl", "gltf", "collada", ""],
 )
 def test_links_are_drawn_as_their_mesh_or_as_capsules(
     opened: Page, tmp_path: Path, visual: str, meshes: str
@@ -361,6 +400,7 @@ def test_links_are_drawn_as_their_mesh_or_as_capsules(
     (folder / "acme.urdf").write_text(URDF.format(visual=visual))
     write_stl(folder / "meshes" / "arm.stl", (100.0, 100.0, 600.0))
     write_gltf(folder / "meshes" / "arm.gltf", (0.1, 0.1, 0.6), [0.0, 0.6, 0.0, 1.0])
+    write_dae(folder / "meshes" / "arm.dae", (0.1, 0.1, 0.6))
     with served_page(tmp_path, robot=str(folder / "robot.yaml")) as (arm, server):
         page.goto(server.url)
         canvas = page.locator("#canvas")
@@ -369,7 +409,7 @@ def test_links_are_drawn_as_their_mesh_or_as_capsules(
         upright = picture(page)
         points = np.array([[0.0, 0.0, 0.5], [0.5 * np.sin(1.2), 0.0, 0.5 * np.cos(1.2)]])
         both = pixels(page, points, upright.shape)
-        if visual == GLTF:
+        if visual in (GLTF, COLLADA):
             column, row = both[0].round().astype(int)
             red, green, blue = upright[row, column]
             assert green > 1.5 * max(red, blue), upright[row, column]  # its own material
