@@ -3,8 +3,9 @@
     python tools/urdf_runs.py FOLDER [--peer]
 
 Each file is made a robot with the options that its own errors propose, checked, opened on the
-simulation in simulated time, and every joint and the base are moved. With ``--peer``, limits and
-link poses are compared with those of pinocchio, which must be installed.
+simulation in simulated time, and every joint and the base are moved. The table counts the options
+that were needed, files without a moving joint, and those that no option answers. With ``--peer``,
+limits and link poses are compared with those of pinocchio, which must be installed.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from robotd.robot import Robot, open_robot
 MOTION_S = 2.0
 TIMEOUT_S = 120.0
 ASKS = re.compile(r"--(?:no-base|(?:gripper|passive|limits|wheels|wheel-radius) [^\s;]+)")
+NO_ROBOT = re.compile(r"no joint moves|has no link")  # an object, a part, macros
 ANSWERS = {"METRES": "0.1", "LOWER,UPPER": "-1,1"}
 
 
@@ -52,7 +54,7 @@ def main() -> None:
             except multiprocessing.TimeoutError:
                 outcome, text = "hangs", ""
             outcomes[outcome] += 1
-            print(f"{outcome:9} {file.relative_to(options.folder)}  {text}", flush=True)
+            print(f"{outcome:18} {file.relative_to(options.folder)}  {text}", flush=True)
         pool.terminate()
     print(f"{len(files)} files:", ", ".join(f"{n} {what}" for what, n in outcomes.most_common()))
 
@@ -79,17 +81,20 @@ def _run(file: Path, folder: Path, peer: bool) -> tuple[str, str]:
             answers = [each for each in answers if each[-1] != "LEFT,RIGHT"]
         answer = next((each for each in answers if each[0] not in options), None)
         if answer is None or (folder / "it").exists():
-            return "rejected", text.replace("\n", " | ").replace(f"{file.parent}/", "")[:300]
+            outcome = "no robot" if NO_ROBOT.search(text) else "rejected"
+            return outcome, text.replace("\n", " | ").replace(f"{file.parent}/", "")[:300]
         if answer[0] == "--no-base":
             options = []
         options += [ANSWERS.get(word, word) for word in answer]
     text = " ".join(options)
+    count = sum(word.startswith("--") for word in options)
     if peer:
         compare_with_pinocchio(folder / "it" / "it.urdf")
     with open_robot(folder / "it" / "robot.yaml", clock=SteppedClock()) as robot:
         move(robot)
     warnings = [line for line in result.output.splitlines() if line.startswith("warn")]
-    return "moves", f"{text} {len(warnings)} warnings" if warnings else text
+    outcome = ("moves", "moves, 1 option")[count] if count < 2 else f"moves, {count} options"
+    return outcome, f"{text} {len(warnings)} warnings" if warnings else text
 
 
 def move(robot: Robot) -> None:

@@ -52,7 +52,8 @@ def semantic_description(
     for name, (joints, _) in groups.items():
         state = etree.SubElement(root, "group_state", name=HOME, group=name)
         for joint in joints:
-            value = f"{min(max(0.0, joint.lower), joint.upper):g}"
+            # Not rounded, which could be beyond the limit.
+            value = repr(min(max(0.0, joint.lower), joint.upper))
             etree.SubElement(state, "joint", name=joint.name, value=value)
     fingers = descriptor.gripper.joints if descriptor.gripper else ()
     if fingers:
