@@ -18,6 +18,7 @@ _PASSIVE = re.compile(r"cast[eo]r|idler|rocker|bogie|suspension|wheel_?drop", re
 _FREE = re.compile(r"swivel|roller", re.IGNORECASE)  # without limits; else an axis of a machine
 _WHEEL = re.compile(r"wheel", re.IGNORECASE)
 UPRIGHT = 0.9  # part of an axis along z
+ENDLESS_RAD = 1e3  # range of a wheel that an exporter writes as revolute
 
 
 class GripperDrive(StrEnum):
@@ -183,8 +184,9 @@ def _is_passive(joint: UrdfJoint) -> bool:
 
 
 def _is_wheel(urdf: UrdfRobot, joint: UrdfJoint) -> bool:
+    is_endless = joint.type == "revolute" and joint.upper - joint.lower > ENDLESS_RAD
     return (
-        joint.type == "continuous"
+        (joint.type == "continuous" or (is_endless and joint.has_range))
         and joint.mimic is None
         and bool(_WHEEL.search(joint.name) or _WHEEL.search(joint.child))
         and not _is_passive(joint)

@@ -177,6 +177,15 @@ def test_any_name_of_a_joint_leads_to_a_legal_one(make: Make, written: str, expe
     move(robot)
 
 
+def test_wheels_with_endless_limits_are_wheels(make: Make) -> None:
+    endless = '<limit lower="-1e9" upper="1e9" effort="5" velocity="9"/>'
+    body = joint("left_wheel", "base", "a", endless, xyz="0.2")
+    body += joint("right_wheel", "base", "b", endless, xyz="-0.2")
+    robot, _ = make(body, "--wheel-radius", "0.1")
+    assert robot.drive is not None
+    assert robot.drive.wheel_joints == ("left_wheel", "right_wheel")
+
+
 def test_names_that_would_become_the_same_stay_apart(make: Make) -> None:
     body = joint("j.1", "base", "b") + joint("j_1", "b", "d") + joint("j-1", "d", "f")
     robot, _ = make(body + '<gazebo reference="j.1"/><gazebo reference="b"/>', "--speed", "j-1=1")
