@@ -23,12 +23,14 @@ Robotd = Callable[..., Result]
 Install = Callable[..., Path]
 Edit = Callable[[str, str, str], Path]
 
+INSTALLED = Path(next(iter(robotd_robots.__path__)))
+ROBOTS = sorted(each.parent.name for each in INSTALLED.glob("*/robot.yaml"))
+
 
 @pytest.fixture
 def cr3a(tmp_path: Path) -> Path:
     """A copy of the CR3A's folder."""
-    source = Path(next(iter(robotd_robots.__path__))) / "cr3a"
-    return Path(shutil.copytree(source, tmp_path / "cr3a"))
+    return Path(shutil.copytree(INSTALLED / "cr3a", tmp_path / "cr3a"))
 
 
 @pytest.fixture
@@ -45,7 +47,7 @@ def edit(cr3a: Path) -> Edit:
     return change
 
 
-@pytest.mark.parametrize("robot", ["cr3a", "standalone", "dual_cr3a", "mobile_manipulator"])
+@pytest.mark.parametrize("robot", ROBOTS)
 def test_the_robots_that_come_with_robotd_are_well(robotd: Robotd, robot: str) -> None:
     result = robotd("check", "--robot", robot)
     assert result.exit_code == 0, result.output
@@ -400,7 +402,7 @@ def test_a_wrong_parameter_of_a_base_is_reported(
 ) -> None:
     path = tmp_path / "robot.yaml"
     section = f"ros_parameters:\n  diff_drive_controller:\n    {parameter}\n"
-    baymax = Path(next(iter(robotd_robots.__path__))) / "baymax" / "robot.yaml"
+    baymax = INSTALLED / "baymax" / "robot.yaml"
     path.write_text(f"extends: {baymax}\nname: base\n{section}", "utf-8")
     result = robotd("check", "--robot", str(path))
     assert text in result.stdout
