@@ -70,13 +70,15 @@ test: $(tools) ## run the tests of daily work; ARGS go to pytest, e.g. ARGS="tes
 	@$(say) 'pytest, without the long tests $(ARGS)'
 	exec .venv/bin/python -m pytest -n $(WORKERS) --dist loadfile -m 'not long and not hardware' $(ARGS)
 
+# Robots in real time mostly wait.
+test-long test-all: WORKERS := 4
 test-long: $(tools) ## run what `make test` leaves out: robots, buses and browsers in real time
 	@$(say) 'pytest, the long tests $(ARGS)'
-	exec .venv/bin/python -m pytest -n $(WORKERS) --dist loadfile -m 'long and not hardware' $(ARGS)
+	exec .venv/bin/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder -m 'long and not hardware' $(ARGS)
 
 test-all: $(tools) ## run all tests, or all of what ARGS name, e.g. ARGS="tests/plugins/canopen"
 	@$(say) 'pytest, all tests $(ARGS)'
-	.venv/bin/python -m pytest -n $(WORKERS) --dist loadfile -m 'not hardware' $(ARGS)
+	.venv/bin/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder -m 'not hardware' $(ARGS)
 	$(if $(ARGS),,$(MAKE) --no-print-directory -C plugins/wmx test)
 
 coverage: $(tools) ## run the unit and contract tests and report their coverage

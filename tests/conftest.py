@@ -29,6 +29,16 @@ REAL_TIME = (
 
 It is a test's own folder that counts: `ros/unit` is not among them."""
 
+SLOWEST = (
+    "features/conformance/runs/test_mutants.py",
+    "features/conformance/runs/test_backends.py",
+    "plugins/canopen/bus/test_conformance.py",
+    "features/page/server/test_layout_in_browser.py",
+    "ros/test_cut_link.py",
+    "features/conformance/runs/test_new_backend.py",
+)
+"""Files of minutes, which begin first: a worker that began one in the end would work on alone."""
+
 pytest_plugins = ["tests.command_line", "tests.installed_plugin"]
 
 
@@ -60,6 +70,8 @@ def pytest_configure(config: pytest.Config) -> None:
 @pytest.hookimpl(tryfirst=True)  # before -m selects
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark what is long; shuffle on request, and keep the tests of a file together."""
+    first = {HERE / name: place for place, name in enumerate(SLOWEST)}
+    items.sort(key=lambda item: first.get(item.path, len(SLOWEST)))
     for item in items:
         if is_in_real_time(item.path) and not item.get_closest_marker("daily"):
             item.add_marker("long")

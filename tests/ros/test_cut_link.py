@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import threading
@@ -23,9 +24,8 @@ pytestmark = [
 ]
 
 STILL = 1e-3  # rad and rad/s
-SETTLED_S = (
-    4.0  # after the first message of the healed link; a heartbeat of Fast DDS comes every 3 s
-)
+# After the first message of the healed link; a heartbeat of Fast DDS comes every 3 s.
+SETTLED_S = 4.0
 
 
 class Process:
@@ -163,14 +163,12 @@ def cut_while_commanded(
     ("kind", "cut", "seconds"),
     [
         ("position", "switch", 3.0),
-        ("position", "switch", 15.0),
         ("position", "interface", 3.0),
         ("points", "switch", 3.0),
         ("points", "switch", 15.0),
         ("points", "interface", 3.0),
         ("stamped_jog", "switch", 3.0),
         ("jog", "switch", 3.0),
-        ("jog", "switch", 15.0),
         ("moves", "switch", 3.0),
     ],
 )
@@ -189,11 +187,13 @@ def test_what_a_reliable_publisher_sends_again_is_named_and_counted(
     network: SplitNetwork, arm: tuple[RobotProcess, Axis]
 ) -> None:
     process, _ = arm
-    told = process.output.count("older than this computer's clock")
+    # A busy computer delivers single messages late as well, by tenths of a second.
+    late = re.compile(r"(\d+\.?\d*) s older than this computer's clock: (.*)")
+    told = len(late.findall(process.output))
     cut_while_commanded(network, arm, "points", "switch", 3.0)
-    lines = process.output.split("older than this computer's clock: ")[1:]
-    assert len(lines) == told + 1, "one line for the commands of one cut"
-    assert "are the clocks of both computers in step (chrony, ptp)?" in lines[-1]
+    causes = [cause for age, cause in late.findall(process.output)[told:] if float(age) > 1.0]
+    assert len(causes) == 1, "one line for the commands of one cut"
+    assert "are the clocks of both computers in step (chrony, ptp)?" in causes[0]
 
 
 @pytest.mark.parametrize(("cut", "seconds"), [("switch", 3.0), ("switch", 15.0)])

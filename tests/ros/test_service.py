@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import socket
+import time
 from pathlib import Path
 
 import pytest
@@ -23,14 +24,18 @@ def test_a_restarted_robot_stays_without_power_until_a_command(tmp_path: Path) -
         manager.bind(str(address))
         manager.settimeout(WAIT_S)
 
+        sent: list[str] = []  # READY and STATUS come in either order
+
         def wait_sent(text: str) -> None:
-            while text not in manager.recv(4096).decode():
-                pass
+            deadline = time.monotonic() + WAIT_S
+            while not any(text in each for each in sent):
+                assert time.monotonic() < deadline, f"no {text} among {sent}"
+                sent.append(manager.recv(4096).decode())
 
         environment = {"NOTIFY_SOCKET": str(address), "WATCHDOG_USEC": "3000000"}
         with RobotProcess(*ARGUMENTS, environment=environment) as robot:
             wait_sent("READY=1")
-            wait_sent("STATUS=servo off: joint1")
+            wait_sent("joint6: servo off")
             client = Client(robot.domain)
             try:
                 _require_power(client, on=False)
@@ -41,11 +46,12 @@ def test_a_restarted_robot_stays_without_power_until_a_command(tmp_path: Path) -
                 _require_power(client, on=True)
                 os.kill(robot.process.pid, signal.SIGKILL)
                 robot.exit_status()
+                sent.clear()
                 with RobotProcess(
                     *ARGUMENTS, domain=robot.domain, environment=environment
                 ) as next_one:
                     wait_sent("READY=1")
-                    wait_sent("STATUS=servo off: joint1")
+                    wait_sent("joint6: servo off")
                     _require_power(client, on=False)
                     answer = client.call(Trigger, "/robotd/recover")
                     assert answer.success, answer.message

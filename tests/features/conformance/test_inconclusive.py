@@ -34,8 +34,8 @@ class Target:
 
     cleared = 0
 
-    def __init__(self, real_time: bool) -> None:
-        self.real_time = real_time
+    def __init__(self, real_time: bool, stray: str) -> None:
+        self.real_time, self.stray = real_time, stray
 
     def begin(self, item: pytest.Item) -> None:
         pass
@@ -64,7 +64,12 @@ class Reports:
 
 
 def run(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, *, stall_s: float, real_time: bool = True
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    *,
+    stall_s: float,
+    real_time: bool = True,
+    stray: str = "",
 ) -> tuple[Reports, Repeats]:
     """Run CHECKS on a computer that stalls for ``stall_s`` during each attempt."""
 
@@ -77,7 +82,7 @@ def run(
     file.write_text(CHECKS, encoding="utf-8")
     monkeypatch.setattr(StallMonitor, "__exit__", observe)
     monkeypatch.setattr(inconclusive, "_wait_calm", lambda: None)
-    reports, repeats = Reports(), Repeats(Target(real_time))
+    reports, repeats = Reports(), Repeats(Target(real_time, stray))
     arguments = [str(file), "--config-file=/dev/null", f"--rootdir={folder}", "-qq"]
     pytest.main([*arguments, "-pno:cacheprovider"], plugins=[repeats, reports])
     return reports, repeats
@@ -101,11 +106,14 @@ def test_what_failed_on_a_stalled_computer_is_repeated_at_the_end(
     assert set(repeats.repeated) == set(reports.outcomes) - {"test_passes"}
 
 
-@pytest.mark.parametrize(("stall_s", "real_time"), [(0.5 * STALL_S, True), (9.0, False)])
-def test_a_fault_on_a_calm_computer_or_in_stepped_time_fails_at_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stall_s: float, real_time: bool
+@pytest.mark.parametrize(
+    ("stall_s", "real_time", "stray"),
+    [(0.5 * STALL_S, True, ""), (9.0, False, ""), (9.0, True, "joint1 is 0.5 rad away")],
+)
+def test_a_fault_on_a_calm_computer_or_in_stepped_time_or_of_a_robot_gone_astray_fails_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stall_s: float, real_time: bool, stray: str
 ) -> None:
-    reports, repeats = run(tmp_path, monkeypatch, stall_s=stall_s, real_time=real_time)
+    reports, repeats = run(tmp_path, monkeypatch, stall_s=stall_s, real_time=real_time, stray=stray)
     assert reports.outcomes["test_always_fails"] == "failed"
     assert reports.outcomes["test_fails_once"] == "failed"
     assert "test_always_fails" not in repeats.repeated

@@ -54,9 +54,11 @@ class Target(Protocol):
 
     Attributes:
         real_time: the check, or the attempt that has ended, ran in real time.
+        stray: why the run has to end, however busy the computer is; "" while it may go on.
     """
 
     real_time: bool
+    stray: str
 
     def begin(self, item: pytest.Item) -> None:
         """Prepare an attempt of a check."""
@@ -95,7 +97,8 @@ class Repeats:
         with StallMonitor() as stalls:
             reports = runtestprotocol(item, log=False, nextitem=nextitem)
         failed = any(report.failed for report in reports)
-        stalled = failed and self._target.real_time and stalls.longest_s > STALL_S
+        is_final = not self._target.real_time or bool(self._target.stray)
+        stalled = failed and not is_final and stalls.longest_s > STALL_S
         if stalled or any(map(is_undecided, reports)):
             if failed:
                 self._target.clear(item)

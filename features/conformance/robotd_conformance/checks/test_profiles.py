@@ -71,13 +71,16 @@ def test_a_move_shows_what_it_does(harness: Harness) -> None:
 
 @pytest.mark.clause("AxisDriver.move/overrides")
 def test_a_new_target_is_taken_without_a_jump(harness: Harness) -> None:
+    # From inside the way, so that it turns back within the range of an axis that begins at its end.
     start, distance = harness.image.position_command.copy(), harness.travel()
+    harness.move(harness.all, start + 0.3 * distance)
+    harness.rest()
     with harness.recording() as recording:
         harness.move(harness.all, start + distance)
         harness.pass_time(0.2)
-        harness.move(harness.all, start - 0.2 * distance)
+        harness.move(harness.all, start + 0.1 * distance)
         harness.rest()
-    assert np.abs(harness.image.position - (start - 0.2 * distance)).max() <= SETTLED_RAD
+    assert np.abs(harness.image.position - (start + 0.1 * distance)).max() <= SETTLED_RAD
     judge(harness, recording, steep_ramps(harness, recording, SPAN_S, MORE))
 
 
@@ -86,7 +89,9 @@ def test_a_new_target_is_taken_without_a_jump(harness: Harness) -> None:
 def test_a_new_target_has_its_own_profile(harness: Harness, farther: bool) -> None:
     start, way = harness.image.position_command.copy(), harness.travel()
     slow = [harness.profile(axis, 0.4) for axis in harness.all]
-    targets = start + (way if farther else -0.1 * way)
+    targets = start + (way if farther else 0.1 * way)
+    harness.move(harness.all, start + 0.2 * way)
+    harness.rest()
     with harness.recording() as recording:
         harness.move(harness.all, start + 0.7 * way)
         harness.pass_time(0.1)

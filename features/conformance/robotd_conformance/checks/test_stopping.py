@@ -48,8 +48,9 @@ def test_a_stop_takes_the_time_and_way_of_its_ramp(harness: Harness) -> None:
 @pytest.mark.clause("AxisDriver.stop/rests")
 @pytest.mark.clause("AxisDriver.quick_stop/starts")
 def test_a_quick_stop_is_no_slower_than_a_stop(harness: Harness) -> None:
+    start = harness.image.position_command.copy()
     _, stop_s, stop_way = stop_moving(harness, harness.robot.axes.stop)
-    harness.move(harness.all, harness.image.position_command - harness.travel(0.5))
+    harness.move(harness.all, start)
     harness.rest()
     speed, quick_s, quick_way = stop_moving(harness, harness.robot.axes.quick_stop)
     assert (quick_s <= stop_s + REACTION_S).all()
@@ -88,8 +89,8 @@ def test_a_stop_of_a_standing_axis_has_no_effect(harness: Harness) -> None:
 @pytest.mark.clause("AxisDriver.move/target")
 @pytest.mark.clause("AxisDriver.stop/starts")
 def test_a_stopped_axis_takes_the_next_move(harness: Harness) -> None:
+    targets = harness.image.position_command.copy()
     stop_moving(harness, harness.robot.axes.stop)
-    targets = harness.image.position_command - harness.travel(0.3)
     harness.move(harness.all, targets)
     harness.rest()
     assert np.abs(harness.image.position - targets).max() <= SETTLED_RAD

@@ -137,23 +137,23 @@ def test_the_whole_name_of_each_joint_is_read_in_its_row(
     assert page.evaluate(NAMES, rows) == [*served.robot.joint_names]
 
 
-def test_a_press_at_the_place_of_each_button_jogs_its_joint(served: Served, page: Page) -> None:
+def test_a_press_at_the_place_of_a_button_jogs_its_joint(served: Served, page: Page) -> None:
     events, cursor = served.robot.events, served.robot.events.added
     expected, jogged, heights = [], [], set()
 
     def look() -> int:
         nonlocal cursor
-        new, cursor = events.since(cursor)  # often: the log holds the newest ones only
+        new, cursor = events.since(cursor)
         jogs = (each.data["args"] for each in new if each.subject == "jog")
         jogged.extend((joint, velocity > 0) for joint, velocity, *_ in jogs)
         return len(jogged)
 
-    for index, button in enumerate(page.evaluate(BUTTONS)):
+    buttons = list(enumerate(page.evaluate(BUTTONS)))
+    for index, button in buttons[:: len(buttons) // 24 | 1]:  # an odd step: plus and minus
         x, y, height = page.evaluate(PLACE, index)
         page.mouse.click(x, y)
         expected.append((button["joint"], button["label"].endswith("plus")))
         heights.add(height)
-        look()
-    wait_until(lambda: look() >= len(expected))
-    assert sorted(jogged) == sorted(expected)
+        wait_until(lambda: look() >= len(expected))
+    assert jogged == expected
     assert len(heights) == 1  # a press moves no button
