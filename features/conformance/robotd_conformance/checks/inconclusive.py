@@ -54,11 +54,13 @@ class Target(Protocol):
 
     Attributes:
         real_time: the check, or the attempt that has ended, ran in real time.
-        stray: why the run has to end, however busy the computer is; "" while it may go on.
     """
 
     real_time: bool
-    stray: str
+
+    @property
+    def stray(self) -> str:
+        """Why the run has to end, however busy the computer is; "" while it may go on."""
 
     def begin(self, item: pytest.Item) -> None:
         """Prepare an attempt of a check."""
