@@ -102,7 +102,8 @@ def test_only_the_lifecycle_starts_and_stops_a_managed_robot(
 ) -> None:
     assert change(manager, "configure")
     status, output, _ = robotd(managed.domain, "status")
-    assert (status, INACTIVE in output) == (1, True), output
+    assert (status, "the robot is inactive" in output) == (1, True), output
+    assert "Its lifecycle manager has to activate it" in output
     response = manager.call(SetAxis, "/wmx/axis/set_on", index=[0], data=[1])
     assert (response.success, INACTIVE in response.message) == (False, True), response.message
     response = manager.call(SetBool, "/wmx/engine/set_comm", data=False)

@@ -87,7 +87,7 @@ def test_a_jog_of_a_paused_or_stopped_robot_is_an_error(
 ) -> None:
     for stop, allow, reason in (
         ("pause", "resume", "motion is paused. To go on: robotd resume"),
-        ("stop", "reset", "motion is stopped: by a client of the stop service; robotd reset"),
+        ("stop", "reset", "by a client of the stop service. When it is safe to move: robotd reset"),
     ):
         assert arm_client.call(Trigger, f"/robotd/{stop}").success
         code, _, error = robotd(arm.domain, "jog", "joint2", "+0.01")

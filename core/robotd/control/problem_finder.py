@@ -94,8 +94,9 @@ class Problems:
     def _lasting(self) -> Iterator[Problem]:
         """Yield those that no recovery removes."""
         axes = self._axes
-        if rejection := axes.stop_latch.rejection:
-            yield Problem(ProblemKind.STOPPED, rejection)
+        if cause := axes.stop_latch.cause:
+            remedy = "Its lifecycle manager has to activate it" if axes.stop_latch.inactive else ""
+            yield Problem(ProblemKind.STOPPED, cause, remedy=remedy)
         if not axes.speed.scale:
             reason, command = "the speed is 0 %", "robotd speed 100"
             if axes.speed.paused:

@@ -40,12 +40,18 @@ class StopLatch:
         self._listeners: list[StopListener] = []
 
     @property
+    def cause(self) -> str:
+        """What forbids motion, as text; "" while it is allowed."""
+        if self.inactive:
+            return f"the robot is {self.inactive}"
+        return f"motion is stopped: {self.reason}" if self.reason else ""
+
+    @property
     def rejection(self) -> str:
         """Text with which a motion command is rejected; "" while motion is allowed."""
         if self.inactive:
-            return f"the robot is {self.inactive}: its lifecycle manager has to activate it"
-        reason = self.reason
-        return f"motion is stopped: {reason}; robotd reset allows it again" if reason else ""
+            return f"{self.cause}: its lifecycle manager has to activate it"
+        return f"{self.cause}; robotd reset allows it again" if self.reason else ""
 
     def check_commandable(self) -> None:
         """Raise OperationError where the axes are read-only."""

@@ -77,7 +77,8 @@ def test_nothing_moves_and_no_servo_is_switched_on_while_inactive(managed: Manag
             command()
     with pytest.raises(ConnectError, match=INACTIVE):
         managed.robot.recover()
-    assert INACTIVE in managed.robot.problems
+    remedies = {each.text: each.remedy for each in managed.robot.find_problems()}
+    assert remedies["the robot is inactive"] == "Its lifecycle manager has to activate it"
     assert not managed.image.servo_on.any()
 
 

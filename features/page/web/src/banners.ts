@@ -2,7 +2,7 @@
 
 import { find, make, setText } from "./dom";
 import type { Description, Problem, State } from "./messages";
-import { withButtons, withoutCommand } from "./next_step";
+import { withButtons } from "./next_step";
 
 export class Banners {
   private readonly faults = find("faults");
@@ -52,7 +52,7 @@ function titleOf({ robot, namespace, backend, computer, simulated }: Description
 }
 
 function block(problem: Problem, isRoot: boolean): HTMLElement {
-  const text = make("p", isRoot ? "root" : "", problem.remedy ? withoutCommand(problem.text) : problem.text);
+  const text = make("p", isRoot ? "root" : "", problem.text);
   if (!problem.remedy) return make("div", "", text);
   const [command, press] = [make("p", "remedy command", problem.remedy), make("p", "remedy press", withButtons(problem.remedy))];
   return make("div", "", text, command, press); // the style sheet shows one of them

@@ -46,11 +46,6 @@ export function highlight(button: string | undefined): void {
   }
 }
 
-// A reason without the command that the remedy beside it names.
-export function withoutCommand(text: string): string {
-  return text.replace(/; robotd [\w ]+ allows it again$/, "");
-}
-
 // A remedy that names the buttons of the page instead of commands.
 export function withButtons(remedy: string): string {
   return remedy
@@ -63,7 +58,7 @@ function hindrances({ problems, paused }: State, counts: (kind: string) => boole
   return problems
     .filter(({ kind }) => kind in BUTTONS && counts(kind))
     .map(({ kind, text }) => ({
-      reason: withoutCommand(text),
+      reason: text,
       button: kind === "paused" && !paused ? "" : BUTTONS[kind]!, // at speed 0 % the slider helps
     }));
 }
