@@ -19,7 +19,7 @@ from robotd.control.watchdog import Watchdog, place_of
 from robotd.errors import NotReady, OperationError
 from robotd.events import sent_by
 from robotd.log import get_logger
-from robotd_ros.middleware import EventsExecutor, destroy_node, spin_once, wake
+from robotd_ros.middleware import EventsExecutor, destroy_node, log_file_arguments, spin_once, wake
 from robotd_ros.senders import Senders
 
 log = get_logger("ros")
@@ -97,11 +97,14 @@ class RosHost:
         Raises:
             OperationError: the ROS arguments are wrong or the middleware does not start.
         """
+        without_files, reason = log_file_arguments()
+        if reason:
+            log.warning("ROS keeps no log files", reason=reason)
         try:
             # Always our own context: signal handlers stay with the process, and a test may
             # have two hosts.
             rclpy.init(
-                args=[*_OWN_ARGS, *self.args],
+                args=[*_OWN_ARGS, *without_files, *self.args],
                 context=self._context,
                 domain_id=self._domain_id,
                 signal_handler_options=SignalHandlerOptions.NO,

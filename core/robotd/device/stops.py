@@ -41,7 +41,7 @@ class StopLatch:
 
     @property
     def cause(self) -> str:
-        """What forbids motion, as text; "" while it is allowed."""
+        """Reason why nothing moves, as text; "" while motion is allowed."""
         if self.inactive:
             return f"the robot is {self.inactive}"
         return f"motion is stopped: {self.reason}" if self.reason else ""

@@ -7,7 +7,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from robotd.errors import OperationError
 from robotd.feature_host import FeatureHost
+from robotd.folders import why_unwritable
+from robotd.log import get_logger
 from robotd.observation.tap import Tap
 from robotd.robot import Robot
 from robotd_recorder.continuous_recorder import ContinuousRecorder
@@ -33,11 +36,14 @@ class Recorder:
     continuous: ContinuousRecorder
 
 
+log = get_logger("recorder")
+
+
 @contextmanager
 def open_recorder(host: FeatureHost) -> Iterator[Recorder | None]:
     """Run the recorder of a robot that wants one. Main thread.
 
-    Raises OperationError: the continuous recording does not start.
+    Raises OperationError: the continuous recording does not start, or has no folder to write to.
     """
     keys = host.robot.descriptor.settings(RecorderKeys)
     if keys.recorder.enabled or keys.record is not None:
@@ -63,6 +69,10 @@ def _record(host: FeatureHost, keys: RecorderKeys) -> Iterator[Recorder]:
     keep_bytes = settings.keep_mib * MIB
     kept = RecordingFolder(folder, name, settings.keep_files, keep_bytes)
     recorded = RecordingFolder(keys.record or folder, name, settings.keep_files, keep_bytes)
+    if keys.record is not None and (reason := why_unwritable(recorded.path)):
+        raise OperationError(f"nothing can be recorded to {reason}")
+    if settings.enabled and (reason := why_unwritable(kept.path)):
+        log.warning("the flight recorder cannot save recordings", folder=reason)
     tap = host.tap(settings.seconds)
     flight = FlightRecorder(tap, kept, settings.after_s)
     continuous = ContinuousRecorder(tap, recorded, settings.split_mib * MIB, settings.split_s)

@@ -21,7 +21,12 @@ from rclpy.signals import SignalHandlerOptions
 
 from robotd.errors import DeviceTimeout, OperationError
 from robotd.log import escaped
-from robotd_ros.middleware import discovery_server, see_whole_graph, use_profiles
+from robotd_ros.middleware import (
+    discovery_server,
+    log_file_arguments,
+    see_whole_graph,
+    use_profiles,
+)
 from robotd_ros.node_registry import OPERATOR_NODE
 
 MAY_HAVE_ACTED = "the robot may have done it, and the answer was lost or is late; robotd status"
@@ -59,7 +64,7 @@ class RosClient:
             see_whole_graph()
         try:
             rclpy.init(
-                args=self._ros_args,
+                args=[*log_file_arguments()[0], *self._ros_args],
                 context=self._context,
                 signal_handler_options=SignalHandlerOptions.NO,
             )

@@ -11,6 +11,7 @@ from robotd_ros.middleware.discovery import discovery_server, see_whole_graph
 from robotd_ros.middleware.executor import EventsExecutor, destroy_node, spin_once, wake
 from robotd_ros.middleware.exit_timer import exit_after
 from robotd_ros.middleware.fastdds_profiles import use_profiles
+from robotd_ros.middleware.log_files import log_file_arguments
 from robotd_ros.middleware.message_info import with_message_info
 from robotd_ros.middleware.participants import Participant
 from robotd_ros.middleware.rate_limit import RateLimit
@@ -40,6 +41,7 @@ __all__ = [
     "destroy_node",
     "discovery_server",
     "exit_after",
+    "log_file_arguments",
     "overrides_of",
     "remapped_action",
     "remove_leftovers",

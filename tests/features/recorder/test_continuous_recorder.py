@@ -10,8 +10,13 @@ import pytest
 from tests.features.harness import Observed
 
 from robotd.clock import MonotonicClock, wait_until
+from robotd.descriptor import load_robot_descriptor, parse_override
 from robotd.errors import OperationError
+from robotd.feature_host import FeatureHost
+from robotd.plugin.manager import load_backend
+from robotd.robot import Robot
 from robotd_recorder.continuous_recorder import ContinuousRecorder
+from robotd_recorder.recorder import open_recorder
 from robotd_recording.recording_folder import RecordingFolder
 from robotd_recording.recording_reader import RecordingError, read_recording
 from robotd_recording.recording_repair import recover
@@ -110,3 +115,13 @@ def test_a_writing_process_that_is_killed_leaves_a_file_that_can_be_recovered(
 def _children() -> list[int]:
     tasks = Path("/proc/self/task").iterdir()
     return [int(child) for task in tasks for child in (task / "children").read_text().split()]
+
+
+def test_a_folder_that_nobody_can_make_ends_the_start() -> None:
+    folder = "/proc/nowhere"
+    descriptor = load_robot_descriptor("cr3a", overrides=[parse_override(f"record={folder}")])
+    robot = Robot(descriptor, load_backend("sim"), CLOCK)
+    host = FeatureHost(robot, (), "/", print)
+    expected = f"nothing can be recorded to {folder}: No such file or directory"
+    with pytest.raises(OperationError, match=expected), open_recorder(host):
+        pass

@@ -60,7 +60,7 @@ class Target(Protocol):
 
     @property
     def stray(self) -> str:
-        """Why the run has to end, however busy the computer is; "" while it may go on."""
+        """Reason why the run has to end at once; "" while it may go on."""
 
     def begin(self, item: pytest.Item) -> None:
         """Prepare an attempt of a check."""
