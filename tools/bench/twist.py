@@ -67,7 +67,7 @@ def _measure(
     arm: Kinematics, limits: JointLimits, start: FloatArray, commands: Commands, seconds: float
 ) -> str:
     rest = np.zeros(6)
-    stage, limiter = TwistStage(arm), SetpointLimiter(limits, PERIOD_S)
+    stage, limiter = TwistStage(lambda: arm), SetpointLimiter(limits, PERIOD_S)
     stage.begin(np.array([start, rest, rest]), limits, PERIOD_S)
     limiter.reset(MotionState(start, rest, rest))
     due = {round(at / PERIOD_S): command for at, command in commands.items()}

@@ -311,7 +311,9 @@ class RobotTool:
 
     def _with_tool(self, name: str) -> Kinematics:
         chosen = self._settings.tools.get(name)
-        return self._bare if chosen is None else self._bare.with_tool(chosen.pose)
+        kinematics = self._bare if chosen is None else self._bare.with_tool(chosen.pose)
+        _ = kinematics.task  # takes a while: not in the control loop, which begins streams
+        return kinematics
 
     def _require_rest(self, what: str) -> None:
         if self.group.motion.moving:

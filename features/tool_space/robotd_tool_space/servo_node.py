@@ -16,7 +16,7 @@ from std_msgs.msg import Int8, String
 from robotd.api import FloatArray, InvalidArgument, unknown_name
 from robotd.api.features import Robot
 from robotd_ros.api import STREAM, RosHost, TopicStream, add_command_subscription, read_settings
-from robotd_tool_space.kinematics import Kinematics
+from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.ros_poses import pose_of_message
 from robotd_tool_space.servo_settings import ServoSettings, ServoTopics, read_servo
 from robotd_tool_space.servo_status import ServoStatus
@@ -63,9 +63,8 @@ class _GroupServo:
         settings: ServoSettings,
     ) -> None:
         joints = robot.groups[group]
-        kinematics = Kinematics.of_descriptor(robot.descriptor, group, joints.follower.limits)
-        self._frames = kinematics.chain.base, kinematics.chain.link
-        self._stage = TwistStage(kinematics, settings.limits)
+        self._tool: RobotTool = robot.attribute("tool_groups").of(group)
+        self._stage = TwistStage(lambda: self._tool.kinematics, settings.limits)
         twist_topic = node.resolve_topic_name(topics.twist).lstrip("/")
         client = joints.stream.client(NAME, settings.timeout_s, twist_topic)
         self._stream = TopicStream(client, host, twist_topic)
@@ -103,13 +102,17 @@ class _GroupServo:
 
     def _pose(self, message: PoseStamped) -> PoseCommand:
         pose = pose_of_message(message.pose)
-        if self._is_tool(message.header.frame_id):
-            tool = self._frames[1]
-            raise InvalidArgument(f"frame_id {tool}: a pose is one in {self._frames[0]}")
+        frame = message.header.frame_id
+        if self._is_tool(frame):
+            raise InvalidArgument(f"frame_id {frame}: a pose is one in {self._tool.base}")
         return PoseCommand(pose)
 
     def _is_tool(self, frame: str) -> bool:
-        """Return True for the frame of the tool; "" is the base."""
-        if frame and frame not in self._frames:
-            raise InvalidArgument(unknown_name("frame_id", frame, self._frames))
-        return frame == self._frames[1]
+        """Return True for the tool in force; "" is the base.
+
+        The link that the tools are fixed to stands for it: clients of MoveIt Servo know no tools.
+        """
+        base, *names = filter(None, (self._tool.base, self._tool.link, self._tool.tool_name))
+        if frame and frame not in (base, *names):
+            raise InvalidArgument(unknown_name("frame_id", frame, (base, *names)))
+        return frame in names

@@ -49,7 +49,7 @@ class FrameTopics:
 
     def __init__(self, context: NodeContext, tools: ToolGroups) -> None:
         self._tools, node = tools, context.operator
-        self._clock = node.get_clock()
+        self._clock, self._prefix = node.get_clock(), node.get_parameter("frame_prefix").value
         self._chosen = node.create_publisher(TFMessage, FRAMES_TOPIC, LATCHED)
         self._static = node.create_publisher(TFMessage, STATIC_TOPIC, LATCHED)
         named = [
@@ -71,7 +71,8 @@ class FrameTopics:
         publish_if_alive(self._chosen, TFMessage(transforms=chosen))
 
     def _transform(self, parent: str, name: str, pose: FloatArray) -> TransformStamped:
-        message = TransformStamped(child_frame_id=name)
-        message.header.frame_id, message.header.stamp = parent, self._clock.now().to_msg()
+        message = TransformStamped(child_frame_id=self._prefix + name)
+        message.header.frame_id = self._prefix + parent
+        message.header.stamp = self._clock.now().to_msg()
         fill_transform(message, transform_numbers(pose))
         return message

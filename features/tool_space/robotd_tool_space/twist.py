@@ -16,6 +16,7 @@ fed back.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,7 +76,7 @@ class TwistStage:
     """``MovingReference`` that moves the tool of a joint group by twists and to poses.
 
     Args:
-        kinematics: of the group, with the tool.
+        kinematics: returns those of the group with the chosen tool; asked at each start.
         limits: of the tool; None: the default ones.
 
     Attributes:
@@ -83,16 +84,19 @@ class TwistStage:
         pose: (4, 4) that the tool is commanded to, by integration; any thread may read it.
     """
 
-    def __init__(self, kinematics: Kinematics, limits: TwistLimits | None = None) -> None:
+    def __init__(
+        self, kinematics: Callable[[], Kinematics], limits: TwistLimits | None = None
+    ) -> None:
         self.status = ServoStatus()
         self.pose = np.eye(4)
-        self._chain, self._kinematics = kinematics.chain, kinematics
-        self._differential = Differential(kinematics)
+        self._chosen = kinematics
         self._limits = limits or TwistLimits()
         self._command: Command | None = None
 
     def begin(self, setpoint: FloatArray, limits: JointLimits, period_s: float) -> None:
         """Start from a setpoint; the tool goes on with its velocity and slows down."""
+        kinematics = self._chosen()
+        self._chain, self._differential = kinematics.chain, Differential(kinematics)
         self._joints, self._period_s = limits, period_s
         self._setpoint = setpoint.copy()
         self._ramp = TwistRamp(self._limits, period_s)

@@ -63,7 +63,7 @@ def follow(
 ) -> Run:
     limits = limits or limits_of(arm)
     rest = np.zeros_like(start)
-    stage, limiter = TwistStage(arm), SetpointLimiter(limits, PERIOD_S)
+    stage, limiter = TwistStage(lambda: arm), SetpointLimiter(limits, PERIOD_S)
     stage.begin(np.array([start, rest, rest]), limits, PERIOD_S)
     limiter.reset(MotionState(start, rest, rest))
     due = {round(time / PERIOD_S): command for time, command in commands.items()}
@@ -187,7 +187,7 @@ def test_other_structures_move_straight_too(name: str) -> None:
 
 def test_a_moving_start_slows_down_to_rest() -> None:
     limits = limits_of(ARM)
-    stage = TwistStage(ARM)
+    stage = TwistStage(lambda: ARM)
     stage.begin(np.array([READY, np.full(6, 0.2), np.zeros(6)]), limits, PERIOD_S)
     velocity = [stage.advance()[1] for _ in range(500)]
     assert velocity[0] == pytest.approx(np.full(6, 0.2), abs=0.01)
@@ -211,3 +211,13 @@ def test_the_factor_keeps_its_rate_and_meets_a_moving_limit() -> None:
     assert rates.min() > -4.01
     assert np.abs(np.diff(rates)).max() / PERIOD_S < 101.0
     assert factors[-1] == pytest.approx(0.2, abs=1e-9)
+
+
+def test_a_start_takes_the_tool_that_is_chosen_then() -> None:
+    offset = np.eye(4)
+    offset[2, 3] = 0.1
+    chosen = [ARM, ARM.with_tool(offset)]
+    stage = TwistStage(lambda: chosen.pop(0))
+    for arm in tuple(chosen):
+        stage.begin(np.array([READY, np.zeros(6), np.zeros(6)]), limits_of(ARM), PERIOD_S)
+        assert stage.pose == pytest.approx(arm.forward(np.array(READY)))
