@@ -194,7 +194,7 @@ def test_a_lost_drive_and_the_way_back(
     status, result = sent.result()
     cause = "it was reset and has lost its configuration"
     assert status == GoalStatus.STATUS_ABORTED
-    assert f"drive is offline (node 3: {cause}" in result.error_string
+    assert f"node 3: {cause}" in result.error_string
     client.wait_engine(ready=False)
     level, message = told(client, "engine")
     assert level == DiagnosticStatus.ERROR

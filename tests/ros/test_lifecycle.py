@@ -29,15 +29,16 @@ WALK = ("configure", "activate", "deactivate", "cleanup")
 STATES = ("inactive", "active", "inactive", "unconfigured")
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def managed() -> Iterator[RobotProcess]:
+    """A robot of the test's own: its states last, and one test ends it."""
     arguments = ("--ros-args", "-p", "wmx_engine_node:managed:=true")
     with RobotProcess(*arguments, backend="sim") as process:
         process.wait_output("waiting for the transition configure")
         yield process
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def manager(managed: RobotProcess) -> Iterator[Client]:
     client = Client(managed.domain)
     yield client
