@@ -16,10 +16,10 @@ from robotd_page.page_server import BUNDLE_FOLDER
 
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
 CHROMIUM = next(filter(None, map(shutil.which, PROGRAMS)), None)
+DRAWING = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+NOT_DRAWING = ("--disable-gpu", "--disable-software-rasterizer")
 FLAGS = (
     "--no-sandbox",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
     "--disable-background-networking",
     "--disable-component-update",
     "--no-first-run",
@@ -46,11 +46,13 @@ needs_browser = pytest.mark.skipif(
 
 
 @contextmanager
-def chromium() -> Iterator[Browser]:
-    """A browser without a window, which draws with the processor."""
+def chromium(*, draws: bool = True) -> Iterator[Browser]:
+    """A browser without a window, which draws with the processor, or has no WebGL and is quick."""
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(
-            executable_path=CHROMIUM, args=FLAGS, timeout=TIMEOUT_MS
+            executable_path=CHROMIUM,
+            args=[*FLAGS, *(DRAWING if draws else NOT_DRAWING)],
+            timeout=TIMEOUT_MS,
         )
         expect.set_options(timeout=TIMEOUT_MS)
         try:

@@ -38,7 +38,7 @@ JOINTS: dict[str, Sequence[str]] = {
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    with chromium() as browser:
+    with chromium(draws=False) as browser:
         yield browser
 
 
