@@ -70,8 +70,6 @@ test: $(tools) ## run the tests of daily work; ARGS go to pytest, e.g. ARGS="tes
 	@$(say) 'pytest, without the long tests $(ARGS)'
 	exec .venv/bin/python -m pytest -n $(WORKERS) --dist loadfile -m 'not long and not hardware' $(ARGS)
 
-# Robots in real time mostly wait.
-test-long test-all: WORKERS := 4
 test-long: $(tools) ## run what `make test` leaves out: robots, buses and browsers in real time
 	@$(say) 'pytest, the long tests $(ARGS)'
 	exec .venv/bin/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder -m 'long and not hardware' $(ARGS)

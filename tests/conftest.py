@@ -31,6 +31,7 @@ It is a test's own folder that counts: `ros/unit` is not among them."""
 
 SLOWEST = (
     "features/conformance/runs/test_mutants.py",
+    "features/conformance/runs/test_other_mutants.py",
     "features/conformance/runs/test_backends.py",
     "plugins/canopen/bus/test_conformance.py",
     "features/page/server/test_layout_in_browser.py",
