@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -52,7 +51,7 @@ def robots() -> Iterator[tuple[RobotProcess, RobotProcess]]:
 def test_all_robots_are_listed_with_their_state_and_stopped(
     robots: tuple[RobotProcess, RobotProcess],
 ) -> None:
-    left, right = robots
+    left, _ = robots
     domain = left.domain
     # A busy computer may discover one of them later than the list waits.
     found: dict[str, dict[str, Any]] = {}
@@ -69,16 +68,6 @@ def test_all_robots_are_listed_with_their_state_and_stopped(
     assert "/left: stopped, at rest" in stopped
     assert "/right: stopped, at rest" in stopped
     wait_until(lambda: listed(domain)["/left"]["state"] == "stopped", "the state is listed")
-
-    right.process.send_signal(signal.SIGSTOP)  # it announces nothing, as after a cut link
-    try:
-        wait_until(lambda: listed(domain)["/right"]["state"] == "no answer", "its silence")
-        failed = run(domain, "stop", "--all", "--timeout", "6", check=False)
-        assert failed.returncode == 1
-        assert "/right: NOT CONFIRMED" in failed.stdout
-        assert "still trying to stop" in failed.stderr
-    finally:
-        right.process.send_signal(signal.SIGCONT)
 
 
 def test_a_stop_of_nothing_says_so() -> None:
