@@ -134,8 +134,9 @@ class RobotTool:
         self._require_known("tool", name, self.tool_names)
         with self.group.motion.lock, self._lock:
             self._require_rest(f"tool {name!r}")
-            self._kinematics = self._with_tool(name)
-            self._tool = name
+            kinematics = self._with_tool(name)
+            _ = kinematics.task  # takes a while: not in the control loop, which begins streams
+            self._kinematics, self._tool = kinematics, name
         log.info("tool chosen", group=self.group.name, tool=name or self.link)
 
     def select_work_frame(self, name: str) -> None:
@@ -311,9 +312,7 @@ class RobotTool:
 
     def _with_tool(self, name: str) -> Kinematics:
         chosen = self._settings.tools.get(name)
-        kinematics = self._bare if chosen is None else self._bare.with_tool(chosen.pose)
-        _ = kinematics.task  # takes a while: not in the control loop, which begins streams
-        return kinematics
+        return self._bare if chosen is None else self._bare.with_tool(chosen.pose)
 
     def _require_rest(self, what: str) -> None:
         if self.group.motion.moving:

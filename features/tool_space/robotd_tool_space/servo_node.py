@@ -64,6 +64,7 @@ class _GroupServo:
     ) -> None:
         joints = robot.groups[group]
         self._tool: RobotTool = robot.attribute("tool_groups").of(group)
+        _ = self._tool.kinematics.task  # takes a while: not in the control loop
         self._stage = TwistStage(lambda: self._tool.kinematics, settings.limits)
         twist_topic = node.resolve_topic_name(topics.twist).lstrip("/")
         client = joints.stream.client(NAME, settings.timeout_s, twist_topic)

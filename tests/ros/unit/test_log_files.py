@@ -1,4 +1,4 @@
-"""ROS starts where it cannot keep log files, and says so."""
+"""ROS starts where it cannot keep log files."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def test_a_folder_that_can_be_written_is_used(
 
 @pytest.mark.parametrize("variable", ["ROS_LOG_DIR", "ROS_HOME", "HOME"])
 def test_a_host_starts_without_log_files_where_none_can_be_written(
-    variable: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    variable: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("ROS_LOG_DIR", "ROS_HOME"):
         monkeypatch.delenv(name, raising=False)
@@ -32,4 +32,3 @@ def test_a_host_starts_without_log_files_where_none_can_be_written(
     host = RosHost()
     host.start()
     host.close()
-    assert "ROS keeps no log files" in caplog.text
