@@ -353,20 +353,26 @@ class ToolGroups(dict[str, RobotTool]):
 
     def __init__(self, robot: Robot) -> None:
         super().__init__()
-        error: RobotdError | None = None
+        self._failed: dict[str, RobotdError] = {}
         for name, group in robot.groups.items():
             try:
                 if group.joint_names:
                     self[name] = RobotTool(robot, group)
-            except (DescriptorError, Unsupported) as failed:
-                error = failed
+            except (DescriptorError, Unsupported) as error:
+                self._failed[name] = error
         if not self:
-            raise error or Unsupported(f"the tool of {robot.descriptor.name}, which has no joints")
+            none = Unsupported(f"the tool of {robot.descriptor.name}, which has no joints")
+            raise next(reversed(self._failed.values()), none)
 
     def of(self, group: str = "") -> RobotTool:
-        """Return the tool of a group, "" for the only one. Raises InvalidArgument."""
+        """Return the tool of a group, "" for the only one.
+
+        Raises InvalidArgument: no such group; DescriptorError, Unsupported: it has no usable chain.
+        """
         if not group and len(self) == 1:
             return next(iter(self.values()))
+        if group in self._failed:
+            raise self._failed[group]
         if group not in self:
             raise InvalidArgument(f"group {group!r} is none of {', '.join(self)}")
         return self[group]

@@ -9,10 +9,18 @@ import numpy as np
 import pytest
 
 from robotd import Robot, open_robot
-from robotd.api import InvalidArgument, NotReady, OperationError
+from robotd.api import (
+    DescriptorError,
+    InvalidArgument,
+    NotReady,
+    OperationError,
+    RobotDescriptor,
+)
+from robotd.api.features import JointLimits
 from robotd.clock.simulated import SteppedClock
-from robotd_tool_space import Unreachable, pose_differences, pose_of
-from robotd_tool_space.robot_tool import RobotTool
+from robotd.robot import build_robot
+from robotd_tool_space import Kinematics, Unreachable, pose_differences, pose_of
+from robotd_tool_space.robot_tool import RobotTool, ToolGroups
 from robotd_tool_space.tool_motion import plan_joint_motion
 
 BENT = np.array([0.0, 0.3, 1.4, -0.2, 1.2, 0.0])
@@ -143,3 +151,20 @@ def test_a_base_has_no_tool() -> None:
             base.attribute("tool")
         with pytest.raises(AttributeError, match="no attribute 'tol'"):
             base.attribute("tol")
+
+
+def test_a_group_whose_tool_no_chain_moves_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = Kinematics.of_descriptor
+
+    def only_right(descriptor: RobotDescriptor, group: str, limits: JointLimits) -> Kinematics:
+        if group == "left":
+            raise DescriptorError("no joint moves the tool")
+        return made(descriptor, group, limits)
+
+    monkeypatch.setattr(Kinematics, "of_descriptor", only_right)
+    groups = ToolGroups(build_robot("dual_cr3a", "sim", clock=SteppedClock()))
+    assert groups.of("right").group.name == "right"
+    with pytest.raises(DescriptorError, match="no joint moves the tool"):
+        groups.of("left")
+    with pytest.raises(InvalidArgument, match="group 'middle' is none of right"):
+        groups.of("middle")
