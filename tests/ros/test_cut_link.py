@@ -163,12 +163,14 @@ def cut_while_commanded(
     ("kind", "cut", "seconds"),
     [
         ("position", "switch", 3.0),
+        ("position", "switch", 15.0),
         ("position", "interface", 3.0),
         ("points", "switch", 3.0),
         ("points", "switch", 15.0),
         ("points", "interface", 3.0),
         ("stamped_jog", "switch", 3.0),
         ("jog", "switch", 3.0),
+        ("jog", "switch", 15.0),
         ("moves", "switch", 3.0),
     ],
 )

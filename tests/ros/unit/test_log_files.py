@@ -1,4 +1,4 @@
-"""ROS starts where it cannot keep log files."""
+"""ROS starts where it cannot keep log files, and says so."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from robotd.log import LogLine, add_listener, remove_listener
 from robotd_ros.host import RosHost
 from robotd_ros.middleware.log_files import WITHOUT, log_file_arguments
 
@@ -29,6 +30,12 @@ def test_a_host_starts_without_log_files_where_none_can_be_written(
     arguments, reason = log_file_arguments()
     assert arguments == WITHOUT
     assert reason.startswith(f"{NOWHERE}")
-    host = RosHost()
-    host.start()
-    host.close()
+    lines: list[LogLine] = []
+    add_listener(lines.append)
+    try:
+        host = RosHost()
+        host.start()
+        host.close()
+    finally:
+        remove_listener(lines.append)
+    assert any("ROS keeps no log files" in line.text for line in lines)
