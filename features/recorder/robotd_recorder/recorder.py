@@ -18,6 +18,8 @@ from robotd_recorder.feature import RecorderKeys, RecorderSettings
 from robotd_recorder.flight_recorder import FlightRecorder
 from robotd_recording.recording_folder import RecordingFolder, default_folder
 
+log = get_logger("recorder")
+
 MIB = 2**20
 
 
@@ -34,9 +36,6 @@ class Recorder:
     tap: Tap
     flight: FlightRecorder
     continuous: ContinuousRecorder
-
-
-log = get_logger("recorder")
 
 
 @contextmanager

@@ -22,7 +22,7 @@ class RecordingFolder:
     """Recordings of one robot in a folder, which other robots may share. One thread.
 
     Args:
-        path: folder; made when the first file is written.
+        path: folder; made when the first file is written, if not before.
         robot: first part of the file names.
         keep_files: number of files to keep.
         keep_bytes: size of all files to keep; the newest is kept always.
