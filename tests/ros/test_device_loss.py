@@ -96,7 +96,7 @@ def check_lost(process: RobotProcess, client: Client, cause: str) -> None:
         status, _, error = robotd(process.domain, *command)
         assert status == 1, f"{command}: {error}"
         assert cause in error
-        assert "is robotd running?" not in error
+        assert "no robot found" not in error
     level, message = engine_diagnostics(client)
     assert level == DiagnosticStatus.ERROR
     assert cause in message

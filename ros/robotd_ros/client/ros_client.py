@@ -97,9 +97,9 @@ class RosClient:
 
         Args:
             condition: must not block.
-            what: named in the error: "no {what} within ...".
+            what: named in the error where the robot runs: "no {what} within ...".
             timeout_s: seconds; None takes the client's own.
-            hint: end of the error; "" for what to check where nothing was found.
+            hint: end of the error; "" tells whether the robot runs, and what to check.
 
         Raises:
             DeviceTimeout: there was none in time.
@@ -108,7 +108,7 @@ class RosClient:
         deadline = time.monotonic() + timeout_s
         while not (answer := condition()):
             if time.monotonic() > deadline:
-                raise DeviceTimeout(f"no {what} within {timeout_s:g} s: {hint or self.hint()}")
+                raise DeviceTimeout(self._missing(what, timeout_s, hint))
             self.spin()
         return answer
 
@@ -161,13 +161,24 @@ class RosClient:
         """Subscribe ``topic`` until the listener is closed."""
         return Listener(self, message_type, topic, qos)
 
-    def hint(self) -> str:
-        """Return what to check after a time-out."""
-        if self.node.count_services(f"{OPERATOR_NODE}/stop"):
-            return "robotd is running, but without it or too busy to answer"
+    def _missing(self, what: str, timeout_s: float, hint: str) -> str:
+        if hint or self.runs():
+            hint = hint or "robotd is running, but without it or too busy to answer"
+            return f"no {what} within {timeout_s:g} s: {hint}"
+        return f"no robot found within {timeout_s:g} s, {self.where()}"
+
+    def runs(self) -> bool:
+        """Return True where a robot with the names of this client is seen."""
+        return bool(self.node.count_services(f"{OPERATOR_NODE}/stop"))
+
+    def where(self) -> str:
+        """Return where a robot was looked for, and what to check."""
         domain = os.environ.get("ROS_DOMAIN_ID") or "0"
         server = f", ROS_DISCOVERY_SERVER={servers}" if (servers := discovery_server()) else ""
-        return f"is robotd running, with ROS_DOMAIN_ID={domain}{server} and the same --ros-args?"
+        return (
+            f"with ROS_DOMAIN_ID={domain}{server} in namespace {self.node.get_namespace()}:"
+            " is robotd running there? robotd list shows the robots of a domain"
+        )
 
 
 class Listener:

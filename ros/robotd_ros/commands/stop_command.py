@@ -98,7 +98,8 @@ def _unconfirmed(client: RosClient, request: StopRequest, timeout_s: float) -> s
     text = f"the stop is not confirmed within {timeout_s:g} s: {request.progress}"
     if request.is_engaged:
         return f"{text}; robotd status shows the axes"
-    return f"{text}; {client.hint()}; use the emergency stop where motion is dangerous"
+    seen = "robotd is running" if client.runs() else f"no robot found {client.where()}"
+    return f"{text}; {seen}; use the emergency stop where motion is dangerous"
 
 
 class _Progress:
