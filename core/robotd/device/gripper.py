@@ -211,6 +211,15 @@ class Gripper:
         return self.open_m + (self.closed_m - self.open_m) * self._closed
 
     @property
+    def finger_ends(self) -> dict[str, tuple[float, float]]:
+        """Position of each finger when open and when closed, rad or m. Any thread."""
+        factors = self.multipliers.tolist()
+        return {
+            name: (self.open_m * factor, self.closed_m * factor)
+            for name, factor in zip(self.joints, factors, strict=True)
+        }
+
+    @property
     def finger_positions(self) -> FloatArray:
         """Positions of the fingers (fingers,), rad or m; a copy. Any thread."""
         return self._fingers.copy() if self.is_measured else self.multipliers * self.position_m

@@ -9,7 +9,7 @@ import numpy as np
 from robotd.arrays import BoolArray, FloatArray, IntArray
 from robotd.device.state import CommandMode, Operation
 
-HEADER_NUMBERS = 8  # of the frame of a recorder
+HEADER_NUMBERS = 9  # of the frame of a recorder
 COPY_TRIES = 2000  # tens of milliseconds; a read takes a tenth of one
 
 

@@ -6,6 +6,7 @@ import mmap
 import os
 import weakref
 from collections import deque
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,6 +29,7 @@ HEADER = (
     "missed",  # deadlines missed since the start
     "due_ns",  # time at which the last setpoint that was sent is due; 0: none was sent
     "ready",  # 1: the device takes commands
+    "closed_ppm",  # Gripper.closed in millionths; 0 without a gripper
 )
 
 Frames = NDArray[Any]
@@ -55,6 +57,39 @@ def frame_type(axes: int) -> np.dtype[Any]:
     image = image_type(axes)
     blocks = [(name, image[name]) for name in image.names or ()]
     return np.dtype([*((name, "<i8") for name in HEADER), *blocks])
+
+
+def finger_positions(frames: Frames, ends: Mapping[str, tuple[float, float]]) -> FloatArray:
+    """Return the positions of the fingers in each frame, rad or m; shape (n, fingers).
+
+    Args:
+        frames: shape (n,).
+        ends: as ``Gripper.finger_ends``; empty without a gripper.
+    """
+    opened, closed = np.array([*ends.values()], np.float64).reshape(-1, 2).T
+    return opened + (closed - opened) * (frames["closed_ppm"][:, np.newaxis] * 1e-6)
+
+
+def measured_joints(
+    frames: Frames, fingers: Mapping[str, tuple[float, float]]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return measured position, velocity and effort of axes and fingers, as ``/joint_states`` has.
+
+    Args:
+        frames: shape (n,).
+        fingers: as ``Gripper.finger_ends``.
+
+    Returns:
+        Three arrays (n, axes + fingers); of the fingers velocity is 0 and effort NaN: not measured.
+    """
+    positions = finger_positions(frames, fingers)
+    unknown = np.full_like(positions, np.nan)
+    position, velocity, effort = (frames["values"][:, row] for row in (2, 3, 4))
+    return (
+        np.hstack((position, positions)),
+        np.hstack((velocity, 0.0 * positions)),
+        np.hstack((effort, unknown)),
+    )
 
 
 class FrameMemory:

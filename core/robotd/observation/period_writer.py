@@ -23,7 +23,7 @@ def period_writer(robot: Robot, ring: FrameRing, io: IoSampler) -> Callable[[], 
     """
     image, mixer, connection = robot.image, robot.mixer, robot.connection
     stats, memory, count = robot.control_loop.stats, ring.memory, ring.count
-    frame, header = image.frame, image.header
+    frame, header, gripper = image.frame, image.header, robot.gripper
     capacity, size = ring.capacity, ring.type.itemsize
     has_live, add = io.live is not None, io.add
     read_inputs, read_outputs = io.live or (bytes, bytes)
@@ -40,6 +40,8 @@ def period_writer(robot: Robot, ring: FrameRing, io: IoSampler) -> Callable[[], 
             reasons = [*image.reason]
             ring.reasons.append((start_ns, reasons))  # before the frame can be read
         header[5], header[6], header[7] = stats.missed, mixer.sent_ns, connection.ready
+        if gripper is not None:
+            header[8] = round(gripper.closed * 1e6)
         at = COUNT_BYTES + written % capacity * size
         memory[at : at + size] = frame
         written += 1

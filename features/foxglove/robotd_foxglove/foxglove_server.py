@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import threading
-from typing import Self
+from collections.abc import Mapping
+from typing import Any, Self
 
 import foxglove
+import numpy as np
 from foxglove.channels import FrameTransformsChannel
 from foxglove.messages import FrameTransform, FrameTransforms, Quaternion, Timestamp, Vector3
 
@@ -15,9 +18,11 @@ from robotd.descriptor.urdf import JointFrames, UrdfJoint, parse_urdf
 from robotd.descriptor.urdf.mesh_files import mesh_files
 from robotd.errors import OperationError
 from robotd.log import get_logger
+from robotd.observation.frame_ring import finger_positions, measured_joints
 from robotd.observation.robot_state import Goals, state_of
 from robotd.observation.tap import Tap
 from robotd_foxglove.limited_port import LimitedPort
+from robotd_foxglove.state_schema import STATE_SCHEMA
 from robotd_messages.message_encoders import joint_state, log_message, string_message
 from robotd_messages.message_types import JOINT_STATE, LOG, SCHEMAS, STRING
 
@@ -57,9 +62,11 @@ class FoxgloveServer:
         self._joints = _ros_channel("/joint_states", JOINT_STATE, context)
         self._log = _ros_channel("/rosout", LOG, context)
         self._description = _ros_channel("/robot_description", STRING, context)
-        self._state = foxglove.Channel("/robotd/state", message_encoding="json", context=context)
+        self._state = _json_channel("/robotd/state", STATE_SCHEMA, context)
         self._transforms = FrameTransformsChannel("/tf", context=context)
-        self._encode = joint_state(tap.robot.axes.names, 3).encode
+        gripper = tap.robot.gripper
+        self._fingers = gripper.finger_ends if gripper is not None else {}
+        self._encode = joint_state([*tap.robot.axes.names, *self._fingers], 3).encode
         self._frames = _frames(tap)
         self._cursor, self._events = 0, tap.events.since(0)[1]
         self._goals = Goals(tap.robot)
@@ -119,12 +126,12 @@ class FoxgloveServer:
             return
         newest = frames[-1:]
         stamps_ns = newest["stamp_ns"] + self._tap.offset_ns
-        values: FloatArray = newest["values"]
         if self._joints.has_sinks():
-            (message,) = self._encode(stamps_ns, values[:, 2], values[:, 3], values[:, 4])
+            (message,) = self._encode(stamps_ns, *measured_joints(newest, self._fingers))
             self._joints.log(message, log_time=int(stamps_ns[0]))
         if self._frames is not None and self._transforms.has_sinks():
-            positions = values[0, 2, list(self._robot.joint_axes)]
+            joints: FloatArray = newest["values"][0, 2, list(self._robot.joint_axes)]
+            positions = np.append(joints, finger_positions(newest, self._fingers)[0])
             self._transforms.log(_transforms(self._frames, positions, int(stamps_ns[0])))
 
     def _send_events(self) -> None:
@@ -149,12 +156,22 @@ def _ros_channel(topic: str, kind: str, context: foxglove.Context) -> foxglove.C
     return foxglove.Channel(topic, schema=schema, message_encoding="cdr", context=context)
 
 
+def _json_channel(
+    topic: str, schema: Mapping[str, Any], context: foxglove.Context
+) -> foxglove.Channel:
+    data = json.dumps(schema).encode()
+    named = foxglove.Schema(name=schema["title"], encoding="jsonschema", data=data)
+    return foxglove.Channel(topic, schema=named, message_encoding="json", context=context)
+
+
 def _frames(tap: Tap) -> JointFrames | None:
     """Return the frames of the URDF; None without one."""
     path = tap.robot.descriptor.urdf
     if not tap.urdf or path is None:
         return None
-    return JointFrames(parse_urdf(tap.urdf, path), tap.robot.joint_names)
+    gripper = tap.robot.gripper
+    fingers = gripper.joints if gripper is not None else ()
+    return JointFrames(parse_urdf(tap.urdf, path), [*tap.robot.joint_names, *fingers])
 
 
 def _transforms(frames: JointFrames, positions: FloatArray, time_ns: int) -> FrameTransforms:

@@ -88,8 +88,8 @@ def _fingers(gripper: Gripper | None) -> list[dict[str, Any]]:
     if gripper is None:
         return []
     return [
-        {"name": name, "open": gripper.open_m * factor, "closed": gripper.closed_m * factor}
-        for name, factor in zip(gripper.joints, gripper.multipliers.tolist(), strict=True)
+        {"name": name, "open": opened, "closed": closed}
+        for name, (opened, closed) in gripper.finger_ends.items()
     ]
 
 

@@ -144,4 +144,5 @@ def recording_info(tap: Tap, cause: str) -> RecordingInfo:
         },
         offset_ns=tap.offset_ns,
         units={joint.name: joint.unit for joint in descriptor.joints},
+        fingers=robot.gripper.finger_ends if robot.gripper is not None else {},
     )

@@ -154,7 +154,7 @@ class _Columns:
 
 
 def _frames(info: RecordingInfo, messages: dict[str, list[tuple[int, bytes]]]) -> Frames:
-    templates = templates_of(info.axes)
+    templates = templates_of(info)
     decoded = {
         topic: _Columns(templates[topic], messages[topic]) for topic in templates if messages[topic]
     }
@@ -168,6 +168,7 @@ def _frames(info: RecordingInfo, messages: dict[str, list[tuple[int, bytes]]]) -
     frames["values"] = frames["setpoint"] = np.nan
     _fill(frames, decoded.get(topics.COMMANDS), "values", 0, "stamp_ns", info.offset_ns)
     _fill(frames, decoded.get(topics.JOINT_STATES), "values", 2, "stamp_ns", info.offset_ns)
+    _fill_gripper(frames, decoded.get(topics.JOINT_STATES), info)
     _fill(frames, decoded.get(topics.SETPOINTS), "setpoint", 0, "due_ns", info.offset_ns)
     _fill_states(frames, decoded.get(topics.AXIS_STATES))
     return frames
@@ -181,7 +182,19 @@ def _fill(
     at, found = columns.rows(frames["start_ns"])
     frames[stamp][at] = columns.stamps[found] - offset_ns
     for row, values in enumerate(columns.fields, first):
-        frames[block][at, row] = values[found]
+        frames[block][at, row] = values[found, : frames[block].shape[2]]
+
+
+def _fill_gripper(frames: Frames, columns: _Columns | None, info: RecordingInfo) -> None:
+    """Fill how far the gripper is closed, from the finger with the longest way."""
+    if columns is None or not info.fingers:
+        return
+    at, found = columns.rows(frames["start_ns"])
+    opened, closed = np.array([*info.fingers.values()]).T
+    finger = int(np.argmax(np.abs(closed - opened)))
+    positions = columns.fields[0][found, len(info.axes) + finger]
+    share = (positions - opened[finger]) / (closed[finger] - opened[finger])
+    frames["closed_ppm"][at] = np.round(share * 1e6)
 
 
 def _fill_states(frames: Frames, columns: _Columns | None) -> None:

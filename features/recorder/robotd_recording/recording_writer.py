@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Self
@@ -12,9 +12,8 @@ import numpy as np
 
 from robotd.arrays import IntArray
 from robotd.descriptor.section import MAX_AXES
-from robotd.device.process_image import VALUES
 from robotd.events import Event, EventKind
-from robotd.observation.frame_ring import Frames
+from robotd.observation.frame_ring import Frames, measured_joints
 from robotd.observation.io_sampler import FIELDBUS, INPUTS, OBJECTS, OUTPUTS, Sample
 from robotd_messages import message_types as types
 from robotd_messages.message_encoders import (
@@ -78,6 +77,8 @@ class RecordingInfo:
         offset_ns: wall-clock time minus monotonic time of the robot's clock.
         format: version of the layout, ``FORMAT``.
         units: of each joint, "rad" or "m"; empty in older files: rad.
+        fingers: positions of each finger of the gripper when open and when closed, which
+            ``/joint_states`` has behind the axes; empty in older files.
     """
 
     robot: str
@@ -92,6 +93,7 @@ class RecordingInfo:
     offset_ns: int
     format: int = FORMAT
     units: Mapping[str, str] = field(default_factory=dict)
+    fingers: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def unit(self, axis: str) -> str:
         """Return "rad" or "m"; an axis that is no joint has rad."""
@@ -111,7 +113,8 @@ class RecordingInfo:
             raise ValueError(f"{len(values['axes'])} axes, the limit is {MAX_AXES}")
         for key in ("axes", "joints"):
             values[key] = tuple(values[key])
-        values["limits"] = {name: tuple(limits) for name, limits in values["limits"].items()}
+        for key in values.keys() & {"limits", "fingers"}:
+            values[key] = {name: tuple(numbers) for name, numbers in values[key].items()}
         return cls(**values)
 
 
@@ -133,7 +136,7 @@ class RecordingWriter:
         self.info = info
         self._stream = stream
         self._offset_ns = info.offset_ns
-        self._templates = templates_of(info.axes)
+        self._templates = templates_of(info)
         self._last_due_ns = self._last_stamp_ns = 0
         self._last_states = b""
         self._states_ns = 0
@@ -171,9 +174,8 @@ class RecordingWriter:
         due = frames["due_ns"]
         sent = due != np.concatenate(([self._last_due_ns], due[:-1]))
         self._last_stamp_ns, self._last_due_ns = int(stamps[-1]), int(due[-1])
-        position_command, velocity_command, *measured = (
-            frames["values"][:, row] for row in range(len(VALUES))
-        )
+        position_command, velocity_command = (frames["values"][:, row] for row in (0, 1))
+        measured = measured_joints(frames, self.info.fingers)
         loop = np.stack([frames[name].astype(float) for name in LOOP_VALUES], axis=1)
         messages = [
             *self._encoded(JOINT_STATES, start, stamps, known, *measured),
@@ -273,10 +275,11 @@ def create_recording(path: Path, info: RecordingInfo, urdf: str = "") -> Recordi
         raise
 
 
-def templates_of(axes: Sequence[str]) -> dict[str, MessageTemplate]:
+def templates_of(info: RecordingInfo) -> dict[str, MessageTemplate]:
     """Return the messages of constant size, by topic."""
+    axes = info.axes
     return {
-        JOINT_STATES: joint_state(axes, 3),
+        JOINT_STATES: joint_state([*axes, *info.fingers], 3),
         COMMANDS: joint_state(axes, 2),
         SETPOINTS: joint_state(axes, 2),
         AXIS_STATES: dynamic_joint_state(axes, AXIS_VALUES),

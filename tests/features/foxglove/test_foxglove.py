@@ -19,10 +19,12 @@ from tests.features.page.server.viewer import TIMEOUT_S
 
 from robotd.errors import OperationError
 from robotd.events import EventKind
+from robotd.observation.robot_state import Goals, state_of
 
 pytest.importorskip("foxglove", reason="no foxglove-sdk: pip install 'robotd[foxglove]'")
 
 from robotd_foxglove.foxglove_server import FoxgloveServer
+from robotd_foxglove.state_schema import STATE_SCHEMA
 
 PROTOCOL = "foxglove.sdk.v1"
 MESSAGE_DATA = 1  # opcode, then subscription id (uint32), time (uint64), message
@@ -78,19 +80,25 @@ def test_foxglove_gets_joints_transforms_events_and_state(tmp_path: Path) -> Non
             topics = ("/joint_states", "/tf", "/rosout", "/robotd/state", "/robot_description")
             await client.subscribe(*topics)
             await client.until(lambda: "/robot_description" in client.newest)
+            gripper = arm.robot.gripper
+            assert gripper is not None
+            gripper.command(True)
             with arm.goal([0.4] * 6, 1.0):
                 arm.step(1.5)
-            expected = arm.robot.image.position
+            expected = [*arm.robot.image.position, *gripper.finger_positions]
+            assert abs(expected[-1]) > 0.01
             await client.until(lambda: "/joint_states" in client.newest)
             await client.until(
                 lambda: np.allclose(client.read("/joint_states").position, expected, atol=1e-9)
             )
-            assert client.read("/joint_states").name == [*arm.robot.joint_names]
+            assert client.read("/joint_states").name == [*arm.robot.joint_names, *gripper.joints]
             assert "<robot" in client.read("/robot_description").data
             await client.until(lambda: b"link6" in client.newest.get("/tf", b""))
             await client.until(
                 lambda: json.loads(client.newest.get("/robotd/state", b"{}")).get("ready")
             )
+            assert client.channels["/robotd/state"]["schemaName"] == "robotd.State"
+            assert json.loads(client.channels["/robotd/state"]["schema"]) == STATE_SCHEMA
             arm.tap.events.add(EventKind.MARK, "test", "hello")
             await client.until(lambda: b"hello" in client.newest.get("/rosout", b""))
             assert client.read("/rosout").msg == "hello"
@@ -104,3 +112,48 @@ def test_foxglove_gets_joints_transforms_events_and_state(tmp_path: Path) -> Non
                 FoxgloveServer(arm.tap, port)
     finally:
         arm.close()
+
+
+JSON_TYPES = {"string": str, "integer": int, "boolean": bool, "array": list, "null": type(None)}
+
+
+def assert_fits(value: Any, schema: dict[str, Any], where: str = "state") -> None:
+    """Check a value by the part of JSON Schema that the server's schema uses."""
+    if "oneOf" in schema:
+        (schema,) = (
+            each for each in schema["oneOf"] if (each["type"] == "null") == (value is None)
+        )
+    kind = schema["type"]
+    if kind == "object":
+        assert isinstance(value, dict), where
+        if "properties" in schema:
+            assert value.keys() == schema["properties"].keys() == set(schema["required"]), where
+            for name, each in schema["properties"].items():
+                assert_fits(value[name], each, f"{where}.{name}")
+    elif kind == "number":
+        assert type(value) in (int, float), where
+    else:
+        assert type(value) is JSON_TYPES[kind], where
+        for number, each in enumerate(value if kind == "array" else ()):
+            assert_fits(each, schema["items"], f"{where}[{number}]")
+
+
+def test_the_state_fits_the_schema_that_clients_are_told(tmp_path: Path) -> None:
+    arm = Observed(tmp_path)
+    goals = Goals(arm.robot)
+    try:
+        with arm.goal([0.4] * 6, 1.0):
+            arm.step(0.5)
+            moving = state_of(arm.tap, goals.running(), 0)
+        arm.step(1.5)
+        arm.robot.axes.stop_latch.engage("test")
+        arm.step(0.5)
+        stopped = state_of(arm.tap, goals.running(), 0)
+    finally:
+        arm.close()
+    assert moving["goals"] != [None]
+    assert moving["buses"]
+    assert moving["buses"][0]["nodes"]
+    assert stopped["problems"]
+    for state in (moving, stopped):
+        assert_fits(json.loads(json.dumps(state)), STATE_SCHEMA)

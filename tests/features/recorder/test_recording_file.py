@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -73,6 +74,29 @@ def test_measured_values_are_equal_in_every_period(recorded: Path) -> None:
         np.testing.assert_array_equal(message.position, frame["values"][2])
         np.testing.assert_array_equal(message.velocity, frame["values"][3])
         np.testing.assert_array_equal(message.effort, frame["values"][4])
+
+
+def test_joint_states_have_the_fingers_of_the_gripper(tmp_path: Path) -> None:
+    path = tmp_path / "arm.mcap"
+    info = replace(INFO, fingers={"left": (0.0, 0.02), "right": (0.01, -0.03)})
+    frames = ramp()
+    frames["closed_ppm"] = np.linspace(0, 1_000_000, len(frames)).astype(int)
+    writer = create_recording(path, info)
+    writer.frames(frames)
+    writer.close()
+    found = [message for _, message in messages(path, topics.JOINT_STATES)]
+    assert {tuple(each.name) for each in found} == {(*AXES, "left", "right")}
+    positions = np.array([each.position for each in found])
+    np.testing.assert_array_equal(positions[:, : len(AXES)], frames["values"][:, 2])
+    np.testing.assert_allclose(positions[0, len(AXES) :], [0.0, 0.01])
+    np.testing.assert_allclose(positions[-1, len(AXES) :], [0.02, -0.03])
+    assert np.abs(np.diff(positions[:, len(AXES) :], axis=0)).max() < 1e-3
+    assert all(each.velocity[len(AXES) :] == [0.0, 0.0] for each in found)
+    assert all(map(math.isnan, found[0].effort[len(AXES) :]))
+    read = read_recording(path)
+    assert read.info == info
+    np.testing.assert_array_equal(read.frames["closed_ppm"], frames["closed_ppm"])
+    np.testing.assert_array_equal(read.frames["values"][:, 2], frames["values"][:, 2])
 
 
 def test_commands_and_setpoints_are_equal(recorded: Path) -> None:
