@@ -21,6 +21,7 @@ from robotd_recording.recording_folder import RecordingFolder, default_folder
 log = get_logger("recorder")
 
 MIB = 2**20
+ROOM_BYTES = 16 * MIB  # less is of no use to a recording that begins
 
 
 @dataclass(frozen=True)
@@ -68,9 +69,9 @@ def _record(host: FeatureHost, keys: RecorderKeys) -> Iterator[Recorder]:
     keep_bytes = settings.keep_mib * MIB
     kept = RecordingFolder(folder, name, settings.keep_files, keep_bytes)
     recorded = RecordingFolder(keys.record or folder, name, settings.keep_files, keep_bytes)
-    if keys.record is not None and (reason := why_unwritable(recorded.path)):
+    if keys.record is not None and (reason := why_unwritable(recorded.path, ROOM_BYTES)):
         raise OperationError(f"nothing can be recorded to {reason}")
-    if settings.enabled and (reason := why_unwritable(kept.path)):
+    if settings.enabled and (reason := why_unwritable(kept.path, ROOM_BYTES)):
         log.warning("the flight recorder cannot save recordings", folder=reason)
     tap = host.tap(settings.seconds)
     flight = FlightRecorder(tap, kept, settings.after_s)
