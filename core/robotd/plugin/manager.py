@@ -39,7 +39,7 @@ _HOOK_OF = {Capability.IO: "robotd_io", Capability.FIELDBUS: "robotd_fieldbus"}
 _NOT_INSTALLED = {
     "wmx": (
         "backend 'wmx' (WMX3 motion engine with its EtherCAT master) is not installed:"
-        " pip install ./plugins/wmx, on the machine that has the WMX3 SDK (docs/how-to/wmx.md);"
+        " pip install ./plugins/wmx, on the machine that has the WMX3 SDK (robotd docs how-to/wmx);"
         " 'robotd wmx doctor' shows what is missing on this machine"
     )
 }

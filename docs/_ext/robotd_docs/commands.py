@@ -18,7 +18,8 @@ from sphinx.util.docutils import SphinxDirective
 
 from robotd.cli import main
 from robotd.cli.plugin_commands import COMMANDS
-from robotd_docs.markdown import code, table
+from robotd_docs.markdown import code
+from robotd_doctor.model_tables import table
 
 log = logging.getLogger(__name__)
 DOCUMENTED: set[str] = set()

@@ -2,33 +2,19 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator
-from importlib import import_module
 from typing import Any
 
 from docutils import nodes
 from docutils.parsers.rst import directives
-from pydantic import BaseModel
 from sphinx.util.docutils import SphinxDirective
 
-from robotd_docs.markdown import table
-
-HEADER = ("key", "value", "default", "meaning")
-TYPES = {"array": "list", "object": "mapping", "string": "text"}
-BOUNDS = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
-LENGTHS = {"minItems": "at least {} items", "maxItems": "at most {} items"}
-
-Schema = dict[str, Any]
+from robotd_doctor.model_tables import model_keys
 
 
 class ModelKeysDirective(SphinxDirective):
     """Render the model ``module:Class``, one section for each model in it.
 
-    Options:
-        title: heading of the first table.
-        prefix: key path of the model in its file, such as ``backends.sim``.
-        headings: Markdown of the headings, ``##`` by default.
+    Options: those of ``model_keys``.
     """
 
     required_arguments = 1
@@ -36,107 +22,8 @@ class ModelKeysDirective(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         """Return headings and tables."""
-        module, _, name = self.arguments[0].partition(":")
-        model: type[BaseModel] = getattr(import_module(module), name)
-        schema = model.model_json_schema()
-        tables = Tables(schema.get("$defs", {}))
-        sections = [*tables.of(schema, self.options.get("prefix", ""))]
-        titles = [self.options["title"], *(f"`{path}`" for path, _ in sections[1:])]
-        marks = self.options.get("headings", "##")
-        parts = zip(titles, sections, strict=True)
-        text = "\n\n".join(f"{marks} {title}\n\n{lines}" for title, (_, lines) in parts)
+        text = model_keys(self.arguments[0], self.options)
         return self.parse_text_to_nodes(text, allow_section_headings=True)
-
-
-class Tables:
-    """Key tables of a JSON schema, depth first.
-
-    Args:
-        definitions: the ``$defs`` of the schema.
-    """
-
-    def __init__(self, definitions: dict[str, Schema]) -> None:
-        self._definitions = definitions
-        self._seen: set[str] = set()
-
-    def of(self, schema: Schema, path: str) -> Iterator[tuple[str, str]]:
-        """Yield the key path and the table of ``schema``, then those of its sections."""
-        required = schema.get("required", ())
-        rows, inner = [], []
-        for key, field in schema.get("properties", {}).items():
-            value, references = self._value(field)
-            default = "**required**" if key in required else _default(field, bool(references))
-            rows.append((f"`{key}`", value, default, field.get("description", "")))
-            suffix = "[]" if _alternatives(field)[0].get("type") == "array" else ""
-            several = len(references) > 1
-            inner += [
-                (name, f"{path}.{key}{suffix}".lstrip(".") + several * f" ({name})")
-                for name in references
-            ]
-        yield path, table(HEADER, rows)
-        for name, key_path in inner:
-            if name not in self._seen:
-                self._seen.add(name)
-                yield from self.of(self._definitions[name], key_path)
-
-    def _value(self, field: Schema) -> tuple[str, list[str]]:
-        """Return the kind of value in words, and the names of the models that it holds."""
-        words, references = [], []
-        for item in _alternatives(field):
-            of = _inside(item)
-            names = (self._reference(item), self._reference(of))
-            references += [name for name in names if name and self._is_section(name)]
-            words.append(self._words(item, of))
-        return " or ".join(dict.fromkeys(words)), references
-
-    def _words(self, item: Schema, of: Schema) -> str:
-        if name := self._reference(item):
-            return "section" if self._is_section(name) else self._words(self._definitions[name], {})
-        if "const" in item:
-            return f"`{json.dumps(item['const'])}`"
-        if "enum" in item:
-            return ", ".join(f"`{value}`" for value in item["enum"])
-        word = item.get("format") or TYPES.get(item.get("type", ""), item.get("type", "any"))
-        if of:
-            word += f" of {self._words(of, {}).replace('section', 'sections')}"
-        bounds = [f"{sign} {item[name]:g}" for name, sign in BOUNDS.items() if name in item]
-        bounds += [text.format(item[name]) for name, text in LENGTHS.items() if name in item]
-        return ", ".join([word, *bounds])
-
-    def _is_section(self, name: str) -> bool:
-        return "properties" in self._definitions[name]
-
-    def _reference(self, item: Schema) -> str:
-        return str(item.get("$ref", "")).rpartition("/")[2]
-
-
-def _alternatives(field: Schema) -> list[Schema]:
-    return [item for item in _choices(field) if item.get("type") != "null"] or [{}]
-
-
-def _inside(item: Schema) -> Schema:
-    """Return the schema of the items of a list, or of the values of a mapping; {} without one."""
-    inside = item.get("items", item.get("additionalProperties", {}))
-    if not isinstance(inside, dict) or not inside:  # of a mapping whose keys have a pattern
-        inside = next(iter(item.get("patternProperties", {}).values()), {})
-    return _alternatives(inside)[0] if inside else {}
-
-
-def _choices(field: Schema) -> list[Schema]:
-    """Return the members of a union, of unions inside it too; another field alone."""
-    members = field.get("anyOf") or field.get("oneOf")
-    return [item for each in members for item in _choices(each)] if members else [field]
-
-
-def _default(field: Schema, holds_models: bool) -> str:
-    default = field.get("default", ...)
-    if default is ...:
-        return "computed"
-    if isinstance(default, dict) and holds_models:
-        return "its defaults"
-    if default in ("", [], {}):
-        return "empty"
-    return f"`{json.dumps(default, ensure_ascii=False)}`".replace('"', "")
 
 
 def setup(app: Any) -> None:

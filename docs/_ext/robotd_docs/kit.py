@@ -13,7 +13,7 @@ from sphinx.util.docutils import SphinxDirective
 
 import robotd_conformance.checks
 from robotd_conformance.checks.clauses import Clause, load
-from robotd_docs.markdown import table
+from robotd_doctor.model_tables import table
 
 JOINTS = "joints"  # the fixture of checks that need joints
 INJECTOR = "FaultInjector"  # the type of the fixture of checks that need one

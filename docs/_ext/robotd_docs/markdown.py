@@ -3,16 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
-
-
-def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a Markdown table; columns that are empty in every row are left out."""
-    lines = [list(row) for row in rows]
-    used = [index for index in range(len(header)) if any(line[index] for line in lines)]
-    cells = [[line[index].replace("|", "\\|") for index in used] for line in lines]
-    head = [header[index] for index in used]
-    return "\n".join(f"| {' | '.join(row)} |" for row in [head, ["---"] * len(used), *cells])
+from collections.abc import Iterable
 
 
 def code(text: object) -> str:

@@ -16,7 +16,7 @@ from typing import Any
 from docutils import nodes
 from sphinx.util.docutils import SphinxDirective
 
-from robotd_docs.markdown import table
+from robotd_doctor.model_tables import table
 
 ROOT = Path(__file__).parents[3]
 LIBRARIES = {

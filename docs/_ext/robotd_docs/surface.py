@@ -18,7 +18,8 @@ from docutils import nodes
 from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
 
-from robotd_docs.markdown import code, definitions, table
+from robotd_docs.markdown import code, definitions
+from robotd_doctor.model_tables import table
 
 log = logging.getLogger(__name__)
 DOCUMENTED: set[str] = set()

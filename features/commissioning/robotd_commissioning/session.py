@@ -53,7 +53,7 @@ class Commissioning:
                 f"the backend {backend.name} keeps no scale and direction in the descriptor,"
                 " so that commissioning has nothing to write: set them in the backend's own files"
                 " (wmx: AxisGearRatio and AxisPolarity in parameters_file, checked by 'robotd wmx"
-                " doctor'), see docs/how-to/commission.md"
+                " doctor'), see robotd docs how-to/commission"
             )
         self._load, self._backend, self._keys = load, backend, keys
         self._joint, self._record, self._make_operator = joint, record, make_operator

@@ -244,7 +244,7 @@ def _extension(name: str, base: str) -> bytes:
     load_robot(base)
     lines = (
         f"# {name} is {base}, except for what is stated here: mappings merge key by key, scalars",
-        "# and lists replace, null restores a default (docs/reference/descriptor.md).",
+        "# and lists replace, null restores a default (robotd docs reference/descriptor).",
         "schema: 1",
         f"name: {name}",
         f"extends: {base}",

@@ -150,7 +150,7 @@ def _text(*parts: Iterable[str]) -> bytes:
 
 def _head(name: str, title: str, path: Path) -> Iterator[str]:
     yield f"# Made by 'robotd new-robot {name}' from {path.name}; edit it from here on."
-    yield "# Keys: docs/reference/descriptor.md. Check changes by: robotd check --robot FOLDER"
+    yield "# Keys: robotd docs reference/descriptor. Check changes by: robotd check --robot FOLDER"
     yield "schema: 1"
     yield f"name: {name}"
     yield f"summary: {_quoted(f'{title}, from {path.name}')}"
@@ -305,7 +305,7 @@ def _nodes(roles: Roles) -> Iterator[str]:
 def _ros_parameters(
     name: str, roles: Roles, groups: Mapping[str, Sequence[UrdfJoint]]
 ) -> Iterator[str]:
-    yield "# Names that clients use; everything else has a default (docs/reference/ros-surface.md)."
+    yield "# Names that clients use; all others have defaults: robotd docs reference/ros-surface."
     yield "ros_parameters:"
     if roles.arm:
         yield "  manipulator_state:"

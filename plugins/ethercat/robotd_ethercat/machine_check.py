@@ -88,7 +88,7 @@ def _library() -> Finding:
 def _permission() -> Finding:
     if may_open_raw_sockets():
         return Finding("ok", "raw sockets allowed")
-    advice = "run as root, or grant the process CAP_NET_RAW (docs/how-to/ethercat.md)"
+    advice = "run as root, or grant the process CAP_NET_RAW (robotd docs how-to/ethercat)"
     return Finding("failed", "CAP_NET_RAW missing: no raw sockets", advice)
 
 

@@ -24,7 +24,7 @@ def problem_of(interfaces: Sequence[str]) -> tuple[str, bool]:
             return f"{name} is down: sudo ip link set {name} up", False
     if not may_open_raw_sockets():
         text = "no permission for raw sockets: run as root, or grant the process CAP_NET_RAW, see"
-        return f"{text} docs/how-to/ethercat.md", True
+        return f"{text} robotd docs how-to/ethercat", True
     return "", False
 
 

@@ -21,7 +21,7 @@ from robotd_cia402.drive_access import SdoAbort
 from robotd_ethercat.al_status import ERROR_FLAG, AlState, al_state
 from robotd_ethercat.network_interface import prepared, problem_of, raw_sockets
 
-INSTALL = "pip install 'robotd[ethercat]' (docs/how-to/ethercat.md)"
+INSTALL = "pip install 'robotd[ethercat]' (robotd docs how-to/ethercat)"
 NO_FRAME = -1  # working counter of a frame that did not come back
 MAX_OBJECT_BYTES = 4096
 _MICROSECONDS = 1_000_000

@@ -22,7 +22,7 @@ CAP_SYS_NICE, CAP_IPC_LOCK = 23, 14  # linux/capability.h
 ELF_MACHINES = {"x86_64": 62, "aarch64": 183}  # e_machine of /usr/include/elf.h
 ARCHIVE, ELF = b"!<arch>\n", b"\x7fELF"
 MAX_FILES = 2000  # that are looked at for an ENI file
-PAGE = "docs/how-to/wmx.md"
+PAGE = "robotd docs how-to/wmx"
 
 
 def default_sdk_root() -> Path:

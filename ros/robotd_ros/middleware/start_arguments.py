@@ -146,7 +146,7 @@ def _check_sections(
         elif name in known:
             continue  # of a deployment that starts it elsewhere
         elif name in RENAMED:
-            reason = f"the node is called {RENAMED[name]} here (docs/how-to/migrate.md)"
+            reason = f"the node is called {RENAMED[name]} here (robotd docs how-to/migrate)"
         elif hint := did_you_mean(name, [*known]):
             reason = f"no node of robotd has this name{hint}"
             if source in _PARAMETER_OPTIONS:
