@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import click
 
+BEGIN, END = "<!-- figures: begin -->", "<!-- figures: end -->"
 OUT = Path(__file__).parents[2] / "docs" / "reference" / "benchmarks"
 
 out_option = click.option(
@@ -20,3 +22,19 @@ def keep(out: Path, name: str, content: dict[str, Any]) -> None:
     out.mkdir(parents=True, exist_ok=True)
     text = json.dumps(content, indent=1) + "\n"
     (out / f"{name}.json").write_text(text, encoding="utf-8")
+
+
+def told(facts: Mapping[str, Any]) -> str:
+    """What was measured where, of the facts that ``machine`` returns."""
+    return (
+        f"{facts['cpu']}, {facts['cores']} cores, Linux {facts['kernel']}, Python"
+        f" {facts['python']}, commit {facts['commit']}, load before {facts['load_before']:.2f}"
+    )
+
+
+def into_page(page: Path, report: str) -> None:
+    """Replace the figures of ``page``, which stand between two comments, where it is there."""
+    if page.exists():
+        before, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
+        after = rest.partition(END)[2]
+        page.write_text(f"{before}{BEGIN}\n{report}\n{END}{after}", encoding="utf-8")

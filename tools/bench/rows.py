@@ -11,7 +11,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
@@ -23,7 +23,7 @@ from tests.ros.robot_process import ACTION
 from tools.bench.c_program import CannotBuildError, CProgram
 from tools.bench.machine import machine
 from tools.bench.process import fresh_environment
-from tools.bench.results import keep, out_option
+from tools.bench.results import into_page, keep, out_option, told
 from tools.bench.scenario import measure, subscriber
 from tools.bench.subjects import Load, Subject, c_subject, daemon
 from tools.bench.tables import aligned
@@ -71,7 +71,9 @@ def main(rounds: int, seconds: float, pythons: Sequence[str], out: Path) -> None
     medians = {name: _medians(figures) for name, figures in found.items()}
     for line in aligned(list(_table(medians))):
         print(line)
-    keep(out, "rows", {"machine": machine(), "rounds": rounds, "rows": medians})
+    facts = machine()
+    keep(out, "rows", {"machine": facts, "rounds": rounds, "rows": medians})
+    into_page(out / "README.md", "\n".join(_report(facts, rounds, medians)))
 
 
 def _rounds(
@@ -195,13 +197,27 @@ def _json(command: list[str], domain: int, folder: Path) -> Any:
     return json.loads(result.stdout)
 
 
-def _table(medians: dict[str, Figures]) -> Iterator[Sequence[str]]:
+def _report(facts: Mapping[str, Any], rounds: int, medians: dict[str, Figures]) -> Iterator[str]:
+    """Lines of Markdown: of what, and the table."""
+    yield f"{told(facts)}; medians of {rounds} rounds. ✓: the goal is met.\n"
+    (_, *columns), *rows = _table(medians, mark=" ✓")
+    yield f"| | {' | '.join(columns)} |"
+    yield "|---|" + "---:|" * len(columns)
+    yield from (f"| {' | '.join(row)} |" for row in rows)
+
+
+def _table(medians: dict[str, Figures], mark: str = "") -> Iterator[Sequence[str]]:
     yield ("", "goal", *medians)
     for row, figure, goal, factor in ROWS:
-        cells = (
-            f"{each[figure] * factor:.2f}" if figure in each else "–" for each in medians.values()
-        )
+        cells = (_cell(each.get(figure), goal, factor, mark) for each in medians.values())
         yield (row, "–" if goal is None else f"{goal:g}", *cells)
+
+
+def _cell(value: float | None, goal: float | None, factor: float, mark: str) -> str:
+    if value is None:
+        return "–"
+    is_met = goal is not None and value * factor <= goal
+    return f"{value * factor:.2f}{mark if is_met else ''}"
 
 
 if __name__ == "__main__":

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import os
-import re
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 import matplotlib as mpl
 from tools.bench.machine import machine
-from tools.bench.results import keep, out_option
+from tools.bench.results import into_page, keep, out_option, told
 from tools.bench.scaling_runs import HELD_PERCENT, Run, holds, measure, runs
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
 
-BEGIN, END = "<!-- figures: begin -->", "<!-- figures: end -->"
 COLUMNS = {
     "axes": ("axes", "{:d}"),
     "rate Hz": ("rate_hz", "{:d}"),
@@ -61,17 +59,13 @@ def main(seconds: float, out: Path, only: str | None) -> None:
     click.echo(report)
     keep(out, "scaling", results)
     _draw(results["runs"], out / "scaling.png")
-    _into_page(out / "scaling.md", report)
+    into_page(out / "scaling.md", report)
 
 
 def _report(results: dict[str, Any]) -> Iterator[str]:
     """Lines of Markdown: of what, the table, and where each stops to hold its rate."""
     facts, found = results["machine"], results["runs"]
-    yield (
-        f"{facts['cpu']}, {facts['cores']} cores, Linux {facts['kernel']}, Python"
-        f" {facts['python']}, commit {facts['commit']}, {results['seconds']:g} s each,"
-        f" load before {facts['load_before']:.2f}, after {results['load_after']:.2f}."
-    )
+    yield f"{told(facts)}, after {results['load_after']:.2f}; {results['seconds']:g} s each."
     yield ""
     yield f"| {' | '.join(COLUMNS)} |"
     yield "|" + "---:|" * len(COLUMNS)
@@ -132,13 +126,6 @@ def _curve(panel: Any, series: Sequence[Figures], key: str, values: dict[str, st
     panel.minorticks_off()
     panel.grid(alpha=0.3)
     panel.legend(fontsize=8)
-
-
-def _into_page(page: Path, report: str) -> None:
-    if page.exists():
-        text = page.read_text(encoding="utf-8")
-        marked: Callable[[Any], str] = lambda _: f"{BEGIN}\n{report}\n{END}"  # noqa: E731
-        page.write_text(re.sub(f"{BEGIN}.*{END}", marked, text, flags=re.DOTALL), encoding="utf-8")
 
 
 if __name__ == "__main__":
