@@ -12,7 +12,7 @@ from robotd.api import InvalidArgument, RobotdError, get_logger
 from robotd.api.features import Outcome, TrajectoryExecution
 from robotd_ros.middleware import WorkerActionServer
 from robotd_ros.run_nodes import NodeContext
-from robotd_tool_space.robot_tool import BASE, MIN_SPEED, TOOL, RobotTool, ToolGroups
+from robotd_tool_space.robot_tool import BASE, TOOL, RobotTool, ToolGroups
 from robotd_tool_space.ros_poses import fill_pose, pose_of_message
 from robotd_tool_space.tool_motion import ToolMotion
 
@@ -124,8 +124,6 @@ class MoveToolAction:
 def planned(tool: RobotTool, request: Any) -> ToolMotion:
     """Return the motion that a goal asks for. Raises Unreachable, InvalidArgument, NotReady."""
     speed = request.speed or 1.0
-    if not MIN_SPEED <= speed <= 1.0:
-        raise InvalidArgument(f"speed is {request.speed:g}, must be {MIN_SPEED:g} to 1, or 0 for 1")
     poses = [pose_of_message(each) for each in request.poses]
     if request.frame in _RELATIVE:
         poses = [tool.relative(each, _RELATIVE[request.frame]) for each in poses]
