@@ -14,7 +14,8 @@ from robotd.cli.exit_codes import ExitCode
 from robotd.cli.installed import load_robot
 from robotd.cli.options import FILE, log_options
 from robotd.descriptor import parse_override
-from robotd.errors import PluginError
+from robotd.errors import InvalidArgument, PluginError
+from robotd.folders import why_unwritable
 from robotd.plugin.foreign_process import death_of, is_foreign, probe_backend, run_noted
 from robotd.plugin.manager import find_backend, load_backend
 
@@ -79,6 +80,8 @@ def conform(
     """
     if find_spec("pytest") is None:
         raise PluginError("the checks need pytest: pip install 'robotd[testing]'")
+    if junit is not None and (reason := why_unwritable(junit.absolute().parent)):
+        raise InvalidArgument(f"--junit: nothing can be written to {reason}")
     foreign = is_foreign(find_backend(backend)[0])
     if foreign:
         probe_backend(backend)

@@ -36,7 +36,7 @@ def view(report: LiveReport) -> Group:
 def _head(report: LiveReport) -> Table:
     words = {True: ("ready", "bold green"), False: ("not ready", "bold red"), None: ("?", "dim")}
     text, style = words[report.ready]
-    if any(each.prevents_motion for each in report.problems):
+    if report.ready and any(each.prevents_motion for each in report.problems):
         text, style = "cannot move", "bold red"
     grid = Table.grid(padding=(0, 1))
     grid.add_row(Text(text, style=style), Text("stop with Ctrl-C", style="dim"))

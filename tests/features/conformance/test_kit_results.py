@@ -6,8 +6,11 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from click.testing import CliRunner
 
+from robotd.errors import InvalidArgument
 from robotd_conformance.checks.results import Results
+from robotd_conformance.conform_command import conform
 
 SIM = ("sim", "cr3a")
 CHECKS = [SimpleNamespace(nodeid=f"kit/test_units.py::test_{name}") for name in "abc"]
@@ -41,3 +44,14 @@ def test_another_robot_begins_anew(path: Path) -> None:
 def test_a_complete_run_begins_anew(path: Path) -> None:
     Results(path, SIM).complete()
     assert left(Results(path, SIM)) == ["a", "b", "c"]
+
+
+def test_a_file_of_results_that_cannot_be_written_ends_the_run_at_its_start(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "file").touch()
+    junit = tmp_path / "file" / "results.xml"
+    with pytest.raises(InvalidArgument, match=f"--junit: .*{junit.parent}: File exists"):
+        CliRunner().invoke(
+            conform, ["--backend", "sim", "--junit", str(junit)], catch_exceptions=False
+        )

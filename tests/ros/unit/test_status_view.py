@@ -61,6 +61,13 @@ def test_what_keeps_axes_from_moving_is_shown_with_its_remedy() -> None:
     assert lines[1].startswith("joint3: amplifier alarm 17 (overload); robotd recover")
 
 
+def test_a_robot_that_is_not_ready_says_so_before_what_else_hinders_it() -> None:
+    stopped = Problem(ProblemKind.STOPPED, "all motion stopped", remedy="robotd reset")
+    for ready, word in ((False, "not ready"), (True, "cannot move")):
+        lines = shown(LiveReport(ready, (), (), {}, problems=(stopped,))).splitlines()
+        assert lines[0].startswith(word)
+
+
 def test_settings_of_a_client_do_not_forbid_motion() -> None:
     settings = (
         Problem(ProblemKind.SERVO_OFF, "servo off", ("joint1",)),
