@@ -161,12 +161,11 @@ def test_a_cut_connection_ends_the_motion_at_the_last_target(
 ) -> None:
     assert_fault_in_motion(robot, faults.drop_communication, "connection lost")
     lost = positions(faults)
-    wait_until(lambda: stand(faults, 0.05), "the motors reach the last target")
-    first = positions(faults)
-    assert first == pytest.approx(lost, abs=0.01)
-    assert stand(faults, 0.2)
+    wait_until(lambda: stand(faults, 0.2), "the motors reach the last target")
+    at_rest = positions(faults)
+    assert at_rest == pytest.approx(lost, abs=0.01)
     robot.recover()
-    assert robot.image.copy().position.tolist() == pytest.approx(first, abs=1e-3)
+    assert robot.image.copy().position.tolist() == pytest.approx(at_rest, abs=1e-3)
     assert_moves(robot, -0.1)
 
 

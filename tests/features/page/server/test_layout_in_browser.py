@@ -150,9 +150,11 @@ def test_a_press_at_the_place_of_each_button_jogs_its_joint(served: Served, page
 
     for index, button in enumerate(page.evaluate(BUTTONS)):
         x, y, height = page.evaluate(PLACE, index)
-        page.mouse.click(x, y)
         expected.append((button["joint"], button["label"].endswith("plus")))
         heights.add(height)
+        page.mouse.move(x, y)
+        page.mouse.down()  # held until it moves: what is released before that need not begin
         wait_until(lambda: look() >= len(expected))  # each: the log holds the newest ones only
+        page.mouse.up()
     assert jogged == expected
     assert len(heights) == 1  # a press moves no button
