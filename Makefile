@@ -109,6 +109,18 @@ docs: $(stamps)/docs ## build the documentation site into build/docs
 page: $(bundle) ## build the live page of robotd run --page; needs Node.js, or installs it into .venv
 	@:
 
+# Those of a release: without a clone and, with ROS from wheels, without a compiler.
+dist: $(bundle) $(stamps)/dist ## build wheels and source archives into dist/, install them anew and serve a robot
+	@$(say) 'building dist/'
+	rm -rf dist build/lib
+	.venv/bin/python -m build --outdir dist . >build/dist.log
+	.venv/bin/python -m build --wheel --outdir dist interfaces >>build/dist.log
+	# It needs less of the C and C++ libraries than the ROS wheels themselves.
+	.venv/bin/python -m wheel tags --remove --platform-tag manylinux_2_28_$$(uname -m) dist/robotd_interfaces-*-linux_*.whl
+	.venv/bin/python -m build --sdist --outdir dist plugins/wmx >>build/dist.log
+	$(say) 'tools.try_wheels dist'
+	exec .venv/bin/python -m tools.try_wheels dist
+
 bench: $(tools) ## measure the cycle and the ROS surface; ARGS go to tools.bench
 	@$(say) 'tools.bench $(ARGS)'
 	.venv/bin/python -m tools.bench $(ARGS)
@@ -199,10 +211,16 @@ $(stamps)/mujoco: $(ready)
 	$(install) --editable '.[$(extras),mujoco]'
 	touch $@
 
+# Needed by `make dist` only.
+$(stamps)/dist: $(tools)
+	@$(say) 'installing robotd[dist] into .venv'
+	$(install) --editable '.[dist]'
+	touch $@
+
 # Sphinx is needed by `make docs` only.
 $(stamps)/docs: $(tools)
 	@$(say) 'installing robotd[docs] into .venv'
 	$(install) --editable '.[docs]'
 	touch $@
 
-.PHONY: help run test test-long test-all coverage backends conform lint docs page bench soak kill venv clean
+.PHONY: help run test test-long test-all coverage backends conform lint docs page dist bench soak kill venv clean

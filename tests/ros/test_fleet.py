@@ -10,8 +10,10 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from tests.ros.robot_process import RobotProcess, wait_until
+from std_msgs.msg import String
+from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
 
+from robotd_ros.node_registry import SUMMARY
 from robotd_testing.domain import own_domain
 
 pytestmark = pytest.mark.ros
@@ -75,3 +77,22 @@ def test_a_stop_of_nothing_says_so() -> None:
         failed = run(domain, "stop", "--all", "--timeout", "3", check=False)
     assert failed.returncode == 1
     assert "no robot runs in this ROS domain: nothing was stopped" in failed.stderr
+
+
+def test_a_robot_that_does_not_confirm_is_named_and_the_others_are_stopped() -> None:
+    # What remains of a robot whose process is frozen: its summary is known, no service answers.
+    frozen = {"robot": "arm", "namespace": "/frozen", "backend": "sim", "computer": "elsewhere"}
+    frozen |= {"variant": "", "version": "0", "pid": 1, "state": "ready", "uptime_s": 1.0}
+    with own_domain() as domain, RobotProcess(domain=domain) as robot:
+        robot.wait_ready()
+        client = Client(domain)
+        try:
+            topic = client.node.create_publisher(String, f"/frozen/{SUMMARY}", LATCHED)
+            topic.publish(String(data=json.dumps(frozen | {"problems": [], "owners": []})))
+            failed = run(domain, "stop", "--all", "--timeout", "8", check=False)
+            assert failed.returncode == 1
+            assert "/: stopped, at rest" in failed.stdout
+            assert "/frozen: NOT CONFIRMED: " in failed.stdout
+            assert "/frozen" in failed.stderr, "it says that it tries"
+        finally:
+            client.close()
