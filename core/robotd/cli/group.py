@@ -12,6 +12,7 @@ from itertools import groupby
 from typing import Any
 
 import click
+from click.shell_completion import CompletionItem
 
 from robotd.cli.exit_codes import ExitCode, exit_code
 from robotd.cli.plugin_commands import plugin_command, plugin_commands
@@ -64,6 +65,12 @@ class RobotdGroup(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return [command.name for command in plugin_commands()]
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Return commands and options; click would import the commands."""
+        listed = (each for each in plugin_commands() if each.name.startswith(incomplete))
+        commands = [CompletionItem(each.name, help=each.summary) for each in listed]
+        return [*commands, *click.Command.shell_complete(self, ctx, incomplete)]
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         listed = groupby(plugin_commands(), lambda command: command.heading)
