@@ -93,15 +93,20 @@ class MoveToolAction:
         self, goal: Any, tool: RobotTool, motion: ToolMotion, execution: TrajectoryExecution
     ) -> None:
         feedback = MoveTool.Feedback()
+
+        def report() -> None:
+            passed = execution.progress().time_s / motion.duration_s
+            feedback.progress = float(np.clip(passed, 0.0, 1.0))
+            pose = tool.measured_pose()
+            fill_pose(feedback.pose, np.full((4, 4), np.nan) if pose is None else pose)
+            goal.publish_feedback(feedback)
+
         with execution.ticks(FEEDBACK_PERIOD_NS, self._robot.clock) as ticks:
             for _ in ticks:
                 if goal.is_cancel_requested:  # before it was in the table
                     execution.cancel()
-                passed = execution.progress().time_s / motion.duration_s
-                feedback.progress = float(np.clip(passed, 0.0, 1.0))
-                pose = tool.measured_pose()
-                fill_pose(feedback.pose, np.full((4, 4), np.nan) if pose is None else pose)
-                goal.publish_feedback(feedback)
+                report()
+        report()  # where it has ended
 
     def _end(self, goal: Any, outcome: Outcome | None, result: Any) -> None:
         self._server.notify_execute(goal, lambda goal: self._finish(goal, outcome, result))
