@@ -81,7 +81,12 @@ def test_a_stop_of_nothing_says_so() -> None:
 
 def test_a_robot_that_does_not_confirm_is_named_and_the_others_are_stopped() -> None:
     # What remains of a robot whose process is frozen: its summary is known, no service answers.
-    frozen = {"robot": "arm", "namespace": "/frozen", "backend": "sim", "computer": "elsewhere"}
+    frozen: dict[str, Any] = {
+        "robot": "arm",
+        "namespace": "/frozen",
+        "backend": "sim",
+        "computer": "elsewhere",
+    }
     frozen |= {"variant": "", "version": "0", "pid": 1, "state": "ready", "uptime_s": 1.0}
     with own_domain() as domain, RobotProcess(domain=domain) as robot:
         robot.wait_ready()
