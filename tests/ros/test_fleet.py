@@ -81,19 +81,15 @@ def test_a_stop_of_nothing_says_so() -> None:
 
 def test_a_robot_that_does_not_confirm_is_named_and_the_others_are_stopped() -> None:
     # What remains of a robot whose process is frozen: its summary is known, no service answers.
-    frozen: dict[str, Any] = {
-        "robot": "arm",
-        "namespace": "/frozen",
-        "backend": "sim",
-        "computer": "elsewhere",
-    }
-    frozen |= {"variant": "", "version": "0", "pid": 1, "state": "ready", "uptime_s": 1.0}
+    frozen: dict[str, Any] = {"robot": "arm", "namespace": "/frozen", "backend": "sim"}
+    frozen |= {"computer": "elsewhere", "variant": "", "version": "0", "pid": 1}
+    frozen |= {"state": "ready", "uptime_s": 1.0, "problems": [], "owners": []}
     with own_domain() as domain, RobotProcess(domain=domain) as robot:
         robot.wait_ready()
         client = Client(domain)
         try:
             topic = client.node.create_publisher(String, f"/frozen/{SUMMARY}", LATCHED)
-            topic.publish(String(data=json.dumps(frozen | {"problems": [], "owners": []})))
+            topic.publish(String(data=json.dumps(frozen)))
             failed = run(domain, "stop", "--all", "--timeout", "8", check=False)
             assert failed.returncode == 1
             assert "/: stopped, at rest" in failed.stdout
