@@ -8,8 +8,6 @@ import tempfile
 from pathlib import Path
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
-
-
 MIB = 2**20
 
 

@@ -1,4 +1,4 @@
-"""What is said of folders that cannot be written to."""
+"""A folder that cannot be written to is named with the reason."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ def keep(out: Path, name: str, content: dict[str, Any]) -> None:
 
 
 def told(facts: Mapping[str, Any]) -> str:
-    """What was measured where, of the facts that ``machine`` returns."""
+    """Say what was measured where, from the facts that ``machine`` returns."""
     return (
         f"{facts['cpu']}, {facts['cores']} cores, Linux {facts['kernel']}, Python"
         f" {facts['python']}, commit {facts['commit']}, load before {facts['load_before']:.2f}"

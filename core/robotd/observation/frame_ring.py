@@ -59,17 +59,6 @@ def frame_type(axes: int) -> np.dtype[Any]:
     return np.dtype([*((name, "<i8") for name in HEADER), *blocks])
 
 
-def finger_positions(frames: Frames, ends: Mapping[str, tuple[float, float]]) -> FloatArray:
-    """Return the positions of the fingers in each frame, rad or m; shape (n, fingers).
-
-    Args:
-        frames: shape (n,).
-        ends: as ``Gripper.finger_ends``; empty without a gripper.
-    """
-    opened, closed = np.array([*ends.values()], np.float64).reshape(-1, 2).T
-    return opened + (closed - opened) * (frames["closed_ppm"][:, np.newaxis] * 1e-6)
-
-
 def measured_joints(
     frames: Frames, fingers: Mapping[str, tuple[float, float]]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -77,12 +66,13 @@ def measured_joints(
 
     Args:
         frames: shape (n,).
-        fingers: as ``Gripper.finger_ends``.
+        fingers: as ``Gripper.finger_ends``; empty without a gripper.
 
     Returns:
         Three arrays (n, axes + fingers); of the fingers velocity is 0 and effort NaN: not measured.
     """
-    positions = finger_positions(frames, fingers)
+    opened, closed = np.array([*fingers.values()], np.float64).reshape(-1, 2).T
+    positions = opened + (closed - opened) * (frames["closed_ppm"][:, np.newaxis] * 1e-6)
     unknown = np.full_like(positions, np.nan)
     position, velocity, effort = (frames["values"][:, row] for row in (2, 3, 4))
     return (

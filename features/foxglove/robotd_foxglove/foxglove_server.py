@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from typing import Any, Self
 
 import foxglove
-import numpy as np
 from foxglove.channels import FrameTransformsChannel
 from foxglove.messages import FrameTransform, FrameTransforms, Quaternion, Timestamp, Vector3
 
@@ -18,7 +17,7 @@ from robotd.descriptor.urdf import JointFrames, UrdfJoint, parse_urdf
 from robotd.descriptor.urdf.mesh_files import mesh_files
 from robotd.errors import OperationError
 from robotd.log import get_logger
-from robotd.observation.frame_ring import finger_positions, measured_joints
+from robotd.observation.frame_ring import measured_joints
 from robotd.observation.robot_state import Goals, state_of
 from robotd.observation.tap import Tap
 from robotd_foxglove.limited_port import LimitedPort
@@ -126,12 +125,14 @@ class FoxgloveServer:
             return
         newest = frames[-1:]
         stamps_ns = newest["stamp_ns"] + self._tap.offset_ns
+        measured = measured_joints(newest, self._fingers)
         if self._joints.has_sinks():
-            (message,) = self._encode(stamps_ns, *measured_joints(newest, self._fingers))
+            (message,) = self._encode(stamps_ns, *measured)
             self._joints.log(message, log_time=int(stamps_ns[0]))
         if self._frames is not None and self._transforms.has_sinks():
-            joints: FloatArray = newest["values"][0, 2, list(self._robot.joint_axes)]
-            positions = np.append(joints, finger_positions(newest, self._fingers)[0])
+            position = measured[0][0]
+            fingers = range(len(self._robot.axes.names), len(position))  # behind the axes
+            positions = position[[*self._robot.joint_axes, *fingers]]
             self._transforms.log(_transforms(self._frames, positions, int(stamps_ns[0])))
 
     def _send_events(self) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from robotd.errors import OperationError
 from robotd.feature_host import FeatureHost
-from robotd.folders import why_unwritable
+from robotd.folders import MIB, why_unwritable
 from robotd.log import get_logger
 from robotd.observation.tap import Tap
 from robotd.robot import Robot
@@ -20,7 +20,6 @@ from robotd_recording.recording_folder import RecordingFolder, default_folder
 
 log = get_logger("recorder")
 
-MIB = 2**20
 ROOM_BYTES = 16 * MIB  # less is of no use to a recording that begins
 
 
