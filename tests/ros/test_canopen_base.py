@@ -18,6 +18,11 @@ PERIOD_S = 0.05
 RADIUS_M, SEPARATION_M = 0.09, 0.55
 
 
+def turned(before: AxisState, after: AxisState) -> list[float]:
+    """Angle of each wheel from one state to another, rad."""
+    return [after.actual_pos[wheel] - before.actual_pos[wheel] for wheel in (0, 1)]
+
+
 def test_it_drives_tells_where_it_is_and_stops_without_commands(tmp_path: Path) -> None:
     path = write_robot(tmp_path, "baymax")
     with DrivesProcess("baymax"), RobotProcess(robot=str(path), backend="canopen") as base:
@@ -36,17 +41,19 @@ def test_it_drives_tells_where_it_is_and_stops_without_commands(tmp_path: Path) 
                 publisher.publish(twist)
                 time.sleep(PERIOD_S)
                 moving = odometry[-1].twist.twist
-                return (moving.linear.x, moving.angular.z) == pytest.approx((0.4, 0.5), abs=0.02)
+                has_way = RADIUS_M * sum(turned(first, axes[-1])) / 2 > 0.4
+                return has_way and (moving.linear.x, moving.angular.z) == pytest.approx(
+                    (0.4, 0.5), abs=0.02
+                )
 
-            wait_until(has_speed, "the speed of the command")
+            wait_until(has_speed, "the speed of the command, on a way of 0.4 m")
             start = client.next(axes)
             base.wait_output("no command in time")
             wait_until(lambda: abs(odometry[-1].twist.twist.linear.x) < 1e-3, "standstill")
             last, pose = client.next(axes), client.next(odometry).pose.pose
-            turned = [last.actual_pos[wheel] - first.actual_pos[wheel] for wheel in (0, 1)]
-            heading = RADIUS_M * (turned[1] - turned[0]) / SEPARATION_M
-            further = [last.actual_pos[wheel] - start.actual_pos[wheel] for wheel in (0, 1)]
-            assert min(further) > 0, "it comes to rest by a ramp"
+            left, right = turned(first, last)
+            heading = RADIUS_M * (right - left) / SEPARATION_M
+            assert min(turned(start, last)) > 0, "it comes to rest by a ramp"
             assert 2 * pose.orientation.z == pytest.approx(heading, rel=0.1)
             assert list(last.servo_on) == [True, True]
         finally:
