@@ -62,10 +62,14 @@ def test_foxglove_sees_the_joints_move(process: RobotProcess) -> None:
             assert "<robot" in viewer.read("/robot_description").data
             assert viewer.read("/joint_states").name[0] == "joint1"
             start = viewer.read("/joint_states").position[0]
+            variables = {
+                "ROS_DOMAIN_ID": str(process.domain),
+                "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            }
             goal = await asyncio.create_subprocess_exec(
-                sys.executable, "-m", "robotd", "move", f"joint1={start + 0.3}",
-                env=os.environ | {"ROS_DOMAIN_ID": str(process.domain)},
-            )  # fmt: skip
+                *(sys.executable, "-m", "robotd", "move", f"joint1={start + 0.3}"),
+                env=os.environ | variables,
+            )
             await viewer.until(lambda: viewer.read("/joint_states").position[0] > start + 0.29)
             assert await asyncio.wait_for(goal.wait(), TIMEOUT_S) == 0
 
