@@ -73,7 +73,7 @@ def test_a_command_finds_the_robot(
     assert answer in result.stdout
 
 
-def test_without_the_whole_graph_an_action_is_not_found(
+def test_without_the_whole_graph_no_robot_is_found(
     robot: RobotProcess, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("ROS_SUPER_CLIENT", "FALSE")  # wins over robotd's own choice
@@ -86,5 +86,5 @@ def test_without_the_whole_graph_an_action_is_not_found(
         env=os.environ | {"ROS_DOMAIN_ID": str(robot.domain)},
     )
     assert result.returncode == 5
-    assert "no arm" in result.stderr
+    assert "no robot found within 6 s" in result.stderr
     assert "ROS_DISCOVERY_SERVER=127.0.0.1:" in result.stderr

@@ -84,6 +84,7 @@ def test_questions_change_nothing(harness: Harness) -> None:
 )
 def test_questions_clear_no_alarm(harness: Harness, injector: FaultInjector) -> None:
     harness.trip(0x32)
+    harness.periods(5)  # the drive switches off after it has shown its alarm
     before = shown(harness)
     for ask in [*questions(harness)] * ROUNDS:
         with suppress(RobotdError):

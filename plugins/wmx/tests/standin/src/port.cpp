@@ -49,8 +49,9 @@ const Entry COMMANDS[] = {
      [](Block &b, const long *a) { b.faults.hot_connect_abort = a[0]; }},
     {"amp_alarm", "AXIS CODE", 2,
      [](Block &b, const long *a) {
-         status(b, a[0]).ampAlarm = a[1] != 0;
+         // The code first: whoever sees the alarm also sees its code.
          status(b, a[0]).ampAlarmCode = static_cast<int>(a[1]);
+         status(b, a[0]).ampAlarm = a[1] != 0;
      }},
     {"stuck", "AXIS 0|1", 2, [](Block &b, const long *a) { b.axes[a[0]].stuck = a[1]; }},
     {"push", "AXIS COUNTS", 2, [](Block &b, const long *a) {
