@@ -110,16 +110,13 @@ page: $(bundle) ## build the live page of robotd run --page; needs Node.js, or i
 	@:
 
 # Those of a release: without a clone and, with ROS from wheels, without a compiler.
-dist: $(bundle) $(stamps)/dist ## build wheels and source archives into dist/, install them anew and serve a robot
+dist: $(bundle) $(stamps)/dist ## build wheels and source archives into dist/, and serve a robot from them on each Python
 	@$(say) 'building dist/'
-	rm -rf dist build/lib
+	rm -rf dist build/lib && mkdir -p build
 	.venv/bin/python -m build --outdir dist . >build/dist.log
-	.venv/bin/python -m build --wheel --outdir dist interfaces >>build/dist.log
-	# It needs less of the C and C++ libraries than the ROS wheels themselves.
-	.venv/bin/python -m wheel tags --remove --platform-tag manylinux_2_28_$$(uname -m) dist/robotd_interfaces-*-linux_*.whl
 	.venv/bin/python -m build --sdist --outdir dist plugins/wmx >>build/dist.log
-	$(say) 'tools.try_wheels dist'
-	exec .venv/bin/python -m tools.try_wheels dist
+	$(say) 'tools.wheels dist'
+	exec .venv/bin/python -m tools.wheels dist
 
 bench: $(tools) ## measure the cycle and the ROS surface; ARGS go to tools.bench
 	@$(say) 'tools.bench $(ARGS)'
