@@ -180,7 +180,7 @@ $(ready): $(base) $(interfaces) pyproject.toml
 	[ -z "$$compiled" ] || $(say) 'compiling the ROS interfaces meanwhile (half a minute, once)'
 	rm -rf *.egg-info # of an earlier build: it would hide the entry points that are installed
 	$(install) $$compiled --editable '.[$(extras)]'
-	.venv/bin/python -c 'import rclpy, control_msgs.action, tf2_msgs.msg, wmx_ros2_message.msg' || { echo 'robotd: this environment lacks a ROS package: see docs/how-to/install.md' >&2; exit 1; }
+	.venv/bin/python -c 'import rclpy, control_msgs.action, robotd_msgs.srv, tf2_msgs.msg, wmx_ros2_message.msg' || { echo 'robotd: this environment lacks a ROS package: see docs/how-to/install.md' >&2; exit 1; }
 	touch $@
 
 # Tests, lint and the others need more than `make run`.

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
+
+import pytest
+
+from robotd_ros.middleware import use_profiles
 
 SOURCES = Path(__file__).parents[2] / "ros" / "robotd_ros"
 
@@ -24,3 +29,15 @@ def test_other_modules_use_the_one_door() -> None:
         if path.parent.name != "middleware":
             text = path.read_text(encoding="utf-8")
             assert "robotd_ros.middleware." not in text, path
+
+
+@pytest.mark.parametrize(("distro", "used"), [("jazzy", True), ("kilted", False)])
+def test_the_profiles_are_for_the_supported_distribution(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, distro: str, used: bool
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE"):
+        monkeypatch.setenv(name, "")  # put back afterwards
+    monkeypatch.setenv("ROS_DISTRO", distro)
+    use_profiles()
+    assert bool(os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"]) is used

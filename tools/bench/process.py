@@ -58,9 +58,9 @@ class Program:
         """Its standard output so far."""
         return _text(self._output.fileno())
 
-    def wait_output(self, text: str) -> None:
+    def wait_output(self, text: str, timeout_s: float = TIMEOUT_S) -> None:
         """Block until its output has ``text``; raises RuntimeError when it ends before."""
-        deadline = time.monotonic() + TIMEOUT_S
+        deadline = time.monotonic() + timeout_s
         while text not in self.output:
             if self._process.poll() is not None or time.monotonic() > deadline:
                 raise RuntimeError(f"{self._command}: no {text!r}\n{_text(self._errors.fileno())}")

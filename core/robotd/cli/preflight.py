@@ -16,6 +16,7 @@ from robotd.cli.layout import warn
 from robotd.realtime import request_realtime
 
 ROS_DISTRO = "jazzy"
+INTERFACES = ("robotd_msgs", "wmx_ros2_message", "wmx_r2_message")  # built by the user
 WHEELS = find_spec("ros_wheels_bootstrapper") is not None  # it comes with every ROS wheel
 
 
@@ -36,12 +37,24 @@ def import_ros(name: str) -> ModuleType:
     try:
         return import_module(name)
     except ImportError as error:
-        if (error.name or "").partition(".")[0].startswith("robotd"):
+        missing = (error.name or "").partition(".")[0]
+        if missing.startswith("robotd") and missing not in INTERFACES:
             raise  # our own mistake, not the installation's
-        raise RosUnavailable(
-            f"ROS 2 cannot be imported ({error}): install it with pip install 'robotd[ros]',"
-            f" or source an installed one: . /opt/ros/{ROS_DISTRO}/setup.bash"
-        ) from error
+        raise RosUnavailable(f"ROS 2 cannot be imported ({error}): {_remedy(missing)}") from error
+
+
+def _remedy(missing: str) -> str:
+    """Return what brings the package ``missing``; empty: a part of ROS that cannot be loaded."""
+    if not sourced_ros():
+        return (
+            "install it with pip install 'robotd[ros]', or source an installed one:"
+            f" . /opt/ros/{ROS_DISTRO}/setup.bash"
+        )
+    if missing in INTERFACES:
+        return "build robotd's interfaces with colcon and source them: robotd docs how-to/install"
+    if missing:
+        return f"sudo apt install ros-{ROS_DISTRO}-{missing.replace('_', '-')}"
+    return "the sourced ROS is incomplete, or made for another Python"
 
 
 def sourced_ros() -> str | None:

@@ -34,6 +34,7 @@ TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
 # A datagram in one Ethernet frame: 1500 bytes without the headers of IP and UDP, with a reserve.
 MAX_DATAGRAM = "DEFAULT?max_msg_size=1400B"
 
+DISTRO = "jazzy"
 PROFILES = Path(__file__).with_name("fastdds.xml")
 
 # Places where Fast DDS finds profiles of the user, which are never replaced.
@@ -44,9 +45,12 @@ _FILE_HERE = "DEFAULT_FASTRTPS_PROFILES.xml"
 def use_profiles() -> None:
     """Use these profiles, unless the user has own ones. Call before ROS starts.
 
-    A transport of the user's own is kept, too. Other middlewares never read what this sets.
+    A transport of the user's own is kept, too. Other middlewares never read what this sets. The
+    profiles are in the words of Fast DDS 2, which Jazzy has; Fast DDS 3 rejects them.
     """
     os.environ.setdefault(TRANSPORTS, MAX_DATAGRAM)
+    if os.environ.get("ROS_DISTRO", DISTRO) != DISTRO:
+        return
     if any(os.environ.get(name) for name in _VARIABLES) or Path(_FILE_HERE).exists():
         return
     os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(PROFILES)

@@ -72,3 +72,20 @@ def test_a_sourced_ros_alone_is_the_one_to_use(monkeypatch: pytest.MonkeyPatch) 
         preflight.import_ros("robotd_ros.middleware.message_fields").__name__
         == "robotd_ros.middleware.message_fields"
     )
+
+
+@pytest.mark.parametrize(
+    ("missing", "remedy"),
+    [
+        ("control_msgs", "sudo apt install ros-jazzy-control-msgs"),
+        ("robotd_msgs", "with colcon and source them: robotd docs how-to/install"),
+    ],
+)
+def test_what_a_sourced_ros_lacks_is_named_with_its_remedy(
+    monkeypatch: pytest.MonkeyPatch, missing: str, remedy: str
+) -> None:
+    monkeypatch.setattr(preflight, "WHEELS", False)
+    monkeypatch.setenv("ROS_DISTRO", "jazzy")
+    monkeypatch.setitem(sys.modules, missing, None)  # importing it raises ModuleNotFoundError
+    with pytest.raises(RosUnavailable, match=re.escape(remedy)):
+        preflight.import_ros(f"{missing}.msg")
