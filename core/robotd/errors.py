@@ -23,6 +23,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 MAX_SHOWN = 50
+MAX_KEY = 200  # characters; names in a file have any length
 """Problems of one file that a text lists. A hostile file can have a million."""
 
 
@@ -79,8 +80,9 @@ class DescriptorError(RobotdError):
         self.line = line
         self.key = key
         where = "" if path is None else f"{path}:" if line is None else f"{path}:{line}:"
+        shown = f"{key[:MAX_KEY]}…" if key and len(key) > MAX_KEY else key
         super().__init__(
-            " ".join(part for part in (where, f"{key}:" if key else "", message) if part)
+            " ".join(part for part in (where, f"{shown}:" if shown else "", message) if part)
         )
 
     @classmethod

@@ -6,6 +6,7 @@ import pytest
 
 from robotd.errors import (
     ConnectError,
+    DescriptorError,
     DeviceTimeout,
     NotReady,
     OperationError,
@@ -44,3 +45,7 @@ def test_children_that_fail_for_one_reason_share_a_line() -> None:
         "  arm → joint1, arm → joint3: no answer",
         "  arm → joint2: alarm 16",
     ]
+
+
+def test_a_long_key_is_cut() -> None:
+    assert str(DescriptorError("is wrong", key="k" * 5000)) == f"{'k' * 200}…: is wrong"

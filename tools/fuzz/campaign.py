@@ -42,15 +42,22 @@ def make_input(reader: Reader, seed: int, index: int) -> bytes:
     """Input number ``index``: the same for the same seed, on any machine."""
     random = Random(f"{seed}:{reader.name}:{index}")
     if random.random() < 0.3:
-        data = reader.generate(random).encode()
+        data = reader.generate(random).encode(reader.encoding)
         return mutate_bytes(random, data) if random.random() < 0.2 else data
-    texts = [shortened((ROOT / name).read_text(encoding="utf-8")) for name in reader.seeds]
+    texts = seed_texts(reader)
     text = random.choice(texts)
     if random.random() < 0.5:
-        return reader.mutate(random, text, texts).encode()
+        return reader.mutate(random, text, texts).encode(reader.encoding, "replace")
+    data = text.encode(reader.encoding)
     if random.random() < 0.03:
-        return amplify(random, text.encode())
-    return mutate_bytes(random, text.encode())
+        return amplify(random, data)
+    return mutate_bytes(random, data)
+
+
+def seed_texts(reader: Reader) -> list[str]:
+    """Return the reader's real files."""
+    files = (ROOT / name for name in reader.seeds)
+    return [shortened(file.read_bytes().decode(reader.encoding)) for file in files]
 
 
 def try_input(reader: Reader, data: bytes, folder: Path) -> str | None:

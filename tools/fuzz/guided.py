@@ -15,23 +15,25 @@ from random import Random
 import atheris
 
 with atheris.instrument_imports(include=["robotd", "robotd_canopen", "robotd_ethercat"]):
-    from tools.fuzz.campaign import shortened, try_input
+    from tools.fuzz.campaign import seed_texts, try_input
     from tools.fuzz.mutations import mutate_bytes
-    from tools.fuzz.readers import READERS, ROOT
+    from tools.fuzz.readers import READERS
 
 STRUCTURED = 0.5  # share of the changes that know the structure
 
 
 def main(name: str, options: list[str]) -> None:
     reader = next(each for each in READERS if each.name == name)
-    texts = [shortened((ROOT / seed).read_text(encoding="utf-8")) for seed in reader.seeds]
+    texts = seed_texts(reader)
     logging.disable()
 
     def change(data: bytes, max_size: int, seed: int) -> bytes:
         random = Random(seed)
         if random.random() < STRUCTURED:
             try:
-                return reader.mutate(random, data.decode(), texts).encode()[:max_size]
+                return reader.mutate(random, data.decode(reader.encoding), texts).encode(
+                    reader.encoding
+                )[:max_size]
             except Exception:  # noqa: BLE001 - it is no such text any more
                 return mutate_bytes(random, data)[:max_size]
         changed: bytes = atheris.Mutate(data, max_size)
@@ -41,7 +43,7 @@ def main(name: str, options: list[str]) -> None:
         corpus = Path(folder) / "corpus"
         corpus.mkdir()
         for number, text in enumerate(texts):
-            (corpus / str(number)).write_text(text, encoding="utf-8")
+            (corpus / str(number)).write_bytes(text.encode(reader.encoding))
 
         def read(data: bytes) -> None:
             if text := try_input(reader, data, Path(folder)):

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from random import Random
 
 import click
+from pydantic import ValidationError
 from tools.fuzz import grammars
 from tools.fuzz.mutations import Mutator, mutate_lines, mutate_xml, mutate_yaml
 
@@ -21,6 +23,9 @@ from robotd_canopen.object_dictionary import read_eds
 from robotd_cia402.options import StreamMode
 from robotd_ethercat.esi_reader import read_esi
 from robotd_ethercat.esi_report import detail_lines, esi_sections
+from robotd_page.control_server import REQUEST
+from robotd_recording.recording_reader import read_recording
+from robotd_recording.recording_repair import recover
 from robotd_scenario import load_scenario, nested, validate_fault
 from robotd_scenario.sim_command import _value
 from robotd_wmx_parameters import read_wmx_parameters
@@ -39,6 +44,7 @@ class Reader:
         mutate: changes its structure.
         generate: a text from nothing, of words that mean something there.
         in_file: whether a rejection has to name the file.
+        encoding: of the file as text; latin-1 for one that is not text, byte by byte.
     """
 
     name: str
@@ -48,6 +54,7 @@ class Reader:
     mutate: Mutator
     generate: Callable[[Random], str]
     in_file: bool = True
+    encoding: str = "utf-8"
 
     def finding(self, path: Path) -> str | None:
         """Return the problem of reading ``path``; None: it is read, or rejected properly."""
@@ -94,6 +101,21 @@ def _words(path: Path) -> object:
     """Parse words as ``robotd sim inject`` does."""
     lines = path.read_bytes().decode(errors="surrogateescape").split("\n")
     return validate_fault(nested(dict(_value(line) for line in lines)))
+
+
+def _recording(path: Path) -> object:
+    """Read a recording, and mend it as one that was cut off."""
+    path.with_name(f"{path.name}.damaged").unlink(missing_ok=True)
+    with suppress(RobotdError):
+        read_recording(path)
+    return recover(path)
+
+
+def _page_messages(path: Path) -> None:
+    """Take each line as a message of a page with control."""
+    for line in path.read_bytes().decode(errors="replace").split("\n"):
+        with suppress(ValidationError):
+            REQUEST.validate_json(line)
 
 
 @cache
@@ -159,6 +181,25 @@ READERS = (
         "words.txt",
         ("tools/fuzz/words.txt",),
         _words,
+        mutate_lines,
+        grammars.words,
+        in_file=False,
+    ),
+    Reader(
+        "recording",
+        "recording.mcap",
+        ("tools/fuzz/recording.mcap",),
+        _recording,
+        mutate_lines,
+        lambda random: "\x89MCAP0\r\n" + random.randbytes(random.randrange(4000)).decode("latin-1"),
+        in_file=False,
+        encoding="latin-1",
+    ),
+    Reader(
+        "page",
+        "page_messages.txt",
+        ("tools/fuzz/page_messages.txt",),
+        _page_messages,
         mutate_lines,
         grammars.words,
         in_file=False,

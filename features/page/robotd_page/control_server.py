@@ -59,7 +59,7 @@ Request = Annotated[
     | commands.Inject,
     Field(discriminator="type"),
 ]
-_REQUEST: TypeAdapter[Request] = TypeAdapter(Request)
+REQUEST: TypeAdapter[Request] = TypeAdapter(Request)
 
 
 class Token(commands.Message):
@@ -208,7 +208,7 @@ class Controller:
     def take(self, text: str) -> None:
         """Begin to execute a request."""
         try:
-            request = _REQUEST.validate_json(text)
+            request = REQUEST.validate_json(text)
         except ValidationError as error:
             self._put({"type": "error", "text": _reasons(error)})
             return
