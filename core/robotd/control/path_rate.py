@@ -32,11 +32,12 @@ class PathRate:
         path: (2, m) velocity and acceleration of the path at rate 1, at the last setpoint.
         value: at the end of the last period.
         slope: its mean change in the last period, 1/s.
+        override: part of the speed that this trajectory is to have; any thread may write it.
     """
 
     def __init__(self, speed: SpeedScale, limits: JointLimits) -> None:
         self.path: FloatArray = np.zeros((2, len(limits.names)))
-        self.value, self.slope = speed.scale, 0.0
+        self.value, self.slope, self.override = speed.scale, 0.0, 1.0
         self._speed, self._limit = speed, limits.acceleration
         self._max_slope = MAX_SLOPE
         self._waits = True  # nothing has moved yet
@@ -45,12 +46,12 @@ class PathRate:
     def is_full(self) -> bool:
         """Trajectory time passes as real time does, and is to go on so."""
         steady = self.value == 1.0 and self.slope == 0.0
-        return steady and self._speed.scale == 1.0 and not self._waits
+        return steady and self._target == 1.0 and not self._waits
 
     def wait(self) -> None:
         """Take the speed in force: the trajectory waits for its start."""
         if self._waits:
-            self.value = self._speed.scale
+            self.value = self._target
 
     def take_over(self, rate: float) -> None:
         """Continue from the ``rate`` of a trajectory in motion."""
@@ -63,7 +64,7 @@ class PathRate:
     def step(self, elapsed_s: float) -> float:
         """Ramp for ``elapsed_s``, the real time since the last setpoint; return the mean rate."""
         self.wait()
-        before, target = self.value, self._speed.scale
+        before, target = self.value, self._target
         largest = 0.0
         if target != before:
             largest = elapsed_s * self._largest_slope()
@@ -75,6 +76,10 @@ class PathRate:
         self._waits = self._waits and target == 0.0
         self.slope = (self.value - before) / elapsed_s
         return 0.5 * (before + self.value)
+
+    @property
+    def _target(self) -> float:
+        return self._speed.scale * self.override
 
     def _largest_slope(self) -> float:
         velocity, acceleration = self.path

@@ -64,6 +64,10 @@ class StreamedTrajectory(TrajectoryExecution):
         """Ratio of trajectory time to real time. Any thread."""
         return self._rate.value
 
+    def override_speed(self, ratio: float) -> None:
+        """Scale the rate of this trajectory, by a ramp, beside the speed of all motion."""
+        self._rate.override = ratio
+
     def splice_state(self, time_ns: int) -> MotionState | None:
         """Return the state at ``time_ns`` if the path is not left until then."""
         if not self.on_path:

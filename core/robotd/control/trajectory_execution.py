@@ -17,6 +17,7 @@ from robotd.control.joint_source import STALL_S, JointSource, Phase
 from robotd.control.joint_tracking import CommandHistory, GoalPassage, JointTracking, Progress
 from robotd.control.source_slot import PREEMPTED
 from robotd.device.process_image import ProcessImage
+from robotd.errors import Unsupported
 from robotd.motion import JointLimits, Tolerances, Trajectory
 
 __all__ = ["PREEMPTED", "Outcome", "PlannedGoal", "Progress", "TrajectoryExecution"]
@@ -111,6 +112,16 @@ class TrajectoryExecution(JointSource):
     def cancel(self) -> None:
         """Request a controlled stop, which ends at standstill; no effect after the end."""
         self.completion.request(Outcome.CANCELED, "canceled by the client")
+
+    def override_speed(self, ratio: float) -> None:
+        """Scale the rate of this trajectory, by a ramp, beside the speed of all motion. Any thread.
+
+        Args:
+            ratio: above 0, to 1.
+
+        Raises Unsupported: the device interpolates the trajectory itself.
+        """
+        raise Unsupported("another speed of a running trajectory")
 
     def wait(self, timeout_s: float | None = None) -> bool:
         """Block until ``outcome`` is known; return False after ``timeout_s`` (None: no limit).

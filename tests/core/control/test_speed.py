@@ -95,6 +95,22 @@ def test_changes_in_motion_are_ramped_and_keep_the_path(changes: list[tuple[floa
     assert execution.max_error.max() < 0.05
 
 
+def test_an_override_scales_one_trajectory_beside_the_speed(harness: Harness) -> None:
+    harness.robot.set_speed(0.5)
+    with harness.goal(FAR, BACK) as execution:
+        path = Recorded(harness, execution)
+        harness.run(0.4)
+        execution.override_speed(0.5)
+        harness.run(0.5 / MAX_SLOPE + 0.1)
+        assert execution.rate == pytest.approx(0.25)
+        assert harness.end(execution).outcome is Outcome.SUCCEEDED
+        path.assert_on_path()
+    with harness.goal(HOME) as following:
+        harness.run(0.2)
+        assert following.rate == 0.5
+        harness.end(following)
+
+
 def test_a_pause_holds_on_the_path_and_the_goal_continues(harness: Harness) -> None:
     with harness.goal(FAR, BACK) as execution:
         path = Recorded(harness, execution)
