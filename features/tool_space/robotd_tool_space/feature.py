@@ -18,8 +18,8 @@ FEATURE = Feature(
     open="robotd_tool_space.feature:open_tool_space",
     nodes="robotd_tool_space.tool_nodes:add_tool_nodes",
     attributes={
-        "tool": "robotd_tool_space.robot_tool:only_tool",
-        "tool_groups": "robotd_tool_space.robot_tool:ToolGroups",
+        "tool": "robotd_tool_space.tool_groups:only_tool",
+        "tool_groups": "robotd_tool_space.tool_groups:ToolGroups",
     },
 )
 
@@ -27,7 +27,7 @@ FEATURE = Feature(
 @contextmanager
 def open_tool_space(host: FeatureHost) -> Iterator[object | None]:
     """Return the tools of a robot; None where it has none."""
-    from robotd_tool_space.robot_tool import tool_groups
+    from robotd_tool_space.tool_groups import tool_groups
 
     if not host.robot.tools:
         yield None

@@ -12,8 +12,9 @@ from robotd.api import InvalidArgument, RobotdError, get_logger
 from robotd.api.features import Outcome, TrajectoryExecution
 from robotd_ros.middleware import WorkerActionServer
 from robotd_ros.run_nodes import NodeContext
-from robotd_tool_space.robot_tool import BASE, TOOL, RobotTool, ToolGroups
+from robotd_tool_space.robot_tool import BASE, TOOL, RobotTool
 from robotd_tool_space.ros_poses import fill_pose, pose_of_message
+from robotd_tool_space.tool_groups import ToolGroups
 from robotd_tool_space.tool_motion import ToolMotion
 
 log = get_logger("tool")

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 
 import numpy as np
 
 from robotd.api import (
-    DescriptorError,
     FloatArray,
     InvalidArgument,
     NotReady,
     OperationError,
-    Unsupported,
     did_you_mean,
     get_logger,
     wait_until,
@@ -44,6 +42,7 @@ from robotd_tool_space.tool_motion import (
 log = get_logger("tool")
 
 BASE, TOOL = "base", "tool"
+CUSTOM_TOOL = "custom_tool"  # name of a tool that is not of the robot's file
 MIN_SPEED = 0.01
 POLL_S = 0.01
 
@@ -58,11 +57,16 @@ class RobotTool:
         robot: of the tool.
         group: joint group that moves it.
 
+    Attributes:
+        group: as above.
+        on_change: called when a tool or a work frame was chosen.
+
     Raises Unsupported, DescriptorError: as ``Kinematics.of_descriptor``.
     """
 
     def __init__(self, robot: Robot, group: JointGroup) -> None:
         self.group = group
+        self.on_change: Callable[[], None] = lambda: None
         self._robot = robot
         self._settings = robot.descriptor.settings(ToolSpaceKeys).tool_space
         self._bare = Kinematics.of_descriptor(robot.descriptor, group.name, group.follower.limits)
@@ -83,7 +87,7 @@ class RobotTool:
 
     @property
     def tool_name(self) -> str:
-        """Name of the chosen tool; "" for the link itself."""
+        """Name of the chosen tool; "" for the link itself, ``CUSTOM_TOOL`` after ``set_tool``."""
         return self._tool
 
     @property
@@ -106,6 +110,17 @@ class RobotTool:
         tools = [(self.link, *each) for each in self._settings.tools.items()]
         frames = [(self.base, *each) for each in self._settings.work_frames.items()]
         return [(parent, name, frame.pose) for parent, name, frame in (*tools, *frames)]
+
+    def chosen_frames(self) -> list[tuple[str, str, FloatArray]]:
+        """Return parent, name and pose (4, 4) of the chosen tool and the chosen work frame."""
+        tool = (self.link, self._tool, self.tool_frame)
+        work_frame = (self.base, self._work_frame, self.work_frame)
+        return [each for each in (tool, work_frame) if each[1]]
+
+    @property
+    def tool_frame(self) -> FloatArray:
+        """The chosen tool in its link, (4, 4)."""
+        return inverse_pose(self._bare.chain.end) @ self._kinematics.chain.end
 
     @property
     def kinematics(self) -> Kinematics:
@@ -132,12 +147,19 @@ class RobotTool:
         Raises InvalidArgument: unknown name; NotReady: the joints move.
         """
         self._require_known("tool", name, self.tool_names)
+        self._use_tool(name, self._with_tool(name))
+
+    def set_tool(self, frame: FloatArray) -> None:
+        """Use a tool at ``frame`` (4, 4) in the link until another is chosen; raises as above."""
+        self._use_tool(CUSTOM_TOOL, self._bare.with_tool(frame))
+
+    def _use_tool(self, name: str, kinematics: Kinematics) -> None:
+        _ = kinematics.task  # takes a while: not in the control loop, which begins streams
         with self.group.motion.lock, self._lock:
             self._require_rest(f"tool {name!r}")
-            kinematics = self._with_tool(name)
-            _ = kinematics.task  # takes a while: not in the control loop, which begins streams
             self._kinematics, self._tool = kinematics, name
         log.info("tool chosen", group=self.group.name, tool=name or self.link)
+        self.on_change()
 
     def select_work_frame(self, name: str) -> None:
         """Choose a work frame by its name; "" for the base. Raises as above."""
@@ -146,6 +168,7 @@ class RobotTool:
             self._require_rest(f"work frame {name!r}")
             self._work_frame = name
         log.info("work frame chosen", group=self.group.name, work_frame=name or self.base)
+        self.on_change()
 
     def measured_pose(self, image: ProcessImage | None = None) -> FloatArray | None:
         """Return the measured pose; None while a position is unknown.
@@ -230,6 +253,17 @@ class RobotTool:
         start = self.start()
         target = self.work_frame @ checked_pose(pose)
         goal = self._kinematics.solutions(target, start)[0]
+        return self._plan_joints(start, goal, speed)
+
+    def plan_joints(self, goal: FloatArray, speed: float = 1.0) -> ToolMotion:
+        """Return the motion of all joints together to positions (n,), rad or m.
+
+        Raises InvalidArgument, NotReady; a goal beyond the limits is rejected when it is executed.
+        """
+        _check_speed(speed)
+        return self._plan_joints(self.start(), goal, speed)
+
+    def _plan_joints(self, start: FloatArray, goal: FloatArray, speed: float) -> ToolMotion:
         limits, tool = self.group.follower.limits, self.speed.scaled(speed)
         with self._noted():
             return plan_joint_motion(self._kinematics, limits, start, goal, tool, speed)
@@ -343,52 +377,3 @@ def checked_components(components: dict[str, float]) -> dict[str, float]:
 def _check_speed(speed: float) -> None:
     if not MIN_SPEED <= speed <= 1.0:
         raise InvalidArgument(f"speed is {speed:g}, must be {MIN_SPEED:g} to 1")
-
-
-class ToolGroups(dict[str, RobotTool]):
-    """Tools of a robot by the name of their joint group.
-
-    Raises Unsupported, DescriptorError: none of the groups has a usable chain.
-    """
-
-    def __init__(self, robot: Robot) -> None:
-        super().__init__()
-        self._failed: dict[str, RobotdError] = {}
-        for name, group in robot.groups.items():
-            try:
-                if group.joint_names:
-                    self[name] = RobotTool(robot, group)
-            except (DescriptorError, Unsupported) as error:
-                self._failed[name] = error
-        if not self:
-            none = Unsupported(f"the tool of {robot.descriptor.name}, which has no joints")
-            raise next(reversed(self._failed.values()), none)
-
-    def of(self, group: str = "") -> RobotTool:
-        """Return the tool of a group, "" for the only one.
-
-        Raises InvalidArgument: no such group; DescriptorError, Unsupported: it has no usable chain.
-        """
-        if not group and len(self) == 1:
-            return next(iter(self.values()))
-        if group in self._failed:
-            raise self._failed[group]
-        if group not in self:
-            raise InvalidArgument(f"group {group!r} is none of {', '.join(self)}")
-        return self[group]
-
-
-def tool_groups(robot: Robot) -> ToolGroups | None:
-    """Return ``robot.tool_groups``; None, with a line in the log, where there are none."""
-    try:
-        groups: ToolGroups = robot.attribute("tool_groups")
-    except (DescriptorError, Unsupported) as error:
-        log.warning("no motion of the tool", reason=str(error))
-        return None
-    return groups
-
-
-def only_tool(robot: Robot) -> RobotTool:
-    """Return the tool of the only joint group. Raises InvalidArgument with several groups."""
-    groups: ToolGroups = robot.attribute("tool_groups")
-    return groups.of()

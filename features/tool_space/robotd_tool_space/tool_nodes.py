@@ -14,7 +14,7 @@ from robotd_ros.nodes.latched_topics import publish_if_alive
 from robotd_ros.nodes.tool_pose_topic import fill_transform
 from robotd_ros.qos import LATCHED
 from robotd_ros.run_nodes import NodeContext
-from robotd_tool_space.robot_tool import ToolGroups
+from robotd_tool_space.tool_groups import ToolGroups
 
 log = get_logger("tool")
 
@@ -35,7 +35,7 @@ def add_tool_nodes(context: NodeContext, tools: ToolGroups) -> Iterator[None]:
         yield
         return
     frames = FrameTopics(context, tools)
-    ToolServices(context, tools, frames.publish)
+    ToolServices(context, tools)
     MoveToolAction(context, tools)
     frames.publish()
     yield
@@ -44,7 +44,7 @@ def add_tool_nodes(context: NodeContext, tools: ToolGroups) -> Iterator[None]:
 class FrameTopics:
     """Frames of the robot's file as static transforms, the chosen ones on a topic.
 
-    Any thread may call ``publish``.
+    Any thread may call ``publish``, as each choice of a tool does.
     """
 
     def __init__(self, context: NodeContext, tools: ToolGroups) -> None:
@@ -59,14 +59,15 @@ class FrameTopics:
         ]
         if named:
             self._static.publish(TFMessage(transforms=named))
+        for tool in tools.values():
+            tool.on_change = self.publish
 
     def publish(self) -> None:
         """Publish the tool and the work frame in force, of each group."""
         chosen = [
             self._transform(parent, name, pose)
             for tool in self._tools.values()
-            for parent, name, pose in tool.named_frames()
-            if name in (tool.tool_name, tool.work_frame_name)
+            for parent, name, pose in tool.chosen_frames()
         ]
         publish_if_alive(self._chosen, TFMessage(transforms=chosen))
 

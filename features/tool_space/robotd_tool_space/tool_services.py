@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,24 +11,17 @@ from sensor_msgs.msg import JointState
 from robotd.api import FloatArray, InvalidArgument
 from robotd_ros.run_nodes import NodeContext
 from robotd_ros.services import add_service
-from robotd_tool_space.robot_tool import RobotTool, ToolGroups
+from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.ros_poses import fill_pose, pose_of_message
 from robotd_tool_space.rotations import inverse_pose
+from robotd_tool_space.tool_groups import ToolGroups
 
 
 class ToolServices:
-    """Services ``compute_ik``, ``compute_fk``, ``set_tool`` and ``set_work_frame``.
+    """Services ``compute_ik``, ``compute_fk``, ``set_tool`` and ``set_work_frame``."""
 
-    Args:
-        context: of the nodes.
-        tools: of the robot.
-        on_change: called when a frame was chosen.
-    """
-
-    def __init__(
-        self, context: NodeContext, tools: ToolGroups, on_change: Callable[[], None]
-    ) -> None:
-        self._tools, self._on_change = tools, on_change
+    def __init__(self, context: NodeContext, tools: ToolGroups) -> None:
+        self._tools = tools
         self._robot = context.robot
         node, host = context.operator, context.host
         add_service(node, host, ComputeIk, "~/compute_ik", self._compute_ik)
@@ -80,13 +72,11 @@ class ToolServices:
     def _set_tool(self, request: Any, response: Any) -> str:
         tool = self._tools.of(request.group)
         tool.select_tool(request.name)
-        self._on_change()
         return f"tool {request.name or tool.link}"
 
     def _set_work_frame(self, request: Any, response: Any) -> str:
         tool = self._tools.of(request.group)
         tool.select_work_frame(request.name)
-        self._on_change()
         return f"work frame {request.name or tool.base}"
 
 

@@ -20,7 +20,8 @@ from robotd.api.features import JointLimits
 from robotd.clock.simulated import SteppedClock
 from robotd.robot import build_robot
 from robotd_tool_space import Kinematics, Unreachable, pose_differences, pose_of
-from robotd_tool_space.robot_tool import RobotTool, ToolGroups
+from robotd_tool_space.robot_tool import CUSTOM_TOOL, RobotTool
+from robotd_tool_space.tool_groups import ToolGroups
 from robotd_tool_space.tool_motion import plan_joint_motion
 
 BENT = np.array([0.0, 0.3, 1.4, -0.2, 1.2, 0.0])
@@ -114,10 +115,31 @@ def test_frames_are_chosen_by_name_and_only_at_rest(robot: Robot, tool: RobotToo
             tool.plan_lines([bare])
         tool.wait(execution)
     assert tool.tool_name == "tip"
+    assert [name for _, name, _ in tool.chosen_frames()] == ["tip", "table"]
     tool.select_tool("")
     tool.select_work_frame("")
     moved = pose_differences(bare, tool.pose)
     assert moved[1] == pytest.approx(0.05, abs=1e-5), "x of the table is y of the base"
+
+
+def test_a_tool_that_is_not_in_the_file(tool: RobotTool) -> None:
+    bare, frame = tool.pose, pose_of([0.01, 0.02, 0.1], [0.1, 0.2, 0.3])
+    seen: list[str] = []
+    tool.on_change = lambda: seen.append(tool.tool_name)
+    tool.set_tool(frame)
+    assert tool.pose == pytest.approx(bare @ frame)
+    assert tool.tool_frame == pytest.approx(frame)
+    assert [name for _, name, _ in tool.chosen_frames()] == seen == [CUSTOM_TOOL]
+    with pytest.raises(InvalidArgument, match="tool has a number that is not finite"):
+        tool.set_tool(np.full((4, 4), np.nan))
+    tool.select_tool("tip")
+    assert tool.tool_frame == pytest.approx(pose_of([0.0, 0.0, 0.15]))
+
+
+def test_joints_move_together(tool: RobotTool) -> None:
+    goal = BENT + 0.1
+    tool.execute(tool.plan_joints(goal))
+    assert tool.start() == pytest.approx(goal)
 
 
 def test_a_stop_ends_the_motion_on_the_line(robot: Robot, tool: RobotTool) -> None:
