@@ -40,6 +40,7 @@ def add_service(
     *,
     blocking: bool = True,
     urgent: bool = False,
+    on_arrival: Callable[[Any], Any] = lambda request: request,
 ) -> Service:
     """Create a service that always answers.
 
@@ -55,6 +56,8 @@ def add_service(
         blocking: True runs the handler in a worker, several at a time, so it guards what it
             shares; False runs it in the executor thread, for handlers that only read memory.
         urgent: a blocking handler that must not wait behind others, such as a stop.
+        on_arrival: called in the executor thread with each request, in the order of all that
+            arrive; what it returns is handed to a blocking handler as the request.
     """
     service = node.create_service(
         service_type, name, lambda request, _: request, qos_profile=SERVICE
@@ -72,7 +75,7 @@ def add_service(
                 responses.send(_answer(service_type, name, handler, request), header)
                 return
             try:
-                host.submit(answer, request, header, urgent=urgent)
+                host.submit(answer, on_arrival(request), header, urgent=urgent)
             except RobotdError as error:
                 responses.send(_rejection(service_type, name, str(error)), header)
 

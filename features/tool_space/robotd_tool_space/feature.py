@@ -38,10 +38,22 @@ def open_tool_space(host: FeatureHost) -> Iterator[object | None]:
 
 @hookimpl
 def robotd_register_nodes(registry: NodeRegistry) -> None:
-    """Add ``servo_node``."""
+    """Add the nodes that a robot lists to have them."""
     registry.add(
         "servo_node",
         "robotd_tool_space.servo_node:ServoNode",
         summary="motion of the tool on topics: twists and poses, as MoveIt Servo takes them",
         parameters="robotd_tool_space.servo_settings:read_servo",
+    )
+    registry.add(
+        "wmx_robot_option_node",
+        "robotd_tool_space.r2_node:WmxRobotOptionNode",
+        summary="motion of the whole robot by services, as WMX R2 has it",
+        parameters="robotd_tool_space.r2_settings:read_robot_option",
+    )
+    registry.add(
+        "axis_reference_node",
+        "robotd_tool_space.axis_reference_node:AxisReferenceNode",
+        summary="references of axes by the service of WMX R2",
+        parameters="robotd.plugin.parameter_reader:no_parameters",
     )

@@ -1,0 +1,186 @@
+"""Motion of an arm as WMX R2 has it: one at a time, begun by a call and judged by its state."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import Any, NamedTuple
+
+from robotd.api import InvalidArgument, NotReady, RobotdError, get_logger, wait_until
+from robotd.api.features import ProcessImage, Robot, TrajectoryExecution
+from robotd.control.interruptions import Interruption
+from robotd_tool_space.r2_state import (
+    NO_FAULT,
+    R2Error,
+    R2Fault,
+    R2State,
+    drive_fault,
+    is_moved,
+    motion_fault,
+    moving_state,
+)
+from robotd_tool_space.robot_tool import MIN_SPEED, RobotTool
+from robotd_tool_space.tool_motion import ToolMotion
+
+log = get_logger("tool")
+
+END_TIMEOUT_S = 2.0  # of a motion, to be known after an e-stop
+E_STOP = "by the service wmx/robot/e_stop"  # reason of the stop that release_e_stop resets
+
+
+class Arrival(NamedTuple):
+    """Request with its place among all requests; a later stop keeps it from moving anything."""
+
+    request: Any
+    ticket: int
+    interruptions: list[Interruption]
+
+
+class _Running(NamedTuple):
+    execution: TrajectoryExecution
+    is_line: bool
+
+
+class R2Motion:
+    """Starts, stops and overrides the motion of an arm, and has its state.
+
+    Any worker thread may call; ``arrive`` and ``state`` are for the executor thread.
+
+    Args:
+        robot: of the arm.
+        tool: that moves.
+        run_in_worker: runs a function with arguments that waits.
+    """
+
+    def __init__(self, robot: Robot, tool: RobotTool, run_in_worker: Callable[..., None]) -> None:
+        self._robot, self._tool, self._run_in_worker = robot, tool, run_in_worker
+        self._axes, self._names = tool.group.joint_axes, tool.group.joint_names
+        self._interruptions = robot.rearming.interruptions
+        self._running: _Running | None = None
+        self._fault: R2Fault | None = None  # of the last motion, until it is cleared
+        self._lock = threading.Lock()
+
+    @property
+    def moves(self) -> bool:
+        """Something commands the joints."""
+        return self._running is not None or is_moved(self._robot.image, self._axes)
+
+    def arrive(self, request: Any) -> Arrival:
+        """Note that a request for motion has arrived."""
+        return Arrival(request, self._tool.group.motion.ticket(), self._newest())
+
+    def start(self, plan: Callable[[], ToolMotion], arrival: Arrival, *, is_line: bool) -> str:
+        """Plan a motion and begin it; return its duration as text.
+
+        Raises NotReady: motion is stopped, or was since the arrival, the last motion ended with a
+            fault, or the joints cannot be commanded; and what ``plan`` raises. Nothing moves.
+        """
+        self._robot.axes.stop_latch.check()
+        if self._fault is not None:
+            raise NotReady(f"the last motion failed ({self._fault.text}): clear_motion_error first")
+        motion = plan()
+        self._require_current(arrival)
+        stack = ExitStack()
+        running = _Running(stack.enter_context(self._tool.follow(motion, arrival.ticket)), is_line)
+        try:
+            self._require_current(arrival)  # a stop that did not find it yet
+            with self._lock:
+                self._running = running
+            self._run_in_worker(self._attend, running, stack)
+        except RobotdError:
+            stack.close()
+            self._forget(running)
+            raise
+        return f"begun; it takes {motion.duration_s:.2f} s at full speed"
+
+    def stop(self) -> None:
+        """Bring the joints to rest, whatever moves them; on the path where they have one."""
+        self._interruptions.add(self._axes, "stopped by wmx/robot/stop_motion")
+        if not self._tool.group.motion.cancel():
+            self._robot.axes.stop(self._axes)
+
+    def e_stop(self) -> None:
+        """Stop all motion of the robot, these joints by the quick stop of their drives."""
+        latch = self._robot.axes.stop_latch
+        latch.check_commandable()
+        latch.engage(E_STOP)
+        self._robot.axes.quick_stop(self._axes)
+
+    def release_e_stop(self) -> str:
+        """Allow motion after ``e_stop``; nothing moves.
+
+        Raises NotReady: something else has stopped the robot; DeviceTimeout: axes still move.
+        """
+        latch = self._robot.axes.stop_latch
+        if not latch.reason:
+            return "no e-stop is active"
+        if latch.reason != E_STOP:
+            raise NotReady(latch.rejection)
+        # Its end is no error: it has to be known before motion is allowed again.
+        wait_until(lambda: self._running is None, END_TIMEOUT_S, self._robot.clock)
+        return self._robot.reset()
+
+    def clear_error(self) -> str:
+        """Forget the fault of the last motion.
+
+        Raises NotReady: the robot is stopped, or a drive has a fault.
+        """
+        if rejection := self._robot.axes.stop_latch.rejection:
+            raise NotReady(rejection)
+        if fault := drive_fault(self._robot.image.copy(), self._axes):
+            name = self._names[fault.joint]
+            raise NotReady(f"{name}: {fault.text}; clear it by wmx/axis/clear_alarm")
+        self._fault = None
+        return "no error"
+
+    def override(self, **ratios: float) -> None:
+        """Scale the speed of the motion that runs by ``vel_ratio``, see ``override_speed``.
+
+        Raises InvalidArgument: a ratio is outside 0.01 to 1; NotReady: none runs; Unsupported.
+        """
+        for name, ratio in ratios.items():
+            if not MIN_SPEED <= ratio <= 1.0:
+                raise InvalidArgument(f"{name} is {ratio:g}, must be {MIN_SPEED:g} to 1")
+        if (running := self._running) is None:
+            raise NotReady("no motion of wmx/robot/start_motion runs")
+        running.execution.override_speed(ratios["vel_ratio"])
+
+    def state(self, image: ProcessImage) -> tuple[R2State, R2Fault]:
+        """Return the state of motion and the reason of an error; ``image`` is a copy."""
+        running = self._running
+        moved = running is not None or is_moved(image, self._axes)
+        if reason := self._robot.axes.stop_latch.reason:
+            code = R2Error.USER_E_STOP if reason == E_STOP else R2Error.SYSTEM_E_STOP
+            return R2State.E_STOPPING if moved else R2State.E_STOPPED, R2Fault(code, -1, reason)
+        fault = self._fault or drive_fault(image, self._axes)
+        if running is not None:
+            state = moving_state(running.execution, is_line=running.is_line)
+        elif moved:
+            state = R2State.JOINTS
+        else:
+            state = R2State.ERROR if fault else R2State.IDLE
+        return state, fault or NO_FAULT
+
+    def _attend(self, running: _Running, stack: ExitStack) -> None:
+        """Worker thread: wait for the end of a motion, and release the joints."""
+        with stack:
+            running.execution.wait()
+            image = self._robot.image.copy()
+            if not self._robot.axes.stop_latch.reason:
+                self._fault = motion_fault(running.execution, image, self._axes, self._names)
+        self._forget(running)
+        word = running.execution.outcome.name.lower() if running.execution.outcome else "unknown"
+        log.info("motion ended", outcome=word, reason=running.execution.message)
+
+    def _forget(self, running: _Running) -> None:
+        with self._lock:  # a newer one may have begun
+            if self._running is running:
+                self._running = None
+
+    def _newest(self) -> list[Interruption]:
+        return self._interruptions.newest(self._axes, in_mode=True, follows_speed=True)
+
+    def _require_current(self, arrival: Arrival) -> None:
+        if self._newest() != arrival.interruptions:
+            raise NotReady("motion was stopped before this one began")

@@ -1,0 +1,136 @@
+"""wmx_robot_option_node: motion of the whole robot by the services of WMX R2."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rclpy.node import Node
+from wmx_r2_message.srv import (
+    RobotGetCoordinate,
+    RobotId,
+    RobotOverrideVelocityByRatio,
+    RobotSetCoordinate,
+    RobotSetRobotParam,
+    RobotStartMotion,
+)
+
+from robotd.api import InvalidArgument, NotReady
+from robotd.api.features import Robot
+from robotd_ros.api import RosHost, add_service, read_settings
+from robotd_tool_space.r2_motion import Arrival, R2Motion
+from robotd_tool_space.r2_request import LINE, planned
+from robotd_tool_space.r2_settings import read_robot_option
+from robotd_tool_space.r2_status import R2StatusTopic
+from robotd_tool_space.r2_units import fill_r2_pose, pose_of_r2
+from robotd_tool_space.robot_tool import RobotTool
+
+NAME = "wmx_robot_option_node"
+PREFIX = "wmx/robot/"
+
+
+class WmxRobotOptionNode(Node):
+    """Services of one robot, which is a joint group with a tool, and its status.
+
+    A service answers when its request is carried out or has begun; the end of a motion shows in
+    the status.
+
+    Raises:
+        DescriptorError: a parameter is wrong, or the URDF has no chain to the tool.
+        Unsupported: the robot has no URDF.
+    """
+
+    def __init__(self, robot: Robot, host: RosHost) -> None:
+        super().__init__(NAME, context=host.context)
+        settings = read_settings(self, robot.descriptor, read_robot_option)
+        self._descriptor, self._id = robot.descriptor, settings.robot_id
+        self._tool: RobotTool = robot.attribute("tool_groups").of(settings.group)
+        _ = self._tool.kinematics.task  # takes a while: not at the first request
+        self._motion = R2Motion(robot, self._tool, host.submit)
+        self._status = R2StatusTopic(self, robot, self._tool, self._motion, settings)
+        for service_type, name, handler in (
+            (RobotSetRobotParam, "set_robot_param", self._register),
+            (RobotId, "release_robot", self._release),
+            (RobotId, "clear_motion_error", self._clear_error),
+            (RobotId, "release_e_stop", self._release_e_stop),
+            (RobotOverrideVelocityByRatio, "override_velocity_by_ratio", self._override),
+            (RobotSetCoordinate, "set_tool_coordinate", self._set_tool),
+            (RobotGetCoordinate, "get_tool_coordinate", self._get_tool),
+        ):
+            add_service(self, host, service_type, f"{PREFIX}{name}", handler)
+        start, arrive = f"{PREFIX}start_motion", self._motion.arrive
+        add_service(self, host, RobotStartMotion, start, self._start, on_arrival=arrive)
+        add_service(self, host, RobotId, f"{PREFIX}stop_motion", self._stop, urgent=True)
+        add_service(self, host, RobotId, f"{PREFIX}e_stop", self._e_stop, urgent=True)
+
+    def _register(self, request: Any, response: Any) -> str:
+        """Take the robot up again; its model is that of the descriptor."""
+        if request.param_file:
+            if Path(request.param_file) != self._descriptor.urdf:
+                raise InvalidArgument(
+                    f"param_file {request.param_file!r}: the model of {self._descriptor.name} is"
+                    f" that of its robot.yaml; leave it empty, or name {self._descriptor.urdf}"
+                )
+            self._check_id(request.robot_id)
+        self._status.is_active = True
+        response.robot_id, response.num_joints = self._id, len(self._tool.group.joint_names)
+        return f"robot {self._descriptor.name} has the id {self._id}"
+
+    def _release(self, request: Any, response: Any) -> str:
+        self._require(request.robot_id)
+        if self._motion.moves:
+            raise NotReady("the robot moves: stop_motion first")
+        self._status.is_active = False
+        return "released; set_robot_param takes it up again"
+
+    def _start(self, arrival: Arrival, response: Any) -> str:
+        request = arrival.request
+        self._require(request.robot_id)
+        is_line = request.path == LINE
+        return self._motion.start(lambda: planned(self._tool, request), arrival, is_line=is_line)
+
+    def _stop(self, request: Any, response: Any) -> str:
+        """Also of a robot that was released: something else may move it."""
+        self._check_id(request.robot_id)
+        self._motion.stop()
+        return "stopping"
+
+    def _e_stop(self, request: Any, response: Any) -> str:
+        """As ``_stop``."""
+        self._check_id(request.robot_id)
+        self._motion.e_stop()
+        return "all motion is stopped until release_e_stop"
+
+    def _release_e_stop(self, request: Any, response: Any) -> str:
+        self._require(request.robot_id)
+        return self._motion.release_e_stop()
+
+    def _clear_error(self, request: Any, response: Any) -> str:
+        self._require(request.robot_id)
+        return self._motion.clear_error()
+
+    def _override(self, request: Any, response: Any) -> str:
+        self._require(request.robot_id)
+        self._motion.override(
+            vel_ratio=request.vel_ratio, acc_ratio=request.acc_ratio, dec_ratio=request.dec_ratio
+        )
+        return f"{100.0 * request.vel_ratio:g} % until the motion ends; accelerations follow"
+
+    def _set_tool(self, request: Any, response: Any) -> str:
+        self._require(request.robot_id)
+        self._tool.set_tool(pose_of_r2(request.pose))
+        return f"tool set in {self._tool.link}"
+
+    def _get_tool(self, request: Any, response: Any) -> str:
+        self._require(request.robot_id)
+        fill_r2_pose(response.pose, self._tool.tool_frame)
+        return self._tool.tool_name or self._tool.link
+
+    def _require(self, robot_id: int) -> None:
+        self._check_id(robot_id)
+        if not self._status.is_active:
+            raise NotReady("no robot is registered: set_robot_param first")
+
+    def _check_id(self, robot_id: int) -> None:
+        if robot_id != self._id:
+            raise InvalidArgument(f"robot_id is {robot_id}, this node serves {self._id}")
