@@ -127,6 +127,30 @@ def test_blocking_handlers_hold_up_neither_others_nor_urgent_ones(
     assert all(answer().success for answer in blocked)
 
 
+def test_an_arrival_is_noted_while_all_workers_are_busy(
+    host: RosHost, server: Node, caller: Caller
+) -> None:
+    release, arrived = threading.Event(), []
+    all_arrived = threading.Event()
+
+    def note(_: Any) -> int:
+        arrived.append(threading.current_thread().name)
+        if len(arrived) == 3:  # more than there are workers
+            all_arrived.set()
+        return len(arrived)
+
+    def block(number: int, response: Any) -> str:
+        release.wait(WAIT_S)
+        return f"request {number}"
+
+    add_service(server, host, Trigger, "noted", block, on_arrival=note)
+    answers = [caller.send(Trigger, "noted") for _ in range(3)]
+    assert all_arrived.wait(WAIT_S)
+    release.set()
+    assert {answer().message for answer in answers} == {"request 1", "request 2", "request 3"}
+    assert set(arrived) == {"robotd-ros"}
+
+
 @pytest.mark.parametrize("blocking", [True, False])
 def test_every_handler_is_answered(
     host: RosHost, server: Node, caller: Caller, blocking: bool

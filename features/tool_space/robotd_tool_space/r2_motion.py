@@ -80,9 +80,12 @@ class R2Motion:
         if self._fault is not None:
             raise NotReady(f"the last motion failed ({self._fault.text}): clear_motion_error first")
         motion = plan()
-        self._require_current(arrival)
         stack = ExitStack()
-        running = _Running(stack.enter_context(self._tool.follow(motion, arrival.ticket)), is_line)
+        with self._tool.group.motion.lock:
+            self._tool.start()  # no other motion has begun meanwhile: it would be taken over
+            self._require_current(arrival)
+            execution = stack.enter_context(self._tool.follow(motion, arrival.ticket))
+        running = _Running(execution, is_line)
         try:
             self._require_current(arrival)  # a stop that did not find it yet
             with self._lock:
