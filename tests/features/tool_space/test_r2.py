@@ -14,12 +14,13 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from robotd import Robot, open_robot
-from robotd.api import InvalidArgument, NotReady
+from robotd.api import InvalidArgument, NotReady, wait_until
 from robotd.clock.simulated import SteppedClock
 from robotd_tool_space.r2_motion import E_STOP, R2Motion
 from robotd_tool_space.r2_state import R2Error, R2State
 from robotd_tool_space.r2_units import fill_r2_pose, joints_of_r2, pose_of_r2, r2_factors
 from robotd_tool_space.robot_tool import RobotTool
+from robotd_tool_space.tool_motion import ToolMotion
 
 BENT = np.array([0.0, 0.3, 1.4, -0.2, 1.2, 0.0])
 FAR = np.array([-1.5, *BENT[1:]])
@@ -85,7 +86,8 @@ class Arm:
         self.motion.start(lambda: self.tool.plan_joints(goal), arrival, is_line=False)
 
     def end(self) -> None:
-        """Let the motion that runs end."""
+        """Run until the joints are at rest, and end what has waited for that."""
+        assert wait_until(lambda: not self.tool.group.motion.moving, 60.0, self.robot.clock)
         while self._waiting:
             self._waiting.pop()()
 
@@ -115,7 +117,6 @@ def test_states_of_a_motion_that_is_stopped(arm: Arm) -> None:
     arm.motion.stop()
     arm.run(0.02)
     assert arm.state[0] == R2State.STOPPING_JOINTS
-    arm.run(2.0)
     arm.end()
     assert arm.state == (R2State.IDLE, R2Error.NONE, -1)
 
@@ -124,7 +125,6 @@ def test_a_fault_is_kept_until_it_is_cleared(arm: Arm) -> None:
     arm.start()
     arm.run(0.3)
     arm.robot.fault_injector.trip(2, 0x2310)
-    arm.run(2.0)
     arm.end()
     failed = (R2State.ERROR, R2Error.AMPLIFIER, 2)
     assert arm.state == failed
@@ -155,7 +155,6 @@ def test_the_reason_of_a_failed_motion(
     arm.start()
     arm.run(0.3)
     disturb(arm.robot)
-    arm.run(4.0)
     arm.end()
     assert arm.state == (R2State.ERROR, code, 0)
 
@@ -166,13 +165,11 @@ def test_an_e_stop_is_faster_than_a_stop_and_no_error_behind_it(arm: Arm) -> Non
         arm.run(0.8)
         began = arm.position[0]
         stop()
-        arm.run(3.0)
         arm.end()
         return abs(arm.position[0] - began)
 
     on_the_path = way(arm.motion.stop)
     arm.start(BENT)
-    arm.run(5.0)
     arm.end()
     assert way(arm.motion.e_stop) < on_the_path
     assert arm.state == (R2State.E_STOPPED, R2Error.USER_E_STOP, -1)
@@ -180,6 +177,20 @@ def test_an_e_stop_is_faster_than_a_stop_and_no_error_behind_it(arm: Arm) -> Non
         arm.start()
     arm.motion.release_e_stop()
     assert arm.state == (R2State.IDLE, R2Error.NONE, -1)
+
+
+def test_a_request_does_not_take_over_from_one_that_began_while_it_was_planned(arm: Arm) -> None:
+    first, second = arm.motion.arrive(None), arm.motion.arrive(None)
+
+    def plan() -> ToolMotion:
+        motion = arm.tool.plan_joints(BENT)
+        arm.motion.start(lambda: arm.tool.plan_joints(FAR), first, is_line=False)
+        return motion
+
+    with pytest.raises(NotReady, match="the joints move"):
+        arm.motion.start(plan, second, is_line=False)
+    arm.end()
+    assert arm.position[:6] == pytest.approx(FAR)
 
 
 @pytest.mark.parametrize("by", ["client", "operator"])
