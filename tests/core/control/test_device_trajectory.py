@@ -17,7 +17,7 @@ from robotd.control.trajectory_execution import Outcome, PlannedGoal, Trajectory
 from robotd.descriptor.model import TrajectorySettings
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation
-from robotd.errors import OperationError
+from robotd.errors import OperationError, Unsupported
 from robotd.motion import (
     JointLimits,
     JointTolerance,
@@ -104,10 +104,12 @@ def test_sends_the_points_and_succeeds_when_the_device_has_arrived() -> None:
     assert not harness.called("stop")
 
 
-def test_never_streams() -> None:
+def test_never_streams_nor_scales_its_speed() -> None:
     harness = Harness()
     harness.axes.stream = lambda position, velocity: pytest.fail("streamed")  # type: ignore[method-assign]
     execution = harness.run()
+    with pytest.raises(Unsupported, match="another speed of a running trajectory"):
+        execution.override_speed(0.5)
     harness.slot.release()  # ends the execution's thread
     assert execution.done
 
