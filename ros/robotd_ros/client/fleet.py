@@ -124,22 +124,24 @@ def read_summary(text: str) -> FleetRobot | None:
         return None
 
 
-def find_robots(client: RosClient, settle_s: float = 0.0) -> tuple[FleetRobot, ...]:
-    """Return all robots of the ROS domain, by namespace and name.
+def find_robots(client: RosClient, settle_s: float = 0.0) -> tuple[tuple[FleetRobot, ...], bool]:
+    """Return all robots of the ROS domain, by namespace and name, and whether that is sure.
+
+    It is not where the client's time-out ends before discovery, or before a robot has answered.
 
     Args:
         client: its own namespace does not matter.
-        settle_s: time for the discovery of what runs, where the client is new; its own time-out
-            where nothing is found by then.
+        settle_s: where the client is new: discovery has ended when it finds nothing new for so
+            long; the time-out where nothing is found by then.
     """
     fleet = Fleet(client)
-    began_s = time.monotonic()
-    settled_s = began_s + settle_s
+    deadline_s = time.monotonic() + client.timeout_s
     try:
-        while (now_s := time.monotonic()) < max(settled_s, began_s + client.timeout_s):
+        is_settled = client.settle(settle_s, fleet.update)
+        while time.monotonic() < deadline_s:
             fleet.update()
-            if now_s >= settled_s and fleet.is_complete and (fleet.robots or not settle_s):
+            if fleet.is_complete and (fleet.robots or not settle_s):
                 break
-        return fleet.robots
+        return fleet.robots, is_settled and fleet.is_complete
     finally:
         fleet.close()

@@ -88,13 +88,12 @@ def find_arm(client: RosClient, joints: Collection[str], action: str | None = No
     """
     with client.listen(JointState, JOINT_STATES) as joint_states:
         name, node = _find_action(client, action)
-        settled_s = time.monotonic() + _SETTLE_S
         # Other servers may have neither.
         count, units = client.parameters(node, ["joint_number", "joint_units"]) or (None, None)
         groups = _groups(client, node)
         names = joint_states.wait().name[:count]
         if action is None:
-            _check_only_one(client, settled_s, groups)
+            _check_only_one(client, groups)
         positions = dict(zip(names, joint_states.newest.position, strict=False))
         unit_of = dict(zip(names, units or (), strict=False))
         if groups:
@@ -251,13 +250,12 @@ def _has_base(client: RosClient) -> bool:
     return any(name in BASE_NODES and place == own for name, place in nodes)
 
 
-def _check_only_one(client: RosClient, settled_s: float, groups: Groups) -> None:
-    """Raise OperationError for several arms, after the time that discovery takes.
+def _check_only_one(client: RosClient, groups: Groups) -> None:
+    """Raise OperationError for several arms, when discovery has ended.
 
     The actions of ``groups`` are one arm.
     """
-    while time.monotonic() < settled_s:
-        client.spin()
+    client.settle(_SETTLE_S)
     servers = [each for each in action_servers(client.node) if each[0] not in groups]
     if groups:
         servers += [(", ".join(groups), "joint groups of one robot")]

@@ -33,6 +33,23 @@ MAY_HAVE_ACTED = "the robot may have done it, and the answer was lost or is late
 _TICK_S = 0.02  # the longest that a signal or a newly discovered process waits
 
 
+class Discovery:
+    """Tells when a node has discovered what runs.
+
+    On a busy computer, and of many robots, it finds one after the other, nodes before their topics.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node, self._changed_s, self._known = node, time.monotonic(), (0, 0)
+
+    def quiet_s(self) -> float:
+        """Return for how long no node or topic has come or gone; to be called again and again."""
+        found = len(self._node.get_node_names()), len(self._node.get_topic_names_and_types())
+        if found != self._known:
+            self._changed_s, self._known = time.monotonic(), found
+        return time.monotonic() - self._changed_s
+
+
 class RosClient:
     """ROS node that calls services and waits for messages, from ``start`` to ``close``.
 
@@ -111,6 +128,19 @@ class RosClient:
                 raise DeviceTimeout(self._missing(what, timeout_s, hint))
             self.spin()
         return answer
+
+    def settle(self, quiet_s: float, handle: Callable[[], None] | None = None) -> bool:
+        """Wait until discovery finds nothing new for ``quiet_s``; False: not within the time-out.
+
+        ``handle`` handles the next event; None: ``spin``.
+        """
+        discovery = Discovery(self.node)
+        deadline_s = time.monotonic() + self.timeout_s
+        while discovery.quiet_s() < quiet_s:
+            if time.monotonic() > deadline_s:
+                return False
+            (handle or self.spin)()
+        return True
 
     def spin(self) -> None:
         """Handle the next event, or wait 20 ms for one."""

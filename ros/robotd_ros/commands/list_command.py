@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from robotd.cli.layout import columns, warning
+from robotd.cli.layout import columns, warn, warning
 from robotd.cli.options import as_json
 from robotd.cli.preflight import import_ros
 from robotd.stop_signals import Interrupt
@@ -42,7 +42,9 @@ def list_robots(timeout_s: float, *, as_json: bool, watch: bool) -> None:
         if watch:
             _watch(fleet.Fleet(client))
             return
-        robots = fleet.find_robots(client, SETTLE_S)
+        robots, is_sure = fleet.find_robots(client, SETTLE_S)
+    if not is_sure:
+        warn(f"after {timeout_s:g} s robots are still being discovered: give a longer --timeout")
     if as_json:
         click.echo(json.dumps([robot.json for robot in robots], indent=2))
     elif robots:

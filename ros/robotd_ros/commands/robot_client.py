@@ -62,12 +62,12 @@ def robot_client(timeout_s: float, *, searches: bool = False) -> Iterator[RosCli
 def _running_robots(client: RosClient) -> str:
     """Return which robots run, and how to choose one; "" where none does."""
     own = client.node.get_namespace()
+    found, _ = import_ros("robotd_ros.client.fleet").find_robots(client)
     lines = [
         f"{robot.text} runs here, and does not offer this"
         if robot.namespace == own
         else f"{robot.text} runs: add --ros-args -r __ns:={robot.namespace}"
-        for found in import_ros("robotd_ros.client.fleet").find_robots(client)
-        for robot in [found.identity]
+        for robot in (each.identity for each in found)
     ]
     return "".join(f"\n  {line}" for line in lines)
 

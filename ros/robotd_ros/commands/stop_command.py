@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # it needs rclpy
     from robotd_ros.client.stop_request import StopRequest
 
 FIRST_REPORT_S, REPORT_INTERVAL_S = 1.0, 2.0
-SETTLE_S = 2.0  # for the discovery of all robots, while those that are known are stopped
+SETTLE_S = 2.0  # without a new discovery, while the robots that are known are stopped
 
 
 @click.command("stop", epilog=ROS_EPILOG)
@@ -67,7 +67,8 @@ def _stop_all(client: RosClient) -> ExitCode:
     fleet: Fleet = import_ros("robotd_ros.client.fleet").Fleet(client)
     make_request = import_ros("robotd_ros.client.stop_request").StopRequest
     requests: dict[str, StopRequest] = {}
-    began_s, progress = time.monotonic(), _Progress(client.timeout_s)
+    discovery = import_ros("robotd_ros.client.ros_client").Discovery(client.node)
+    progress = _Progress(client.timeout_s)
     while not progress.is_over:
         fleet.update()
         for robot in fleet.robots:
@@ -78,7 +79,7 @@ def _stop_all(client: RosClient) -> ExitCode:
             if not request.is_done:
                 request.advance()
         waiting = [name for name, request in requests.items() if not request.is_done]
-        is_settled = time.monotonic() - began_s > SETTLE_S
+        is_settled = discovery.quiet_s() > SETTLE_S
         if requests and not waiting and is_settled and fleet.is_complete:
             break
         names = ", ".join(waiting) or "no robot found yet"
