@@ -15,6 +15,7 @@ from robotd.descriptor.section import Problem as SectionProblem
 from robotd.descriptor.urdf import UrdfJoint, UrdfRobot, read_urdf, transform_numbers
 from robotd.descriptor.urdf.urdf_model import frame
 from robotd.device.process_image import FLAGS, NUMBERS, VALUES, ProcessImage
+from robotd.device.speed_limit import SpeedLimit
 from robotd.device.tool_pose import tool_link
 from robotd.errors import InvalidArgument, OperationError, RobotdError
 from robotd.events import Event, EventKind, Level
@@ -53,6 +54,7 @@ __all__ = [
     "RobotdError",
     "Section",
     "SectionProblem",
+    "SpeedLimit",
     "Tap",
     "TrajectoryExecution",
     "TrajectoryRequest",

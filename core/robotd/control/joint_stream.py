@@ -30,6 +30,7 @@ from robotd.control.stream_setpoints import (
 )
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes
+from robotd.device.speed_limit import SpeedLimit
 from robotd.device.state import CommandMode
 from robotd.errors import InvalidArgument, Unsupported
 from robotd.motion import JointLimits, MotionState
@@ -321,6 +322,7 @@ class JointStreams:
         clock: of the control loop.
         backend: name, for errors.
         rearming: of the robot.
+        speed_limit: of the group.
     """
 
     def __init__(
@@ -332,6 +334,7 @@ class JointStreams:
         clock: Clock,
         backend: str,
         rearming: Rearming,
+        speed_limit: SpeedLimit,
     ) -> None:
         self._motion, self._axes, self._limits = motion, axes, limits
         self._settings, self._clock, self._backend = descriptor.stream, clock, backend
@@ -346,6 +349,7 @@ class JointStreams:
             buffer_s=axes.stream_buffer_s,
             stopped_velocity=limits.stopped_velocity(descriptor.trajectory),
             speed=axes.speed,
+            speed_limit=speed_limit,
         )
 
     def __call__(

@@ -11,12 +11,49 @@ import math
 import numpy as np
 
 from robotd.arrays import FloatArray
+from robotd.device.speed_limit import SpeedLimit
 from robotd.device.speed_scale import SpeedScale
-from robotd.motion import JointLimits
+from robotd.motion import JointLimits, Trajectory
 
 MAX_SLOPE = 2.0  # 1/s, for the operator: 100 % to standstill in half a second, limits permitting
 MIN_SHARE = 0.2  # of an acceleration limit, for a path that uses all of it by itself
 MIN_SPEED = 1e-9  # rad/s; slower joints count as standing
+BRAKE_SHARE = 0.5  # of the accelerations, to slow down before a faster part of the path
+MIN_BRAKE, MAX_BRAKE = 0.5, 10.0  # 1/s
+SAMPLES = 9  # of the path ahead; densest at its beginning
+
+
+class PathLimit:
+    """Highest rate of a trajectory under the limit of its group's speed. Control loop.
+
+    Looks ahead as far as it takes to slow down from rate 1: r² changes by 2·D with trajectory time,
+    where D is the change of r in real time.
+
+    Args:
+        limit: of the group.
+        trajectory: to look at.
+        limits: of the joints.
+    """
+
+    def __init__(self, limit: SpeedLimit, trajectory: Trajectory, limits: JointLimits) -> None:
+        self._limit, self._trajectory = limit, trajectory
+        slope = BRAKE_SHARE * float((limits.acceleration / limits.velocity).min())
+        slope = min(max(slope, MIN_BRAKE), MAX_BRAKE)
+        self._ahead_s = np.linspace(0.0, 1.0, SAMPLES) ** 2 / (2.0 * slope)
+        self._gain = 2.0 * slope * self._ahead_s
+
+    @property
+    def active(self) -> bool:
+        """There is a limit."""
+        return self._limit.factors is not None
+
+    def rate(self, time_s: float) -> float:
+        """Return the highest rate at trajectory time ``time_s``; inf: any."""
+        factors = self._limit.factors
+        if factors is None:
+            return math.inf
+        position, velocity, _ = self._trajectory.evaluate(time_s + self._ahead_s)
+        return math.sqrt(float((factors(position, velocity) ** 2 + self._gain).min()))
 
 
 class PathRate:
@@ -27,6 +64,7 @@ class PathRate:
     Args:
         speed: to reach.
         limits: of the joints; their accelerations count.
+        path_limit: of the trajectory.
 
     Attributes:
         path: (2, m) velocity and acceleration of the path at rate 1, at the last setpoint.
@@ -35,10 +73,11 @@ class PathRate:
         override: part of the speed that this trajectory is to have; any thread may write it.
     """
 
-    def __init__(self, speed: SpeedScale, limits: JointLimits) -> None:
+    def __init__(self, speed: SpeedScale, limits: JointLimits, path_limit: PathLimit) -> None:
         self.path: FloatArray = np.zeros((2, len(limits.names)))
         self.value, self.slope, self.override = speed.scale, 0.0, 1.0
         self._speed, self._limit = speed, limits.acceleration
+        self._path_limit, self._highest = path_limit, math.inf
         self._max_slope = MAX_SLOPE
         self._waits = True  # nothing has moved yet
 
@@ -46,7 +85,8 @@ class PathRate:
     def is_full(self) -> bool:
         """Trajectory time passes as real time does, and is to go on so."""
         steady = self.value == 1.0 and self.slope == 0.0
-        return steady and self._target == 1.0 and not self._waits
+        full = self._wanted == 1.0 and not self._path_limit.active
+        return steady and full and not self._waits
 
     def wait(self) -> None:
         """Take the speed in force: the trajectory waits for its start."""
@@ -61,13 +101,19 @@ class PathRate:
         """Begin anew from standstill: the device held its position during a stall."""
         self.value, self._max_slope = 0.0, math.inf
 
-    def step(self, elapsed_s: float) -> float:
-        """Ramp for ``elapsed_s``, the real time since the last setpoint; return the mean rate."""
+    def step(self, elapsed_s: float, time_s: float) -> float:
+        """Ramp for ``elapsed_s``, the real time since the last setpoint; return the mean rate.
+
+        ``time_s`` is the trajectory time of that setpoint.
+        """
+        self._highest = self._path_limit.rate(time_s + elapsed_s * self.value)
         self.wait()
         before, target = self.value, self._target
         largest = 0.0
         if target != before:
-            largest = elapsed_s * self._largest_slope()
+            largest = elapsed_s * self._largest_slope(
+                math.inf if self._highest < before else self._max_slope
+            )
         change = min(max(target - before, -largest), largest)
         if change == target - before:
             self.value, self._max_slope = target, MAX_SLOPE
@@ -78,15 +124,19 @@ class PathRate:
         return 0.5 * (before + self.value)
 
     @property
-    def _target(self) -> float:
+    def _wanted(self) -> float:
         return self._speed.scale * self.override
 
-    def _largest_slope(self) -> float:
+    @property
+    def _target(self) -> float:
+        return min(self._wanted, self._highest)
+
+    def _largest_slope(self, highest: float) -> float:
         velocity, acceleration = self.path
         spare = self._limit - np.abs(acceleration) * self.value**2
         allowed = np.maximum(spare, MIN_SHARE * self._limit)
         speed = np.maximum(np.abs(velocity), MIN_SPEED)
-        return min(float((allowed / speed).min()), self._max_slope)
+        return min(float((allowed / speed).min()), highest)
 
 
 def scale(setpoint: FloatArray, rate: float, slope: float) -> None:

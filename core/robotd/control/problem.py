@@ -19,12 +19,13 @@ class ProblemKind(StrEnum):
     STOPPED = "stopped"  # all motion, until a reset
     PAUSED = "paused"  # all motion, or its speed is 0 %
     OUTSIDE_LIMITS = "outside limits"  # a joint; motion is allowed
+    REDUCED_SPEED = "reduced speed"  # of a joint group; motion is allowed
     SOURCE = "source"  # of commands, rejected until it begins anew; the robot itself can move
 
 
 FAULTS = (ProblemKind.DEVICE, ProblemKind.CONTROLLER, ProblemKind.ALARM, ProblemKind.OFFLINE)
 SETTINGS = (ProblemKind.SERVO_OFF, ProblemKind.PAUSED)
-NOTICES = (ProblemKind.OUTSIDE_LIMITS, ProblemKind.SOURCE)
+NOTICES = (ProblemKind.OUTSIDE_LIMITS, ProblemKind.REDUCED_SPEED, ProblemKind.SOURCE)
 
 REMEDIES = {
     ProblemKind.DEVICE: "Check the power and the cables of the device, then: robotd recover",
@@ -72,7 +73,7 @@ class Problem:
 
     @property
     def prevents_motion(self) -> bool:
-        """False for a joint outside its limits, and for a source that is not armed."""
+        """False for a joint outside its limits, reduced speed, and a source that is not armed."""
         return self.kind not in NOTICES
 
     @property

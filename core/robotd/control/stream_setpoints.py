@@ -11,6 +11,7 @@ import numpy as np
 
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS
+from robotd.device.speed_limit import SpeedLimit
 from robotd.log import get_logger
 from robotd.motion import JointLimits, MotionState
 from robotd.motion.limiter import SetpointLimiter
@@ -19,6 +20,7 @@ from robotd.motion.target_spline import TargetSpline
 
 log = get_logger("stream")
 
+LOOK_S = 0.03  # on which the limit of a group's speed may fall before an acceleration has ramped up
 REFERENCE_STOP_S = 1.0  # a reference that is not at rest by then is left, and the joints stop
 
 
@@ -28,7 +30,8 @@ class MovingReference(Protocol):
     Its methods are called by the control loop, one at a time: they never block, and take a small
     part of a period. The joints follow it within their limits, whatever it returns; they follow it
     exactly while it keeps within 0.9 of the limits of velocity and acceleration and within that of
-    the jerk. A reference that raises is left: the joints stop, and the stream ends with a fault.
+    the jerk. A ``SpeedLimit`` of the group it keeps by itself. A reference that raises is left: the
+    joints stop, and the stream ends with a fault.
     """
 
     def begin(self, setpoint: FloatArray, limits: JointLimits, period_s: float) -> None:
@@ -95,13 +98,22 @@ class StreamSetpoints:
         limits: of the joints.
         mode: of commands without a velocity.
         period_s: of the control loop.
+        speed_limit: of the group; None: none.
 
     Attributes:
         failure: error of a reference that was left; "": none.
     """
 
-    def __init__(self, limits: JointLimits, mode: StreamMode, period_s: float) -> None:
+    def __init__(
+        self,
+        limits: JointLimits,
+        mode: StreamMode,
+        period_s: float,
+        speed_limit: SpeedLimit | None = None,
+    ) -> None:
         self.failure = ""
+        self._speed_limit = speed_limit or SpeedLimit()
+        self._settles = False
         self._limiter, self._limits = SetpointLimiter(limits, period_s), limits
         self._mode, self._period_s = mode, period_s
         self._command: StreamCommand | None = None
@@ -129,7 +141,7 @@ class StreamSetpoints:
 
     def follow(self, command: StreamCommand) -> None:
         """Take a command, at once or on the curve."""
-        self._command = command
+        self._command, self._settles = command, False
         if command.reference is not None:
             self._spline = self._window = None
             self._refer(command.reference, command.value)
@@ -160,8 +172,9 @@ class StreamSetpoints:
 
     def settle(self) -> None:
         """Move to rest on a fixed plan, at the newest position target if any."""
-        command = self._command
-        if command is None or command.position is None:
+        command, self._settles = self._command, True
+        limited = self._speed_limit.factors is not None
+        if command is None or command.position is None or limited:
             self._reference = None
             self.stop()
         elif self._spline is not None or command.velocity is not None:
@@ -175,6 +188,18 @@ class StreamSetpoints:
 
     def advance(self, due_ns: int) -> FloatArray:
         """Return the next setpoint (3, m): position, velocity and acceleration."""
+        factors = self._speed_limit.factors
+        if factors is None or self._settles or self._reference is not None:
+            return self._next(due_ns)
+        before = self._limiter.state.copy()
+        state = self._next(due_ns)
+        peak = self._limiter.peak_velocity()
+        ahead = np.stack([state[0], state[0] + LOOK_S * peak])
+        factor = float(factors(ahead, np.stack([peak, peak])).min())
+        return state if factor >= 1.0 else self._limiter.slow_down(before, factor * peak)
+
+    def _next(self, due_ns: int) -> FloatArray:
+        """Return the next setpoint without a limit of the group's speed."""
         if self._reference is not None:
             return self._track(self._reference)
         if self._spline is not None:

@@ -26,6 +26,7 @@ from robotd.device.axes import Axes
 from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage
 from robotd.device.soft_limits import REACTION_PERIODS
+from robotd.device.speed_limit import SpeedLimit
 from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import CommandMode
 from robotd.device.stops import StopRequests
@@ -53,6 +54,7 @@ class TorqueMotion(JointSource):
         stopped_velocity: (m,) rad/s or m/s below which a joint is at rest.
         speed: of the operator; it ends at 0.
         feedback_period_s: see ``AxisDriver``.
+        speed_limit: of the group; the stream ends under one, as torques keep none.
     """
 
     def __init__(
@@ -66,13 +68,14 @@ class TorqueMotion(JointSource):
         stopped_velocity: FloatArray,
         speed: SpeedScale,
         feedback_period_s: float,
+        speed_limit: SpeedLimit,
     ) -> None:
         setpoint = np.full((3, len(axes)), np.nan)
         super().__init__(limits, axes, start_ns, setpoint, stopped_velocity)
         self._driver, self._stops = driver, stops
         self._limits_of_joints = limits.per_joint()
         self._timeout_s, self._speed = timeout_s, speed
-        self._feedback_period_s = feedback_period_s
+        self._feedback_period_s, self._speed_limit = feedback_period_s, speed_limit
         self._command: tuple[int, FloatArray | None] = (start_ns, None)  # replaced as a whole
         self._torque: FloatArray = np.zeros(0)  # of all axes of the device; NaN: unchanged
 
@@ -106,7 +109,7 @@ class TorqueMotion(JointSource):
         self._check_drives(image, (time_ns - self.start_ns) / NANOSECONDS, period_ns)
         if not self._speed.scale:
             self.completion.request(Outcome.STOPPED, f"motion is {self._speed.text}")
-        elif reason := self._excess(period_ns, image):
+        elif reason := self._speed_limit.reason or self._excess(period_ns, image):
             self.completion.request(Outcome.STOPPED, reason)
         elif time_ns - self._command[0] > self._timeout_s * NANOSECONDS:
             self.completion.request(Outcome.SUCCEEDED, f"no command for {self._timeout_s:g} s")
@@ -230,6 +233,7 @@ class TorqueStreams:
         clock: of the control loop.
         driver: applies the torques.
         rearming: of the robot.
+        speed_limit: of the group.
     """
 
     def __init__(
@@ -241,8 +245,9 @@ class TorqueStreams:
         clock: Clock,
         driver: AxisDriver,
         rearming: Rearming,
+        speed_limit: SpeedLimit,
     ) -> None:
-        self._rearming = rearming
+        self._rearming, self._speed_limit = rearming, speed_limit
         self._motion, self._axes, self._limits = motion, axes, limits
         self._joints, self._timeout_s = descriptor.joints, descriptor.stream.timeout_s
         self._clock, self._driver = clock, driver
@@ -271,7 +276,8 @@ class TorqueStreams:
         Raises:
             InvalidArgument: unknown joint, one without a torque limit, or a time-out that is not
                 positive.
-            NotReady: a joint moves, cannot be commanded now, or has another owner.
+            NotReady: a joint moves, cannot be commanded now, or has another owner, or the group
+                has a limit of its speed.
             Unsupported: the backend takes no torques.
         """
         chosen = chosen_columns(joints, self._limits.names)
@@ -281,6 +287,8 @@ class TorqueStreams:
         source = source or self._rearming.find(self._source(owner, axes, seconds))
         source.begin()
         self._axes.speed.at_start()
+        if reason := self._speed_limit.reason:
+            raise NotReady(f"{reason}; torques cannot keep it")
         limits = self._limits.of(chosen)
         make = partial(
             TorqueMotion,
@@ -292,6 +300,7 @@ class TorqueStreams:
             stopped_velocity=self._stopped_velocity[chosen],
             speed=self._axes.speed,
             feedback_period_s=self._axes.feedback_period_s,
+            speed_limit=self._speed_limit,
         )
 
         def watched(start_ns: int) -> TorqueMotion:

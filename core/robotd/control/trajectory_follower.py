@@ -21,6 +21,7 @@ from robotd.control.trajectory_execution import PlannedGoal, TrajectoryExecution
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes
 from robotd.device.drivers import AxisDriver
+from robotd.device.speed_limit import SpeedLimit
 from robotd.device.state import CommandMode
 from robotd.motion import (
     DefaultTolerances,
@@ -50,6 +51,7 @@ class TrajectoryFollower:
         axes: of the robot, with the limits in force.
         descriptor: joints of the group, and the settings of trajectories.
         clock: of the control loop.
+        speed_limit: of the group.
         on_device: driver that interpolates trajectories itself, where
             ``axes.trajectories_on_device``; None: they are streamed.
     """
@@ -60,6 +62,7 @@ class TrajectoryFollower:
         axes: Axes,
         descriptor: RobotDescriptor,
         clock: Clock,
+        speed_limit: SpeedLimit,
         on_device: AxisDriver | None = None,
     ) -> None:
         joints = descriptor.joints
@@ -94,6 +97,7 @@ class TrajectoryFollower:
                 underrun=axes.underrun,
                 buffer_s=axes.stream_buffer_s,
                 speed=axes.speed,
+                speed_limit=speed_limit,
             )
         )
         self._recent: deque[TrajectoryExecution] = deque(maxlen=MAX_RECENT)

@@ -17,6 +17,7 @@ from robotd.device.capabilities import Capability
 from robotd.device.connection import Connection
 from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage
+from robotd.device.speed_limit import SpeedLimit
 from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import CommandMode, Operation
 from robotd.device.stops import StopLatch, StopRequests
@@ -92,6 +93,7 @@ class Axes:
         stops: stops that the control loop requests.
         device_limits, feedback_period_s, underrun, stream_buffer_s: of the driver when it was made.
         speed: of all motion.
+        speed_limits: of the joint groups.
         jog_deceleration: ramp by which the velocity command of each axis ends, rad/s² or m/s².
     """
 
@@ -117,6 +119,7 @@ class Axes:
         self.stops = StopRequests(driver, names)
         self.speed = SpeedScale()
         self.speed.on_change(self._note_speed)
+        self.speed_limits: list[SpeedLimit] = []
         self.jog_deceleration = [math.inf] * len(names)
         self._driver = driver
         self._connection = connection
@@ -287,6 +290,7 @@ class Axes:
             for move in moves:
                 with self._naming(move.axis):
                     check_move(self.limits[move.axis], move.target, move.profile)
+            scale *= self._limited_scale(moves)
             for move in moves:
                 with self._naming(move.axis), self._begun(move.axis, stops):
                     self._driver.move(move.axis, move.target, move.profile.scaled(scale))
@@ -307,10 +311,17 @@ class Axes:
                 with self._naming(jog.axis):
                     check_jog(self.limits[jog.axis], position, jog.profile)
             scale = self.speed.at_start() if any(jog.profile.velocity for jog in jogs) else 1.0
+            scale *= self._limited_scale(jogs)
             for jog in jogs:
                 self.jog_deceleration[jog.axis] = jog.profile.deceleration
                 with self._naming(jog.axis), self._begun(jog.axis, stops):
                     self._driver.jog(jog.axis, jog.profile.scaled(scale))
+
+    def _limited_scale(self, commands: Sequence[Move] | Sequence[Jog]) -> float:
+        """Return the scale that the limits of the groups' speeds leave. Raises NotReady."""
+        velocities = {each.axis: each.profile.velocity * self.speed.scale for each in commands}
+        scales = [each.scale(velocities, self.image) for each in self.speed_limits]
+        return min(scales, default=1.0)
 
     @noted
     def stop(self, axes: Sequence[int]) -> None:

@@ -117,6 +117,25 @@ class SetpointLimiter:
                 self.state[:] = self._planner.at(self._elapsed_s)
         return self.state
 
+    def peak_velocity(self) -> FloatArray:
+        """Return the velocities (m,) with which the present accelerations end."""
+        _, velocity, acceleration = self.state
+        jerk = np.array(self._bounds.jerk)
+        peak: FloatArray = velocity + acceleration * np.abs(acceleration) / (2.0 * jerk)
+        return peak
+
+    def slow_down(self, before: FloatArray, velocity: FloatArray) -> FloatArray:
+        """Return another setpoint, from the state ``before`` (3, m) the last one, and plan anew.
+
+        It is on the way to ``velocity``, which is ``peak_velocity`` times a factor below 1.
+        """
+        target, then, bounds = self._target, self._velocity, self._bounds_of_plan
+        self.state[:] = before
+        self._go(self._anywhere, velocity.tolist(), self._bounds)
+        self.state[:] = self._planner.at(self._period_s)
+        self._go(target, then, bounds)
+        return self.state
+
     def after(self, seconds: float) -> FloatArray:
         """Return the setpoint ``seconds`` after the last one; not while tracking or at limits."""
         return np.array(self._planner.at(self._elapsed_s + seconds))
@@ -174,6 +193,7 @@ class SetpointLimiter:
     def _go(self, target: Row, velocity: Row, bounds: Bounds) -> None:
         """Plan from ``state`` to ``target`` (NaN: to ``velocity``) within the position limits."""
         self._target, self._velocity, self._elapsed_s = target, velocity, 0.0
+        self._bounds_of_plan = bounds
         start = self.state.tolist()
         jerk = self._jerk(start[2])
         if jerk != bounds.jerk:

@@ -12,6 +12,7 @@ from tests.fakes import FakeAxes
 
 from robotd.control.trajectory_execution import Outcome
 from robotd.control.trajectory_follower import TrajectoryFollower
+from robotd.device.speed_limit import SpeedLimit
 from robotd.errors import NotReady
 from robotd.events import EventKind, Level
 from robotd.motion import JointTolerance, TrajectoryRejected, TrajectoryRequest
@@ -175,7 +176,12 @@ def test_it_is_switched_on_and_off_at_run_time(harness: Harness) -> None:
 def test_a_device_that_interpolates_by_itself_rejects_it(harness: Harness) -> None:
     robot = harness.robot
     on_device = TrajectoryFollower(
-        robot.groups.only.motion, robot.axes, robot.descriptor, harness.clock, FakeAxes(3)
+        robot.groups.only.motion,
+        robot.axes,
+        robot.descriptor,
+        harness.clock,
+        SpeedLimit(),
+        FakeAxes(3),
     )
     why = "interpolates trajectories itself ends them at rest"
     with pytest.raises(TrajectoryRejected, match=why), on_device.follow(passing(harness)):

@@ -16,6 +16,7 @@ from robotd.control.completion import Outcome
 from robotd.control.joint_motion import JointMotion
 from robotd.control.joint_source import REST_TIMEOUT_S
 from robotd.control.torque_stream import TorqueMotion, TorqueStreams
+from robotd.device.speed_limit import SpeedLimit
 from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import CommandMode, Operation
 from robotd.device.stops import StopRequests
@@ -49,6 +50,7 @@ class Rig:
 
     def __init__(self) -> None:
         self.axes, self.speed, self.time_ns = TorqueAxes(), SpeedScale(), NANOSECONDS
+        self.speed_limit = SpeedLimit()
         limits = JointLimits(
             ("shoulder", "elbow"),
             np.array([-1.0, -1.0]),
@@ -67,6 +69,7 @@ class Rig:
             stopped,
             self.speed,
             0.0,
+            self.speed_limit,
         )
 
     @property
@@ -215,6 +218,7 @@ def streams(harness: Harness, joints: Any) -> TorqueStreams:
         MonotonicClock(),
         TorqueAxes(),
         robot.rearming,
+        robot.groups.only.speed_limit,
     )
 
 
@@ -262,6 +266,18 @@ def test_a_paused_robot_takes_no_torque(harness: Harness) -> None:
         streams(harness, Joints())(["joint2"])
 
 
+def test_a_speed_limit_ends_torques_and_takes_none(harness: Harness) -> None:
+    rig, reduced = Rig(), "reduced speed: at most 0.25 m/s"
+    rig.put(4.0, 0.0)
+    rig.run()
+    for limit in (rig.speed_limit, harness.robot.groups.only.speed_limit):
+        limit.set(lambda _, velocities: np.ones(len(velocities)), reduced, "")
+    rig.run()
+    assert rig.motion.completion.requested == (Outcome.STOPPED, reduced)
+    with pytest.raises(NotReady, match=f"{reduced}; torques cannot keep it"):
+        streams(harness, Joints())(["joint2"])
+
+
 def test_a_backend_without_torques_says_so_and_frees_the_joints(harness: Harness) -> None:
     with pytest.raises(Unsupported, match="torque mode"):
         harness.robot.torque_stream(["joint2"])
@@ -290,6 +306,7 @@ def test_a_start_that_takes_longer_than_a_period_is_repeated(harness: Harness) -
                 stopped,
                 axes.speed,
                 0.0,
+                SpeedLimit(),
             )
         )
         return made[-1]

@@ -1,0 +1,69 @@
+"""Limit of the speed of a joint group's motion, which a feature sets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from robotd.arrays import FloatArray
+from robotd.device.process_image import ProcessImage
+from robotd.device.state import Operation
+from robotd.errors import NotReady
+
+Factors = Callable[[FloatArray, FloatArray], FloatArray]
+"""Returns (k,) by which velocities (k, m) at positions (k, m) may be multiplied; inf at rest."""
+
+STANDING = (Operation.IDLE, Operation.STREAM)  # a stream moves all axes of the group, or none
+
+
+class SpeedLimit:
+    """Limit of the speed of a joint group; none until a feature sets one.
+
+    Trajectories keep their path, and streams the direction of their velocity. Any thread.
+
+    Args:
+        axes: of the joints, in their order.
+
+    Attributes:
+        axes: as above.
+        factors: of the limit in force, for the control loop; None: there is none.
+        reason, remedy: one line each for people; "" without a limit.
+    """
+
+    def __init__(self, axes: Sequence[int] = ()) -> None:
+        self.axes = tuple(axes)
+        self.factors: Factors | None = None
+        self.reason = self.remedy = ""
+
+    def set(self, factors: Factors, reason: str, remedy: str) -> None:
+        """Limit motion from the next period on."""
+        self.reason, self.remedy, self.factors = reason, remedy, factors
+
+    def clear(self) -> None:
+        """Remove the limit; speeds rise by the ordinary ramps."""
+        self.factors, self.reason, self.remedy = None, "", ""
+
+    def scale(self, velocities: Mapping[int, float], image: ProcessImage) -> float:
+        """Return the part, up to 1, of the velocity of a single axis that keeps the limit.
+
+        While one joint turns alone its distance from the tool stays; so a command keeps its speed.
+
+        Args:
+            velocities: of axes that are about to move by themselves, not in a stream.
+            image: the present one.
+
+        Raises NotReady: more than one joint would move, or a position is unknown.
+        """
+        factors = self.factors
+        chosen = {axis for axis in self.axes if velocities.get(axis)}
+        if factors is None or not chosen:
+            return 1.0
+        others = {axis for axis in self.axes if image.operation[axis] not in STANDING}
+        if len(chosen | others - velocities.keys()) > 1:
+            raise NotReady(f"{self.reason}; commands of single axes move one joint at a time")
+        velocity = np.array([[velocities.get(axis, 0.0) for axis in self.axes]])
+        factor = float(factors(image.position[list(self.axes)][None], velocity)[0])
+        if not factor > 0.0:  # of a position that is not a number
+            raise NotReady(f"{self.reason}; the position of a joint is not known")
+        return min(factor, 1.0)
