@@ -10,8 +10,9 @@ import pytest
 from action_msgs.msg import GoalStatus
 from geometry_msgs.msg import Point, Pose, PoseStamped
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
 from tests.ros.action_client import GoalClient
-from tests.ros.robot_process import Client, RobotProcess, wait_for, wait_until
+from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_for, wait_until
 from tests.ros.test_client_commands import robotd
 from tests.ros.test_trajectory import goal
 
@@ -136,3 +137,21 @@ def test_the_commands_move_the_tool_and_show_it(cr3a: RobotProcess, client: Clie
     status, _, error = robotd(cr3a.domain, "tool", "set", "tip")
     assert status != 0
     assert "unknown tool 'tip' (available: none)" in error
+
+
+def test_reduced_speed_is_switched_and_shown(cr3a: RobotProcess, client: Client) -> None:
+    states = client.listen(Bool, "/robotd/reduced_speed", LATCHED)
+    wait_until(lambda: states and not states[-1].data, "it is off at the start")
+    status, output, error = robotd(cr3a.domain, "tool", "reduced", "on")
+    assert status == 0, error
+    assert output == "reduced speed: no point of the arm is faster than 0.25 m/s\n"
+    wait_until(lambda: states[-1].data, "the topic shows that it is on")
+    try:
+        status, output, _ = robotd(cr3a.domain, "status")
+        assert status == 0
+        assert "For full speed: robotd tool reduced off" in output
+        assert "ready" in output
+    finally:
+        status, output, _ = robotd(cr3a.domain, "tool", "reduced", "off")
+    assert (status, output) == (0, "reduced speed is off\n")
+    wait_until(lambda: not states[-1].data, "the topic shows that it is off")

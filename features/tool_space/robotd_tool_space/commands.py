@@ -23,7 +23,7 @@ DEG = click.option("--deg", is_flag=True, help="Angles are degrees, also those t
 @client_options
 @click.pass_context
 def tool(ctx: click.Context, timeout_s: float, *, group: str, deg: bool) -> ExitCode:
-    """Show the pose of the tool, or choose the tool and the work frame.
+    """Show the pose of the tool, choose tool and work frame, or reduce its speed.
 
     `robotd move --tool` moves it.
     """
@@ -60,6 +60,20 @@ def set_work_frame(group: str, timeout_s: float, *, name: str) -> ExitCode:
     with robot_client(timeout_s) as client:
         clients = import_ros("robotd_ros.client.tool_client")
         click.echo(clients.select_work_frame(client, "" if name == "none" else name, group))
+    return ExitCode.OK
+
+
+@tool.command("reduced", epilog=ROS_EPILOG)
+@click.argument("switch", type=click.Choice(["on", "off"]))
+@client_options
+def set_reduced_speed(timeout_s: float, *, switch: str) -> ExitCode:
+    """Limit the speed of every point of the arm, by default to 0.25 m/s, or end that.
+
+    No safety function. The input `reduced_speed_input` of the robot's file may keep it on.
+    """
+    with robot_client(timeout_s) as client:
+        clients = import_ros("robotd_ros.client.tool_client")
+        click.echo(clients.set_reduced_speed(client, on=switch == "on"))
     return ExitCode.OK
 
 

@@ -20,6 +20,7 @@ FEATURE = Feature(
     attributes={
         "tool": "robotd_tool_space.tool_groups:only_tool",
         "tool_groups": "robotd_tool_space.tool_groups:ToolGroups",
+        "reduced_speed": "robotd_tool_space.reduced_speed:ReducedSpeed",
     },
 )
 
@@ -29,10 +30,13 @@ def open_tool_space(host: FeatureHost) -> Iterator[object | None]:
     """Return the tools of a robot; None where it has none."""
     from robotd_tool_space.tool_groups import tool_groups
 
-    if not host.robot.tools:
+    settings = host.robot.descriptor.settings(ToolSpaceKeys).tool_space
+    if not host.robot.tools and settings.reduced_speed_input is None:
         yield None
         return
     groups = tool_groups(host.robot)
+    if groups:
+        host.robot.attribute("reduced_speed")  # it follows its input from the start
     yield groups or None
 
 

@@ -59,6 +59,7 @@ class RobotTool:
 
     Attributes:
         group: as above.
+        at_link: kinematics of the link that the tools are fixed to.
         on_change: called when a tool or a work frame was chosen.
 
     Raises Unsupported, DescriptorError: as ``Kinematics.of_descriptor``.
@@ -69,7 +70,7 @@ class RobotTool:
         self.on_change: Callable[[], None] = lambda: None
         self._robot = robot
         self._settings = robot.descriptor.settings(ToolSpaceKeys).tool_space
-        self._bare = Kinematics.of_descriptor(robot.descriptor, group.name, group.follower.limits)
+        self.at_link = Kinematics.of_descriptor(robot.descriptor, group.name, group.follower.limits)
         self._lock = threading.Lock()
         self._tool = self._settings.tool or ""
         self._work_frame = self._settings.work_frame or ""
@@ -78,12 +79,12 @@ class RobotTool:
     @property
     def base(self) -> str:
         """Link that the poses are in without a work frame."""
-        return self._bare.chain.base
+        return self.at_link.chain.base
 
     @property
     def link(self) -> str:
         """Link that the tools are fixed to."""
-        return self._bare.chain.link
+        return self.at_link.chain.link
 
     @property
     def tool_name(self) -> str:
@@ -120,7 +121,7 @@ class RobotTool:
     @property
     def tool_frame(self) -> FloatArray:
         """The chosen tool in its link, (4, 4)."""
-        return inverse_pose(self._bare.chain.end) @ self._kinematics.chain.end
+        return inverse_pose(self.at_link.chain.end) @ self._kinematics.chain.end
 
     @property
     def kinematics(self) -> Kinematics:
@@ -151,7 +152,7 @@ class RobotTool:
 
     def set_tool(self, frame: FloatArray) -> None:
         """Use a tool at ``frame`` (4, 4) in the link until another is chosen; raises as above."""
-        self._use_tool(CUSTOM_TOOL, self._bare.with_tool(frame))
+        self._use_tool(CUSTOM_TOOL, self.at_link.with_tool(frame))
 
     def _use_tool(self, name: str, kinematics: Kinematics) -> None:
         _ = kinematics.task  # takes a while: not in the control loop, which begins streams
@@ -346,7 +347,7 @@ class RobotTool:
 
     def _with_tool(self, name: str) -> Kinematics:
         chosen = self._settings.tools.get(name)
-        return self._bare if chosen is None else self._bare.with_tool(chosen.pose)
+        return self.at_link if chosen is None else self.at_link.with_tool(chosen.pose)
 
     def _require_rest(self, what: str) -> None:
         if self.group.motion.moving:

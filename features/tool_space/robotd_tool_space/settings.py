@@ -33,6 +33,15 @@ class ToolSpaceSettings(Section):
     velocity_m_s: Positive = Field(0.25, description="Speed of the tool on a line.")
     angular_velocity_rad_s: Positive = Field(0.8, description="Angular speed of the tool.")
     acceleration_m_s2: Positive = Field(1.0, description="Acceleration of the tool on a line.")
+    reduced_speed_m_s: Positive = Field(
+        0.25, description="Highest speed of the arm while reduced speed is on."
+    )
+    reduced_speed_input: str | None = Field(
+        None, description="Name of an input (`inputs`) that switches reduced speed on; null: none."
+    )
+    reduced_speed_level: int = Field(
+        0, ge=0, le=1, description="Level that does; with 0 a broken wire does."
+    )
     tools: dict[Name, FrameSettings] = Field(
         {}, description="Tools by name: their frames in the link of the tool (`tool_link`)."
     )

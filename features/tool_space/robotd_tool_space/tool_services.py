@@ -1,4 +1,4 @@
-"""Kinematics as services, and the choice of frames."""
+"""Kinematics as services, the choice of frames, and reduced speed."""
 
 from __future__ import annotations
 
@@ -7,10 +7,15 @@ from typing import Any
 import numpy as np
 from robotd_msgs.srv import ComputeFk, ComputeIk, SelectFrame
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+from std_srvs.srv import SetBool
 
 from robotd.api import FloatArray, InvalidArgument
+from robotd_ros.nodes.latched_topics import publish_if_alive
+from robotd_ros.qos import LATCHED
 from robotd_ros.run_nodes import NodeContext
 from robotd_ros.services import add_service
+from robotd_tool_space.reduced_speed import ReducedSpeed
 from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.ros_poses import fill_pose, pose_of_message
 from robotd_tool_space.rotations import inverse_pose
@@ -18,7 +23,7 @@ from robotd_tool_space.tool_groups import ToolGroups
 
 
 class ToolServices:
-    """Services ``compute_ik``, ``compute_fk``, ``set_tool`` and ``set_work_frame``."""
+    """Services of the tool: ``compute_ik``, ``set_tool``, ``set_reduced_speed`` and others."""
 
     def __init__(self, context: NodeContext, tools: ToolGroups) -> None:
         self._tools = tools
@@ -28,6 +33,10 @@ class ToolServices:
         add_service(node, host, ComputeFk, "~/compute_fk", self._compute_fk)
         add_service(node, host, SelectFrame, "~/set_tool", self._set_tool)
         add_service(node, host, SelectFrame, "~/set_work_frame", self._set_work_frame)
+        add_service(node, host, SetBool, "~/set_reduced_speed", self._set_reduced_speed)
+        reduced = node.create_publisher(Bool, "~/reduced_speed", LATCHED)
+        self._reduced_speed: ReducedSpeed = context.robot.attribute("reduced_speed")
+        self._reduced_speed.on_change(lambda on: publish_if_alive(reduced, Bool(data=on)))
 
     def _compute_ik(self, request: Any, response: Any) -> str:
         tool = self._tools.of(request.group)
@@ -78,6 +87,10 @@ class ToolServices:
         tool = self._tools.of(request.group)
         tool.select_work_frame(request.name)
         return f"work frame {request.name or tool.base}"
+
+    def _set_reduced_speed(self, request: Any, response: Any) -> str:
+        self._reduced_speed.set(request.data)
+        return self._reduced_speed.text
 
 
 def check_frame(tool: RobotTool, frame_id: str) -> None:

@@ -5,7 +5,8 @@ joint velocities b = J⁺V,
 
 - every |s·b| keeps the velocity limit,
 - every joint can brake before its position limit,
-- s²·|db/dt| keeps the acceleration limit: what the change of J takes on the way, and
+- s²·|db/dt| keeps the acceleration limit: what the change of J takes on the way,
+- no point of the arm exceeds a limit of its speed, and
 - the tool slows down while the smallest singular value of J shrinks.
 
 s itself has a limited rate and acceleration, as J⁺V amplifies its changes. Integration drifts from
@@ -22,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotd.api import FloatArray
-from robotd.api.features import JointLimits
+from robotd.api.features import JointLimits, SpeedLimit
 from robotd_tool_space.differential import Differential, Rates
 from robotd_tool_space.kinematics import Kinematics
 from robotd_tool_space.rotations import pose_differences, rotation_matrices
@@ -34,6 +35,7 @@ HALTED = 0.02  # s below which the tool stands
 MISSING = 0.02  # share of a twist that the arm cannot give from which on the tool stands
 LOOK_S, LOOK_RAD = 0.01, 0.02  # way ahead on which changes are measured, at most
 VELOCITY_SHARE = 0.85  # of the limits; the drift takes the rest of what can be tracked
+SPEED_SHARE = 0.97  # of a limit of the arm's speed, likewise
 RAMP_SHARE, PATH_SHARE, TOTAL_SHARE = 0.3, 0.4, 0.6  # of the acceleration limits
 FACTOR_JERK_SHARE = 0.6  # of the jerk limits
 BRAKE_SHARE, BRAKE_S = 0.4, 0.06  # of the acceleration, at position limits; time of the last part
@@ -78,6 +80,7 @@ class TwistStage:
     Args:
         kinematics: returns those of the group with the chosen tool; asked at each start.
         limits: of the tool; None: the default ones.
+        speed_limit: of the joint group; None: none.
 
     Attributes:
         status: of the last period; immutable, any thread may read it.
@@ -85,12 +88,16 @@ class TwistStage:
     """
 
     def __init__(
-        self, kinematics: Callable[[], Kinematics], limits: TwistLimits | None = None
+        self,
+        kinematics: Callable[[], Kinematics],
+        limits: TwistLimits | None = None,
+        speed_limit: SpeedLimit | None = None,
     ) -> None:
         self.status = ServoStatus()
         self.pose = np.eye(4)
         self._chosen = kinematics
         self._limits = limits or TwistLimits()
+        self._speed_limit = speed_limit or SpeedLimit()
         self._command: Command | None = None
 
     def begin(self, setpoint: FloatArray, limits: JointLimits, period_s: float) -> None:
@@ -187,6 +194,8 @@ class TwistStage:
             "limit": _lowest(self._braking(at, rates.velocity) / speed),
             "singularity": _slow_down(rates.singularity, slope),
         }
+        if (factors := self._speed_limit.factors) is not None:
+            bounds["speed"] = SPEED_SHARE * float(factors(at[None], rates.velocity[None])[0]), -1
         if rates.missing > MISSING:
             bounds["singularity"] = 0.0, -1
         highest = min(1.0, *(each for each, _ in bounds.values()))
@@ -223,6 +232,8 @@ class TwistStage:
         what, (lowest, joint) = min(bounds.items(), key=lambda each: each[1][0])
         if lowest > 0.99:
             return ServoStatus(factor=factor)
+        if what == "speed":
+            return ServoStatus(factor=factor, text=self._speed_limit.reason)
         name = self._joints.names[joint]
         if what == "singularity":
             return _halted(rates) if lowest < HALTED else _approaching(rates, factor)
@@ -238,6 +249,8 @@ class TwistStage:
         """Let the ramp lead to ``target``, no faster than the joints can."""
         if np.array_equal(target, self._ramp.target):
             return
+        if not target.any() and self._speed_limit.factors is not None:
+            self._take_factor()
         inverse = self._rates.inverse
         speeds = np.abs(inverse @ self._twist_in_base(target))
         then, _ = _lowest(self._joints.velocity / np.maximum(speeds, 1e-9))
@@ -246,6 +259,13 @@ class TwistStage:
         change = factor * np.abs(inverse @ self._twist_in_base(target - self._ramp.twist))
         strongest, _ = _lowest(RAMP_SHARE * self._joints.acceleration / np.maximum(change, 1e-9))
         self._ramp.go(target, strongest)
+
+    def _take_factor(self) -> None:
+        """Make s a part of the ramped twist, which would otherwise fall before the tool slows."""
+        factor, ramp = self._factor, self._ramp
+        acceleration = factor.factor * ramp.acceleration + factor.rate * ramp.twist
+        ramp.turn(factor.factor * ramp.twist, acceleration)
+        factor.set(1.0)
 
     def _towards(self, target: FloatArray) -> FloatArray:
         """Return the twist to a pose: linear and angular part arrive together."""

@@ -200,6 +200,7 @@ function readiness({ ready, device, problems }: State): [string, string] {
   const kinds = new Set(problems.map((each) => each.kind));
   const outside = kinds.delete("outside limits");
   kinds.delete("source");
+  kinds.delete("reduced speed");
   kinds.delete("paused");
   if (kinds.size) return ["not ready for motion", "warn"];
   return outside ? ["ready, a joint is outside its limits", "warn"] : ["ready", "good"];

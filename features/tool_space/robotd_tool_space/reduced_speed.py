@@ -1,0 +1,153 @@
+"""Reduced speed: a limit of the speed of every point of the arms. No safety function."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from robotd.api import (
+    DescriptorError,
+    FloatArray,
+    Operation,
+    Unsupported,
+    get_logger,
+    unknown_name,
+)
+from robotd.api.features import EventKind, ProcessImage, Robot
+from robotd_tool_space.robot_tool import RobotTool
+from robotd_tool_space.tool_groups import ToolGroups
+from robotd_tool_space.settings import ToolSpaceKeys
+
+log = get_logger("tool")
+
+PLANNED_SHARE = 0.98  # of the limit; the rest is for what happens within a period
+TOO_FAST = 1.1  # share of the limit from which a move or jog that runs in the device is stopped
+MIN_SPEED_M_S = 1e-9  # slower counts as standing
+BY_DEVICE = (Operation.POSITION, Operation.VELOCITY)
+
+
+class ReducedSpeed:
+    """Switch that limits the speed of the tools of a robot. Any worker thread.
+
+    The limit is that of the origins of all moving links of the chain, of the link of the tool, and
+    of the tool, in the base of the arm. It is on by command, or by the input of the robot's file.
+
+    Args:
+        robot: of the tools.
+
+    Raises:
+        DescriptorError: no input has that name.
+        Unsupported, DescriptorError: a joint group has no usable chain, as ``ToolGroups``, or,
+            where there is an input, the device interpolates trajectories itself.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        tools: ToolGroups = robot.attribute("tool_groups")
+        self._tools = [tools.of(name) for name, each in robot.groups.items() if each.joint_names]
+        self._settings = settings = robot.descriptor.settings(ToolSpaceKeys).tool_space
+        self._limit_m_s = settings.reduced_speed_m_s
+        self._commanded = self._by_input = self._is_on = False
+        self._listeners: list[Callable[[bool], None]] = []
+        self._lock = threading.Lock()
+        self._reads_input: Callable[[], bool] | None = None
+        if (name := settings.reduced_speed_input) is not None:
+            self._require_streamed()
+            address = robot.io.inputs.get(name)
+            if address is None:
+                text = unknown_name("input", name, robot.io.inputs)
+                raise DescriptorError(text, key="tool_space.reduced_speed_input")
+            self._reads_input = robot.io.input_watcher(*address)
+            self._by_input = True  # until it has been read
+            self._apply()
+        rate_hz = robot.descriptor.cycle.rate_hz
+        robot.control_loop.every(rate_hz, "reduced speed", self._look)
+
+    @property
+    def is_on(self) -> bool:
+        """The limit is in force."""
+        return self._is_on
+
+    @property
+    def text(self) -> str:
+        """State in words."""
+        if not self._is_on:
+            return "reduced speed is off"
+        return f"reduced speed: no point of the arm is faster than {self._limit_m_s:g} m/s"
+
+    def set(self, on: bool) -> None:
+        """Switch it on or off by command; the input may keep it on.
+
+        Motion slows down within the limits of the joints; moves and jogs of single axes that are
+        faster are stopped, torque streams end.
+
+        Raises Unsupported: the device interpolates trajectories itself.
+        """
+        if on:
+            self._require_streamed()
+        with self._lock:
+            self._commanded = on
+            self._apply()
+
+    def on_change(self, listener: Callable[[bool], None]) -> None:
+        """Call ``listener(on)`` now and on every change, from the thread that causes it."""
+        with self._lock:
+            self._listeners.append(listener)
+            listener(self._is_on)
+
+    def _require_streamed(self) -> None:
+        if self._robot.axes.trajectories_on_device:
+            raise Unsupported("reduced speed", self._robot.backend.name)
+
+    def _apply(self) -> None:
+        """Set or clear the limits. Lock held."""
+        before, self._is_on = self._is_on, self._commanded or self._by_input
+        remedy = "For full speed: robotd tool reduced off"
+        if self._by_input:
+            remedy = f"The input {self._settings.reduced_speed_input} switches it on"
+        for tool in self._tools:
+            limit = tool.group.speed_limit
+            if self._is_on:
+                limit.set(partial(_factors, tool, self._limit_m_s), self.text, remedy)
+            else:
+                limit.clear()
+        if self._is_on != before:
+            log.info(self.text)
+            self._robot.events.add(EventKind.STATE, "speed", self.text)
+            for listener in self._listeners:
+                listener(self._is_on)
+
+    def _look(self, image: ProcessImage) -> None:
+        """Follow the input, and stop moves and jogs that are too fast. Control loop."""
+        if self._reads_input is not None:
+            by_input = self._reads_input() == bool(self._settings.reduced_speed_level)
+            if by_input != self._by_input and self._lock.acquire(blocking=False):
+                try:
+                    self._by_input = by_input
+                    self._apply()
+                finally:
+                    self._lock.release()
+        if self._is_on:
+            for tool in self._tools:
+                self._stop_too_fast(tool, image)
+
+    def _stop_too_fast(self, tool: RobotTool, image: ProcessImage) -> None:
+        axes = list(tool.group.joint_axes)
+        moved = [axis for axis in axes if image.operation[axis] in BY_DEVICE]
+        factors = tool.group.speed_limit.factors
+        if moved and factors is not None:
+            velocity = np.where(np.isin(axes, moved), image.velocity[axes], 0.0)
+            if float(factors(image.position[axes][None], velocity[None])[0]) < 1.0 / TOO_FAST:
+                self._robot.axes.stops.request(moved)
+
+
+def _factors(
+    tool: RobotTool, limit_m_s: float, positions: FloatArray, velocities: FloatArray
+) -> FloatArray:
+    """Return as ``Factors`` of ``SpeedLimit``; a stretch of time without motion has a huge one."""
+    points = np.stack([each.chain.end[:3, 3] for each in (tool.at_link, tool.kinematics)])
+    speeds = tool.at_link.chain.speeds(positions, velocities, points).max(axis=-1)
+    return PLANNED_SHARE * limit_m_s / np.maximum(speeds, MIN_SPEED_M_S)
