@@ -10,12 +10,12 @@ from robotd.control.joint_group import JointGroup
 from robotd.control.problem import Problem, ProblemKind
 from robotd.control.stream_setpoints import MovingReference
 from robotd.control.trajectory_execution import TrajectoryExecution
-from robotd.descriptor.section import Name, Positive, Section
+from robotd.descriptor.section import Name, NotNegative, Positive, Section
 from robotd.descriptor.section import Problem as SectionProblem
 from robotd.descriptor.urdf import UrdfJoint, UrdfRobot, read_urdf, transform_numbers
 from robotd.descriptor.urdf.urdf_model import frame
+from robotd.device.motion_limits import MotionLimits
 from robotd.device.process_image import FLAGS, NUMBERS, VALUES, ProcessImage
-from robotd.device.speed_limit import SpeedLimit
 from robotd.device.tool_pose import tool_link
 from robotd.errors import InvalidArgument, OperationError, RobotdError
 from robotd.events import Event, EventKind, Level
@@ -42,8 +42,10 @@ __all__ = [
     "JointGroup",
     "JointLimits",
     "Level",
+    "MotionLimits",
     "MovingReference",
     "Name",
+    "NotNegative",
     "OperationError",
     "Outcome",
     "Positive",
@@ -54,7 +56,6 @@ __all__ = [
     "RobotdError",
     "Section",
     "SectionProblem",
-    "SpeedLimit",
     "Tap",
     "TrajectoryExecution",
     "TrajectoryRequest",

@@ -15,7 +15,7 @@ from robotd.control.trajectory_follower import TrajectoryFollower
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes
 from robotd.device.drivers import AxisDriver
-from robotd.device.speed_limit import SpeedLimit
+from robotd.device.motion_limits import MotionLimits
 from robotd.errors import InvalidArgument, Unsupported, unknown_name
 
 ON_DEVICE = "several joint groups with trajectories that the device interpolates"
@@ -40,7 +40,7 @@ class JointGroup:
     Attributes:
         name: as above.
         joint_names, joint_axes: names and axes, in the order of the group's commands.
-        speed_limit: of the motion of all joints together, for features.
+        motion_limits: of the motion of all joints together, for features.
         motion: hands the joints from one setpoint source to the next.
         follower: executes trajectories of ``joint_names``.
         stream: opens a stream of some of the joints.
@@ -61,19 +61,19 @@ class JointGroup:
         self.name = name
         self.joint_names = descriptor.joint_names
         self.joint_axes = tuple(joint.axis for joint in descriptor.joints)
-        self.speed_limit = SpeedLimit(self.joint_axes)
-        axes.speed_limits.append(self.speed_limit)
+        self.motion_limits = MotionLimits(self.joint_axes)
+        axes.motion_limits.append(self.motion_limits)
         self.motion = JointMotion(axes, slot, self.joint_axes, clock)
         on_device = driver if axes.trajectories_on_device else None
         self.follower = TrajectoryFollower(
-            self.motion, axes, descriptor, clock, self.speed_limit, on_device
+            self.motion, axes, descriptor, clock, self.motion_limits, on_device
         )
         limits = self.follower.limits
         self.stream = JointStreams(
-            self.motion, axes, descriptor, limits, clock, backend, rearming, self.speed_limit
+            self.motion, axes, descriptor, limits, clock, backend, rearming, self.motion_limits
         )
         self.torque_stream = TorqueStreams(
-            self.motion, axes, descriptor, limits, clock, driver, rearming, self.speed_limit
+            self.motion, axes, descriptor, limits, clock, driver, rearming, self.motion_limits
         )
 
 

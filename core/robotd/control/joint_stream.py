@@ -30,7 +30,7 @@ from robotd.control.stream_setpoints import (
 )
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes
-from robotd.device.speed_limit import SpeedLimit
+from robotd.device.motion_limits import MotionLimits
 from robotd.device.state import CommandMode
 from robotd.errors import InvalidArgument, Unsupported
 from robotd.motion import JointLimits, MotionState
@@ -322,7 +322,7 @@ class JointStreams:
         clock: of the control loop.
         backend: name, for errors.
         rearming: of the robot.
-        speed_limit: of the group.
+        motion_limits: of the group.
     """
 
     def __init__(
@@ -334,7 +334,7 @@ class JointStreams:
         clock: Clock,
         backend: str,
         rearming: Rearming,
-        speed_limit: SpeedLimit,
+        motion_limits: MotionLimits,
     ) -> None:
         self._motion, self._axes, self._limits = motion, axes, limits
         self._settings, self._clock, self._backend = descriptor.stream, clock, backend
@@ -349,7 +349,7 @@ class JointStreams:
             buffer_s=axes.stream_buffer_s,
             stopped_velocity=limits.stopped_velocity(descriptor.trajectory),
             speed=axes.speed,
-            speed_limit=speed_limit,
+            motion_limits=motion_limits,
         )
 
     def __call__(

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from robotd.arrays import FloatArray
-from robotd.device.speed_limit import SpeedLimit
+from robotd.device.motion_limits import MotionLimits
 from robotd.device.speed_scale import SpeedScale
 from robotd.motion import JointLimits, Trajectory
 
@@ -35,7 +35,7 @@ class PathLimit:
         limits: of the joints.
     """
 
-    def __init__(self, limit: SpeedLimit, trajectory: Trajectory, limits: JointLimits) -> None:
+    def __init__(self, limit: MotionLimits, trajectory: Trajectory, limits: JointLimits) -> None:
         self._limit, self._trajectory = limit, trajectory
         slope = BRAKE_SHARE * float((limits.acceleration / limits.velocity).min())
         slope = min(max(slope, MIN_BRAKE), MAX_BRAKE)

@@ -104,7 +104,7 @@ class Problems:
             yield Problem(ProblemKind.PAUSED, reason, remedy=f"To go on: {command}")
         if self._connection.commandable:
             yield from limit_problems(axes)
-        for reason, remedy in {each.reason: each.remedy for each in axes.speed_limits}.items():
+        for reason, remedy in {each.reason: each.remedy for each in axes.motion_limits}.items():
             if reason:
                 yield Problem(ProblemKind.REDUCED_SPEED, reason, remedy=remedy)
         yield from self._rearming.problems()

@@ -14,8 +14,8 @@ from robotd.control.joint_source import JointSource, Phase
 from robotd.control.source_slot import SetpointSource
 from robotd.control.stall_recovery import StallRecovery
 from robotd.control.stream_setpoints import StreamCommand, StreamMode, StreamSetpoints
+from robotd.device.motion_limits import MotionLimits
 from robotd.device.process_image import ProcessImage
-from robotd.device.speed_limit import SpeedLimit
 from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import Underrun
 from robotd.motion import JointLimits, MotionState
@@ -42,7 +42,7 @@ class StreamMotion(JointSource):
         buffer_s: duration of the setpoints that the device holds ahead, s.
         stopped_velocity: (m,) rad/s or m/s below which a joint is at rest.
         speed: of the operator; the stream ends at 0, because its targets cannot wait.
-        speed_limit: of the group.
+        motion_limits: of the group.
         ends_when_silent: it ends when the joints are at rest after ``timeout_s``.
 
     Attributes:
@@ -67,7 +67,7 @@ class StreamMotion(JointSource):
         buffer_s: float,
         stopped_velocity: FloatArray,
         speed: SpeedScale,
-        speed_limit: SpeedLimit,
+        motion_limits: MotionLimits,
         ends_when_silent: bool,
     ) -> None:
         setpoint = np.array([state.position, state.velocity, state.acceleration])
@@ -75,7 +75,7 @@ class StreamMotion(JointSource):
         self.mode, self.timeouts = mode, 0
         self.stall_recovery = StallRecovery(setpoint[:2], start_ns, limits, underrun, buffer_s)
         self._speed = speed
-        self._setpoints = StreamSetpoints(limits, mode, period_s, speed_limit)
+        self._setpoints = StreamSetpoints(limits, mode, period_s, motion_limits)
         self._setpoints.reset(state)
         self.timeout_ns = round(timeout_s * NANOSECONDS)
         self._timeout_s, self._ends_when_silent = timeout_s, ends_when_silent

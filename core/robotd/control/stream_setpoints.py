@@ -11,7 +11,7 @@ import numpy as np
 
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS
-from robotd.device.speed_limit import SpeedLimit
+from robotd.device.motion_limits import MotionLimits
 from robotd.log import get_logger
 from robotd.motion import JointLimits, MotionState
 from robotd.motion.limiter import SetpointLimiter
@@ -30,8 +30,8 @@ class MovingReference(Protocol):
     Its methods are called by the control loop, one at a time: they never block, and take a small
     part of a period. The joints follow it within their limits, whatever it returns; they follow it
     exactly while it keeps within 0.9 of the limits of velocity and acceleration and within that of
-    the jerk. A ``SpeedLimit`` of the group it keeps by itself. A reference that raises is left: the
-    joints stop, and the stream ends with a fault.
+    the jerk. It keeps the ``MotionLimits`` of the group by itself. A reference that raises is left:
+    the joints stop, and the stream ends with a fault.
     """
 
     def begin(self, setpoint: FloatArray, limits: JointLimits, period_s: float) -> None:
@@ -98,7 +98,7 @@ class StreamSetpoints:
         limits: of the joints.
         mode: of commands without a velocity.
         period_s: of the control loop.
-        speed_limit: of the group; None: none.
+        motion_limits: of the group; None: none.
 
     Attributes:
         failure: error of a reference that was left; "": none.
@@ -109,11 +109,11 @@ class StreamSetpoints:
         limits: JointLimits,
         mode: StreamMode,
         period_s: float,
-        speed_limit: SpeedLimit | None = None,
+        motion_limits: MotionLimits | None = None,
     ) -> None:
         self.failure = ""
-        self._speed_limit = speed_limit or SpeedLimit()
-        self._settles = False
+        self._motion_limits = motion_limits or MotionLimits()
+        self._settles = False  # on a fixed plan, for a successor
         self._limiter, self._limits = SetpointLimiter(limits, period_s), limits
         self._mode, self._period_s = mode, period_s
         self._command: StreamCommand | None = None
@@ -173,7 +173,8 @@ class StreamSetpoints:
     def settle(self) -> None:
         """Move to rest on a fixed plan, at the newest position target if any."""
         command, self._settles = self._command, True
-        limited = self._speed_limit.factors is not None
+        limits = self._motion_limits
+        limited = limits.factors is not None or limits.obstacle is not None
         if command is None or command.position is None or limited:
             self._reference = None
             self.stop()
@@ -188,18 +189,28 @@ class StreamSetpoints:
 
     def advance(self, due_ns: int) -> FloatArray:
         """Return the next setpoint (3, m): position, velocity and acceleration."""
-        factors = self._speed_limit.factors
-        if factors is None or self._settles or self._reference is not None:
+        factors, obstacle = self._motion_limits.factors, self._motion_limits.obstacle
+        free = factors is None and obstacle is None
+        if free or self._settles or self._reference is not None:
             return self._next(due_ns)
         before = self._limiter.state.copy()
         state = self._next(due_ns)
-        peak = self._limiter.peak_velocity()
-        ahead = np.stack([state[0], state[0] + LOOK_S * peak])
-        factor = float(factors(ahead, np.stack([peak, peak])).min())
-        return state if factor >= 1.0 else self._limiter.slow_down(before, factor * peak)
+        if factors is not None:
+            peak = self._limiter.peak_velocity()
+            ahead = np.stack([state[0], state[0] + LOOK_S * peak])
+            factor = float(factors(ahead, np.stack([peak, peak])).min())
+            if factor < 1.0:
+                state = self._limiter.slow_down(before, factor * peak)
+        if obstacle is None or self._command is None:
+            return state
+        if obstacle(before[0], self._limiter.stop_positions()):
+            self.stop()
+            self._limiter.reset(MotionState(*before))
+            return self._limiter.step()
+        return state
 
     def _next(self, due_ns: int) -> FloatArray:
-        """Return the next setpoint without a limit of the group's speed."""
+        """Return the next setpoint without the limits of the group."""
         if self._reference is not None:
             return self._track(self._reference)
         if self._spline is not None:

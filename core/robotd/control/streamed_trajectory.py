@@ -13,8 +13,8 @@ from robotd.control.path_rate import PathLimit, PathRate, scale
 from robotd.control.source_slot import SetpointSource
 from robotd.control.stall_recovery import StallRecovery, after_stall
 from robotd.control.trajectory_execution import PlannedGoal, TrajectoryExecution
+from robotd.device.motion_limits import MotionLimits
 from robotd.device.process_image import ProcessImage
-from robotd.device.speed_limit import SpeedLimit
 from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import Underrun
 from robotd.motion import MotionState, Sampler, StopPlan, plan_stop
@@ -31,7 +31,7 @@ class StreamedTrajectory(TrajectoryExecution):
         underrun: behaviour of the device when setpoints are missing.
         buffer_s: duration of the setpoints that the device holds ahead, s.
         speed: sets the rate of trajectory time; None: real time.
-        speed_limit: of the group, which lowers the rate; None: none.
+        motion_limits: of the group, which lowers the rate; None: none.
     """
 
     stall_recovery: StallRecovery
@@ -45,13 +45,13 @@ class StreamedTrajectory(TrajectoryExecution):
         underrun: Underrun = Underrun.EXTRAPOLATE,
         buffer_s: float = 0.0,
         speed: SpeedScale | None = None,
-        speed_limit: SpeedLimit | None = None,
+        motion_limits: MotionLimits | None = None,
     ) -> None:
         super().__init__(goal, start_ns, feedback_period_s=feedback_period_s)
         # From 30 attributes on CPython takes a third longer for each access.
         self._motion = self.setpoint[:2]  # position and velocity
         self._sampler = Sampler(goal.trajectory)
-        path_limit = PathLimit(speed_limit or SpeedLimit(), goal.trajectory, goal.limits)
+        path_limit = PathLimit(motion_limits or MotionLimits(), goal.trajectory, goal.limits)
         self._rate = PathRate(speed or SpeedScale(), goal.limits, path_limit)
         self._due_ns = 0  # of the last setpoint; 0: none was made
         self._sent_time_s: float | None = 0.0  # of the last setpoint; None: it was off the path

@@ -24,9 +24,9 @@ from robotd.control.rearming import CommandSource, Rearming
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes
 from robotd.device.drivers import AxisDriver
+from robotd.device.motion_limits import MotionLimits
 from robotd.device.process_image import ProcessImage
 from robotd.device.soft_limits import REACTION_PERIODS
-from robotd.device.speed_limit import SpeedLimit
 from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import CommandMode
 from robotd.device.stops import StopRequests
@@ -54,7 +54,7 @@ class TorqueMotion(JointSource):
         stopped_velocity: (m,) rad/s or m/s below which a joint is at rest.
         speed: of the operator; it ends at 0.
         feedback_period_s: see ``AxisDriver``.
-        speed_limit: of the group; the stream ends under one, as torques keep none.
+        motion_limits: of the group; the stream ends under one, as torques keep none.
     """
 
     def __init__(
@@ -68,14 +68,14 @@ class TorqueMotion(JointSource):
         stopped_velocity: FloatArray,
         speed: SpeedScale,
         feedback_period_s: float,
-        speed_limit: SpeedLimit,
+        motion_limits: MotionLimits,
     ) -> None:
         setpoint = np.full((3, len(axes)), np.nan)
         super().__init__(limits, axes, start_ns, setpoint, stopped_velocity)
         self._driver, self._stops = driver, stops
         self._limits_of_joints = limits.per_joint()
         self._timeout_s, self._speed = timeout_s, speed
-        self._feedback_period_s, self._speed_limit = feedback_period_s, speed_limit
+        self._feedback_period_s, self._motion_limits = feedback_period_s, motion_limits
         self._command: tuple[int, FloatArray | None] = (start_ns, None)  # replaced as a whole
         self._torque: FloatArray = np.zeros(0)  # of all axes of the device; NaN: unchanged
 
@@ -109,7 +109,7 @@ class TorqueMotion(JointSource):
         self._check_drives(image, (time_ns - self.start_ns) / NANOSECONDS, period_ns)
         if not self._speed.scale:
             self.completion.request(Outcome.STOPPED, f"motion is {self._speed.text}")
-        elif reason := self._speed_limit.reason or self._excess(period_ns, image):
+        elif reason := self._motion_limits.reason or self._excess(period_ns, image):
             self.completion.request(Outcome.STOPPED, reason)
         elif time_ns - self._command[0] > self._timeout_s * NANOSECONDS:
             self.completion.request(Outcome.SUCCEEDED, f"no command for {self._timeout_s:g} s")
@@ -233,7 +233,7 @@ class TorqueStreams:
         clock: of the control loop.
         driver: applies the torques.
         rearming: of the robot.
-        speed_limit: of the group.
+        motion_limits: of the group.
     """
 
     def __init__(
@@ -245,9 +245,9 @@ class TorqueStreams:
         clock: Clock,
         driver: AxisDriver,
         rearming: Rearming,
-        speed_limit: SpeedLimit,
+        motion_limits: MotionLimits,
     ) -> None:
-        self._rearming, self._speed_limit = rearming, speed_limit
+        self._rearming, self._motion_limits = rearming, motion_limits
         self._motion, self._axes, self._limits = motion, axes, limits
         self._joints, self._timeout_s = descriptor.joints, descriptor.stream.timeout_s
         self._clock, self._driver = clock, driver
@@ -287,7 +287,7 @@ class TorqueStreams:
         source = source or self._rearming.find(self._source(owner, axes, seconds))
         source.begin()
         self._axes.speed.at_start()
-        if reason := self._speed_limit.reason:
+        if reason := self._motion_limits.reason:
             raise NotReady(f"{reason}; torques cannot keep it")
         limits = self._limits.of(chosen)
         make = partial(
@@ -300,7 +300,7 @@ class TorqueStreams:
             stopped_velocity=self._stopped_velocity[chosen],
             speed=self._axes.speed,
             feedback_period_s=self._axes.feedback_period_s,
-            speed_limit=self._speed_limit,
+            motion_limits=self._motion_limits,
         )
 
         def watched(start_ns: int) -> TorqueMotion:

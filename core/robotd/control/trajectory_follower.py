@@ -21,7 +21,7 @@ from robotd.control.trajectory_execution import PlannedGoal, TrajectoryExecution
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes
 from robotd.device.drivers import AxisDriver
-from robotd.device.speed_limit import SpeedLimit
+from robotd.device.motion_limits import MotionLimits
 from robotd.device.state import CommandMode
 from robotd.motion import (
     DefaultTolerances,
@@ -51,7 +51,7 @@ class TrajectoryFollower:
         axes: of the robot, with the limits in force.
         descriptor: joints of the group, and the settings of trajectories.
         clock: of the control loop.
-        speed_limit: of the group.
+        motion_limits: of the group.
         on_device: driver that interpolates trajectories itself, where
             ``axes.trajectories_on_device``; None: they are streamed.
     """
@@ -62,7 +62,7 @@ class TrajectoryFollower:
         axes: Axes,
         descriptor: RobotDescriptor,
         clock: Clock,
-        speed_limit: SpeedLimit,
+        motion_limits: MotionLimits,
         on_device: AxisDriver | None = None,
     ) -> None:
         joints = descriptor.joints
@@ -82,7 +82,7 @@ class TrajectoryFollower:
         )
         self._default_tolerances = DefaultTolerances.of_settings(self.limits, self.settings)
         self._motion = motion
-        self._speed = axes.speed
+        self._speed, self._motion_limits = axes.speed, motion_limits
         self._takeover = descriptor.stream.takeover
         self._events = axes.events
         self._clock = clock
@@ -97,9 +97,10 @@ class TrajectoryFollower:
                 underrun=axes.underrun,
                 buffer_s=axes.stream_buffer_s,
                 speed=axes.speed,
-                speed_limit=speed_limit,
+                motion_limits=motion_limits,
             )
         )
+        self._checked: Trajectory | None = None  # path that passed last
         self._recent: deque[TrajectoryExecution] = deque(maxlen=MAX_RECENT)
 
     def source(self, name: str, rearming: Rearming) -> CommandSource:
@@ -169,6 +170,7 @@ class TrajectoryFollower:
         def planned(state: MotionState) -> Callable[[int], TrajectoryExecution]:
             trajectory = plan(request, limits, self.settings, state, recent_path)
             self._check_end(trajectory)
+            self._check_path(trajectory)
             stopped_velocity = limits.stopped_velocity(self.settings)
             goal = PlannedGoal(trajectory, self._joint_axes, limits, allowed, stopped_velocity)
             return partial(self._make_execution, goal)
@@ -222,6 +224,19 @@ class TrajectoryFollower:
                 f"the last point, at {trajectory.goal_s:.3f} s, has a velocity: a device"
                 " that interpolates trajectories itself ends them at rest"
             )
+
+    def _check_path(self, trajectory: Trajectory) -> None:
+        """Check a path once: planning is repeated where it has taken too long."""
+        check_path, checked = self._motion_limits.check_path, self._checked
+        if check_path is None:
+            return
+        same = checked is not None and all(
+            np.array_equal(getattr(checked, part), getattr(trajectory, part))
+            for part in ("breaks", "coefficients")
+        )
+        if not same:
+            check_path(trajectory)
+            self._checked = trajectory
 
     def _recent_path(self, start_ns: int) -> FloatArray:
         """Return (w, m) commanded positions of the last and the next ``REPLAN_S``.

@@ -16,8 +16,8 @@ from robotd.clock import Clock, wait_until
 from robotd.device.capabilities import Capability
 from robotd.device.connection import Connection
 from robotd.device.drivers import AxisDriver
+from robotd.device.motion_limits import MotionLimits
 from robotd.device.process_image import ProcessImage
-from robotd.device.speed_limit import SpeedLimit
 from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import CommandMode, Operation
 from robotd.device.stops import StopLatch, StopRequests
@@ -93,8 +93,8 @@ class Axes:
         stops: stops that the control loop requests.
         device_limits, feedback_period_s, underrun, stream_buffer_s: of the driver when it was made.
         speed: of all motion.
-        speed_limits: of the joint groups.
-        jog_deceleration: ramp by which the velocity command of each axis ends, rad/s² or m/s².
+        motion_limits: of the joint groups.
+        deceleration: ramp by which the move or velocity command of each axis ends, rad/s² or m/s².
     """
 
     def __init__(
@@ -119,8 +119,8 @@ class Axes:
         self.stops = StopRequests(driver, names)
         self.speed = SpeedScale()
         self.speed.on_change(self._note_speed)
-        self.speed_limits: list[SpeedLimit] = []
-        self.jog_deceleration = [math.inf] * len(names)
+        self.motion_limits: list[MotionLimits] = []
+        self.deceleration = [math.inf] * len(names)
         self._driver = driver
         self._connection = connection
         self._capabilities = capabilities
@@ -292,6 +292,7 @@ class Axes:
                     check_move(self.limits[move.axis], move.target, move.profile)
             scale *= self._limited_scale(moves)
             for move in moves:
+                self.deceleration[move.axis] = move.profile.deceleration
                 with self._naming(move.axis), self._begun(move.axis, stops):
                     self._driver.move(move.axis, move.target, move.profile.scaled(scale))
 
@@ -313,14 +314,14 @@ class Axes:
             scale = self.speed.at_start() if any(jog.profile.velocity for jog in jogs) else 1.0
             scale *= self._limited_scale(jogs)
             for jog in jogs:
-                self.jog_deceleration[jog.axis] = jog.profile.deceleration
+                self.deceleration[jog.axis] = jog.profile.deceleration
                 with self._naming(jog.axis), self._begun(jog.axis, stops):
                     self._driver.jog(jog.axis, jog.profile.scaled(scale))
 
     def _limited_scale(self, commands: Sequence[Move] | Sequence[Jog]) -> float:
         """Return the scale that the limits of the groups' speeds leave. Raises NotReady."""
         velocities = {each.axis: each.profile.velocity * self.speed.scale for each in commands}
-        scales = [each.scale(velocities, self.image) for each in self.speed_limits]
+        scales = [each.scale(velocities, self.image) for each in self.motion_limits]
         return min(scales, default=1.0)
 
     @noted

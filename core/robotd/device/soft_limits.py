@@ -45,5 +45,5 @@ class SoftLimitGuard:
         axes, image = self._axes, self._axes.image
         velocity = max(float(image.velocity[axis]), float(image.velocity_command[axis]), key=abs)
         position = float(image.position[axis])
-        room = room_to_stop(axes.limits[axis], position, velocity, axes.jog_deceleration[axis])
+        room = room_to_stop(axes.limits[axis], position, velocity, axes.deceleration[axis])
         return room <= abs(velocity) * self._reaction_s

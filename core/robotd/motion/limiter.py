@@ -124,6 +124,17 @@ class SetpointLimiter:
         peak: FloatArray = velocity + acceleration * np.abs(acceleration) / (2.0 * jerk)
         return peak
 
+    def stop_positions(self) -> FloatArray:
+        """Return the positions (m,) that no stop from the last setpoint goes beyond.
+
+        As ``_surely_stops``.
+        """
+        position, _, acceleration = self.state
+        peak, strong = self.peak_velocity(), np.array(self._bounds.highest_acceleration)
+        seconds = (np.abs(acceleration) + 0.5 * strong) / np.array(self._bounds.jerk)
+        positions: FloatArray = position + peak * (seconds + 0.5 * np.abs(peak) / strong)
+        return positions
+
     def slow_down(self, before: FloatArray, velocity: FloatArray) -> FloatArray:
         """Return another setpoint, from the state ``before`` (3, m) the last one, and plan anew.
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,14 +12,12 @@ from robotd.arrays import FloatArray
 from robotd.descriptor.files import read_limited
 from robotd.descriptor.urdf.mesh_files import MAX_BYTES
 from robotd.descriptor.urdf.package_files import find_mesh
+from robotd.descriptor.urdf.stl_file import stl_triangles
 from robotd.descriptor.urdf.urdf_model import frame
 from robotd.descriptor.urdf.urdf_text import xml_root
 from robotd.errors import DescriptorError
 
 MAX_SLICES = 6  # of a shape, along its longest side
-_STL_HEADER, _STL_FACET = 84, 50  # bytes
-_STL_NUMBERS = np.dtype([("normal", "<f4", 3), ("points", "<f4", (3, 3)), ("attribute", "<u2")])
-_VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
 
 
 @dataclass(frozen=True)
@@ -102,7 +98,7 @@ def _mesh_spheres(mesh: Any, path: Path) -> tuple[FloatArray, FloatArray] | None
     if file is None or file.suffix.lower() != ".stl":
         return None
     try:
-        triangles = _stl_triangles(read_limited(file, MAX_BYTES))
+        triangles = stl_triangles(read_limited(file, MAX_BYTES))
     except (DescriptorError, ValueError):
         return None
     if not len(triangles) or not np.isfinite(triangles).all():
@@ -128,21 +124,6 @@ def _covering(triangles: FloatArray) -> tuple[FloatArray, FloatArray]:
         centers.append(center)
         radii.append(np.linalg.norm(points - center, axis=1).max())
     return np.array(centers), np.array(radii)
-
-
-def _stl_triangles(data: bytes) -> FloatArray:
-    """Return the corners of an STL file, binary or text; shape (n, 3, 3)."""
-    count = int.from_bytes(data[80:84], "little")
-    if len(data) == _STL_HEADER + count * _STL_FACET:
-        corners = np.frombuffer(data, _STL_NUMBERS, offset=_STL_HEADER)["points"]
-        return corners.astype(np.float64)
-    found = np.array([*_text_vertices(data)], dtype=np.float64)
-    return found.reshape(-1, 3, 3)
-
-
-def _text_vertices(data: bytes) -> Iterator[tuple[float, ...]]:
-    for match in _VERTEX.finditer(data):
-        yield tuple(float(number) for number in match.groups())
 
 
 def _numbers(element: Any, key: str, default: str = "") -> FloatArray:

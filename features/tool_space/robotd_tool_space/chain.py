@@ -31,6 +31,7 @@ class Chain:
         constant, first, second: (m, 4, 4), see above.
         axes: (m, 3) axis of each moving joint in its own frame.
         end: (4, 4) of the tool in the frame of the last moving joint.
+        moving: names of the m moving joints.
     """
 
     names: tuple[str, ...]
@@ -44,6 +45,7 @@ class Chain:
     second: FloatArray
     axes: FloatArray
     end: FloatArray
+    moving: tuple[str, ...]
 
     @classmethod
     def of_urdf(
@@ -91,7 +93,7 @@ class Chain:
         column = {name: index for index, name in enumerate(names)}
         before = np.eye(4)  # what is fixed since the last moving joint
         frames: list[tuple[FloatArray, FloatArray, FloatArray]] = []
-        ratios, offsets, axes, slides = [], [], [], []
+        ratios, offsets, axes, slides, moving = [], [], [], [], []
         for joint in way:
             leader, ratio, offset = urdf.leader(joint, column)
             if not joint.moves or leader.name not in column:
@@ -103,6 +105,7 @@ class Chain:
             offsets.append(offset)
             axes.append(joint.axis)
             slides.append(joint.type == "prismatic")
+            moving.append(joint.name)
             frames.append(_frames(before @ joint.origin, joint))
             before = np.eye(4)
         if not frames:
@@ -120,6 +123,7 @@ class Chain:
             second,
             np.array(axes),
             before,
+            tuple(moving),
         )
 
     def with_tool(self, offset: FloatArray) -> Chain:
@@ -128,7 +132,7 @@ class Chain:
 
     def forward(self, positions: FloatArray) -> FloatArray:
         """Return the poses (..., 4, 4) of the tool at positions (..., n)."""
-        return self._frames(positions)[..., -1, :, :] @ self.end
+        return self.frames(positions)[..., -1, :, :] @ self.end
 
     def forward_and_jacobian(self, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return poses (..., 4, 4) and Jacobians (..., 6, n) of positions (..., n).
@@ -136,7 +140,7 @@ class Chain:
         The Jacobian takes joint velocities to the velocity of the tool's origin, m/s, and its
         angular velocity, rad/s, both in the axes of the base (the geometric Jacobian).
         """
-        frames = self._frames(positions)
+        frames = self.frames(positions)
         pose = frames[..., -1, :, :] @ self.end
         axes = (frames[..., :3, :3] @ self.axes[..., None])[..., 0]
         arms = pose[..., None, :3, 3] - frames[..., :3, 3]
@@ -158,7 +162,7 @@ class Chain:
             points: (p, 3) in the frame of the last moving link.
         """
         half = 0.5 * SPEED_STEP_S * velocities
-        frames = self._frames(np.stack([positions - half, positions + half]))
+        frames = self.frames(np.stack([positions - half, positions + half]))
         last = frames[..., -1, :, :]
         fixed = points @ np.swapaxes(last[..., :3, :3], -1, -2) + last[..., None, :3, 3]
         places = np.concatenate([frames[..., :3, 3], fixed], axis=-2)
@@ -166,7 +170,7 @@ class Chain:
         speeds: FloatArray = np.sqrt((way * way).sum(axis=-1)) / SPEED_STEP_S
         return speeds
 
-    def _frames(self, positions: FloatArray) -> FloatArray:
+    def frames(self, positions: FloatArray) -> FloatArray:
         """Return the frames (..., m, 4, 4) of all links that move, in the base."""
         at = positions @ self.ratios.T + self.offsets
         first = np.where(self.slides, at, np.sin(at))[..., None, None]

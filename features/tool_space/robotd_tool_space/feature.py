@@ -21,6 +21,7 @@ FEATURE = Feature(
         "tool": "robotd_tool_space.tool_groups:only_tool",
         "tool_groups": "robotd_tool_space.tool_groups:ToolGroups",
         "reduced_speed": "robotd_tool_space.reduced_speed:ReducedSpeed",
+        "collision_guard": "robotd_tool_space.collision_guard:CollisionGuard",
     },
 )
 
@@ -31,12 +32,14 @@ def open_tool_space(host: FeatureHost) -> Iterator[object | None]:
     from robotd_tool_space.tool_groups import tool_groups
 
     settings = host.robot.descriptor.settings(ToolSpaceKeys).tool_space
-    if not host.robot.tools and settings.reduced_speed_input is None:
+    needed = settings.reduced_speed_input is not None or settings.collisions is not None
+    if not host.robot.tools and not needed:
         yield None
         return
     groups = tool_groups(host.robot)
-    if groups:
-        host.robot.attribute("reduced_speed")  # it follows its input from the start
+    if groups or needed:  # from the start; an error where they cannot be
+        host.robot.attribute("reduced_speed")
+        host.robot.attribute("collision_guard")
     yield groups or None
 
 

@@ -40,14 +40,13 @@ class ReducedSpeed:
 
     Raises:
         DescriptorError: no input has that name.
-        Unsupported, DescriptorError: a joint group has no usable chain, as ``ToolGroups``, or,
-            where there is an input, the device interpolates trajectories itself.
+        Unsupported, DescriptorError: no group has a usable chain, as ``ToolGroups``; or there is
+            an input, and a group has none, or the device interpolates trajectories itself.
     """
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
-        tools: ToolGroups = robot.attribute("tool_groups")
-        self._tools = [tools.of(name) for name, each in robot.groups.items() if each.joint_names]
+        self._tools: ToolGroups = robot.attribute("tool_groups")
         self._settings = settings = robot.descriptor.settings(ToolSpaceKeys).tool_space
         self._limit_m_s = settings.reduced_speed_m_s
         self._commanded = self._by_input = self._is_on = False
@@ -55,7 +54,7 @@ class ReducedSpeed:
         self._lock = threading.Lock()
         self._reads_input: Callable[[], bool] | None = None
         if (name := settings.reduced_speed_input) is not None:
-            self._require_streamed()
+            self._require_possible()
             address = robot.io.inputs.get(name)
             if address is None:
                 text = unknown_name("input", name, robot.io.inputs)
@@ -84,10 +83,10 @@ class ReducedSpeed:
         Motion slows down within the limits of the joints; moves and jogs of single axes that are
         faster are stopped, torque streams end.
 
-        Raises Unsupported: the device interpolates trajectories itself.
+        Raises Unsupported, DescriptorError: it cannot be on, as of the class with an input.
         """
         if on:
-            self._require_streamed()
+            self._require_possible()
         with self._lock:
             self._commanded = on
             self._apply()
@@ -98,9 +97,12 @@ class ReducedSpeed:
             self._listeners.append(listener)
             listener(self._is_on)
 
-    def _require_streamed(self) -> None:
+    def _require_possible(self) -> None:
         if self._robot.axes.trajectories_on_device:
             raise Unsupported("reduced speed", self._robot.backend.name)
+        for name, group in self._robot.groups.items():
+            if group.joint_names:
+                self._tools.of(name)
 
     def _apply(self) -> None:
         """Set or clear the limits. Lock held."""
@@ -108,12 +110,12 @@ class ReducedSpeed:
         remedy = "For full speed: robotd tool reduced off"
         if self._by_input:
             remedy = f"The input {self._settings.reduced_speed_input} switches it on"
-        for tool in self._tools:
-            limit = tool.group.speed_limit
+        for tool in self._tools.values():
+            limit = tool.group.motion_limits
             if self._is_on:
-                limit.set(partial(_factors, tool, self._limit_m_s), self.text, remedy)
+                limit.set_speed(partial(_factors, tool, self._limit_m_s), self.text, remedy)
             else:
-                limit.clear()
+                limit.clear_speed()
         if self._is_on != before:
             log.info(self.text)
             self._robot.events.add(EventKind.STATE, "speed", self.text)
@@ -131,13 +133,13 @@ class ReducedSpeed:
                 finally:
                     self._lock.release()
         if self._is_on:
-            for tool in self._tools:
+            for tool in self._tools.values():
                 self._stop_too_fast(tool, image)
 
     def _stop_too_fast(self, tool: RobotTool, image: ProcessImage) -> None:
         axes = list(tool.group.joint_axes)
         moved = [axis for axis in axes if image.operation[axis] in BY_DEVICE]
-        factors = tool.group.speed_limit.factors
+        factors = tool.group.motion_limits.factors
         if moved and factors is not None:
             velocity = np.where(np.isin(axes, moved), image.velocity[axes], 0.0)
             if float(factors(image.position[axes][None], velocity[None])[0]) < 1.0 / TOO_FAST:
@@ -147,7 +149,7 @@ class ReducedSpeed:
 def _factors(
     tool: RobotTool, limit_m_s: float, positions: FloatArray, velocities: FloatArray
 ) -> FloatArray:
-    """Return as ``Factors`` of ``SpeedLimit``; a stretch of time without motion has a huge one."""
+    """Return as ``Factors`` of ``MotionLimits``; where nothing moves it is huge."""
     points = np.stack([each.chain.end[:3, 3] for each in (tool.at_link, tool.kinematics)])
     speeds = tool.at_link.chain.speeds(positions, velocities, points).max(axis=-1)
     return PLANNED_SHARE * limit_m_s / np.maximum(speeds, MIN_SPEED_M_S)

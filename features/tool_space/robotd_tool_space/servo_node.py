@@ -65,7 +65,9 @@ class _GroupServo:
         joints = robot.groups[group]
         self._tool: RobotTool = robot.attribute("tool_groups").of(group)
         _ = self._tool.kinematics.task  # takes a while: not in the control loop
-        self._stage = TwistStage(lambda: self._tool.kinematics, settings.limits, joints.speed_limit)
+        self._stage = TwistStage(
+            lambda: self._tool.kinematics, settings.limits, joints.motion_limits
+        )
         twist_topic = node.resolve_topic_name(topics.twist).lstrip("/")
         client = joints.stream.client(NAME, settings.timeout_s, twist_topic)
         self._stream = TopicStream(client, host, twist_topic)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 class ServoCode(IntEnum):
     """Codes of moveit_msgs/ServoStatus, as of MoveIt 2.
 
-    There is no collision checking in the stream: its two codes do not occur.
+    Before a collision the tool is stopped: ``DECELERATE_FOR_COLLISION`` does not occur.
     """
 
     INVALID = -1

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pydantic import Field
 
 from robotd.api import FloatArray, did_you_mean
-from robotd.api.features import Name, Positive, Section, SectionProblem
+from robotd.api.features import Name, NotNegative, Positive, Section, SectionProblem
 from robotd_tool_space.rotations import pose_of
 
 Numbers3 = tuple[float, float, float]
@@ -27,6 +27,42 @@ class FrameSettings(Section):
         return pose_of(self.xyz_m, self.rpy_rad)
 
 
+class PlaneSettings(Section):
+    """A wall, or the floor."""
+
+    normal: Numbers3 = Field(
+        strict=False, description="Direction to where the arm may be, in its base; of any length."
+    )
+    distance_m: float = Field(
+        0.0, description="Of the plane from the origin of the base along `normal`."
+    )
+
+    def problems(self) -> Iterator[SectionProblem]:
+        if not any(self.normal):
+            yield ("normal",), "must not be zero", self.normal
+
+
+class BoxSettings(FrameSettings):
+    """A box that the arm has to keep away from; `xyz_m` is its middle, in the base of the arm."""
+
+    size_m: tuple[Positive, Positive, Positive] = Field(
+        strict=False, description="Lengths of its edges, along its axes."
+    )
+
+
+class CollisionSettings(Section):
+    """Motion that is rejected, or stopped, before an arm collides; no safety function."""
+
+    links: bool = Field(True, description="Check the links of an arm against each other.")
+    margin_m: NotNegative = Field(0.01, description="Least distance.")
+    planes: dict[Name, PlaneSettings] = Field({}, description="Walls and floors by name.")
+    boxes: dict[Name, BoxSettings] = Field({}, description="Boxes by name.")
+
+    def problems(self) -> Iterator[SectionProblem]:
+        for name in self.planes.keys() & self.boxes.keys():
+            yield ("boxes", name), "is the name of a plane, too", name
+
+
 class ToolSpaceSettings(Section):
     """Motion of the tool: its speed, its frames and those that it works in."""
 
@@ -41,6 +77,9 @@ class ToolSpaceSettings(Section):
     )
     reduced_speed_level: int = Field(
         0, ge=0, le=1, description="Level that does; with 0 a broken wire does."
+    )
+    collisions: CollisionSettings | None = Field(
+        None, description="Check of collisions, from the shapes of the URDF; null: none."
     )
     tools: dict[Name, FrameSettings] = Field(
         {}, description="Tools by name: their frames in the link of the tool (`tool_link`)."

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotd.api import FloatArray
-from robotd.api.features import JointLimits, SpeedLimit
+from robotd.api.features import JointLimits, MotionLimits
 from robotd_tool_space.differential import Differential, Rates
 from robotd_tool_space.kinematics import Kinematics
 from robotd_tool_space.rotations import pose_differences, rotation_matrices
@@ -80,7 +80,7 @@ class TwistStage:
     Args:
         kinematics: returns those of the group with the chosen tool; asked at each start.
         limits: of the tool; None: the default ones.
-        speed_limit: of the joint group; None: none.
+        motion_limits: of the joint group; None: none.
 
     Attributes:
         status: of the last period; immutable, any thread may read it.
@@ -91,14 +91,15 @@ class TwistStage:
         self,
         kinematics: Callable[[], Kinematics],
         limits: TwistLimits | None = None,
-        speed_limit: SpeedLimit | None = None,
+        motion_limits: MotionLimits | None = None,
     ) -> None:
         self.status = ServoStatus()
         self.pose = np.eye(4)
         self._chosen = kinematics
         self._limits = limits or TwistLimits()
-        self._speed_limit = speed_limit or SpeedLimit()
+        self._motion_limits = motion_limits or MotionLimits()
         self._command: Command | None = None
+        self._obstacle = ""  # before which the last command was ended
 
     def begin(self, setpoint: FloatArray, limits: JointLimits, period_s: float) -> None:
         """Start from a setpoint; the tool goes on with its velocity and slows down."""
@@ -121,7 +122,7 @@ class TwistStage:
 
     def take(self, command: Command) -> None:
         """Follow a command from the next period on."""
-        self._command = command
+        self._command, self._obstacle = command, ""
         if isinstance(command, TwistCommand):
             self._change_frame(command.in_tool)
             self._go(self._limits.slowed(command.twist))
@@ -150,6 +151,7 @@ class TwistStage:
         (pose, _), (rates, next_rates) = self._differential.at(np.stack([ahead, further]), twist)
         factor = self._next_factor(ahead, rates, next_rates, seconds)
         self._rates = rates
+        self._stop_before_obstacle(position, factor * rates.inverse)
         now = factor * twist
         self.pose = _moved(self.pose, 0.5 * dt * (before + now))
         following = factor * rates.velocity
@@ -166,7 +168,7 @@ class TwistStage:
             return self._integrate(np.zeros(len(self._joints.names)))
         self._setpoint[2] = 0.0
         self.pose = self._chain.forward(self._setpoint[0])
-        self.status = ServoStatus()
+        self.status = self._with_obstacle(ServoStatus())
         return self._setpoint.copy()
 
     def _integrate(self, velocity: FloatArray) -> FloatArray:
@@ -194,7 +196,7 @@ class TwistStage:
             "limit": _lowest(self._braking(at, rates.velocity) / speed),
             "singularity": _slow_down(rates.singularity, slope),
         }
-        if (factors := self._speed_limit.factors) is not None:
+        if (factors := self._motion_limits.factors) is not None:
             bounds["speed"] = SPEED_SHARE * float(factors(at[None], rates.velocity[None])[0]), -1
         if rates.missing > MISSING:
             bounds["singularity"] = 0.0, -1
@@ -216,8 +218,35 @@ class TwistStage:
         strongest = float((FACTOR_JERK_SHARE * limits.jerk / speed).min())
         strongest = min(max(strongest, LEAST_CHANGE), MAX_CHANGE)
         factor = self._factor.advance(highest, *rate_limits, strongest)
-        self.status = self._status(rates, bounds, factor, leaves=slope > 0.0)
+        self.status = self._with_obstacle(self._status(rates, bounds, factor, leaves=slope > 0.0))
         return factor
+
+    def _stop_before_obstacle(self, at: FloatArray, inverse: FloatArray) -> None:
+        """End the command where the way of a stop meets an obstacle.
+
+        ``inverse`` (n, 6) takes the ramped twist to the velocities of the joints.
+        """
+        obstacle, limits = self._motion_limits.obstacle, self._limits
+        if obstacle is None or self._command is None:
+            return
+        # The acceleration ends within the rise.
+        twist = self._ramp.twist + 0.5 * limits.rise_s * self._ramp.acceleration
+        velocity = inverse @ self._twist_in_base(twist)
+        ramps = RAMP_SHARE * self._joints.acceleration / np.maximum(np.abs(velocity), 1e-9)
+        strongest = min(
+            limits.linear_m_s2 / max(float(np.linalg.norm(twist[:3])), 1e-9),
+            limits.angular_rad_s2 / max(float(np.linalg.norm(twist[3:])), 1e-9),
+            float(ramps.min()),
+        )
+        seconds = 0.55 / strongest + limits.rise_s + 2.0 * self._period_s
+        if text := obstacle(at, at + seconds * velocity):
+            self.stop()
+            self._obstacle = text
+
+    def _with_obstacle(self, status: ServoStatus) -> ServoStatus:
+        if not self._obstacle:
+            return status
+        return ServoStatus(ServoCode.HALT_FOR_COLLISION, status.factor, self._obstacle)
 
     def _braking(self, at: FloatArray, velocity: FloatArray) -> FloatArray:
         """Return the speeds (n,) from which joints stop before their position limits."""
@@ -233,7 +262,7 @@ class TwistStage:
         if lowest > 0.99:
             return ServoStatus(factor=factor)
         if what == "speed":
-            return ServoStatus(factor=factor, text=self._speed_limit.reason)
+            return ServoStatus(factor=factor, text=self._motion_limits.reason)
         name = self._joints.names[joint]
         if what == "singularity":
             return _halted(rates) if lowest < HALTED else _approaching(rates, factor)
@@ -249,7 +278,7 @@ class TwistStage:
         """Let the ramp lead to ``target``, no faster than the joints can."""
         if np.array_equal(target, self._ramp.target):
             return
-        if not target.any() and self._speed_limit.factors is not None:
+        if not target.any() and self._motion_limits.factors is not None:
             self._take_factor()
         inverse = self._rates.inverse
         speeds = np.abs(inverse @ self._twist_in_base(target))

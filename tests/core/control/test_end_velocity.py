@@ -12,7 +12,7 @@ from tests.fakes import FakeAxes
 
 from robotd.control.trajectory_execution import Outcome
 from robotd.control.trajectory_follower import TrajectoryFollower
-from robotd.device.speed_limit import SpeedLimit
+from robotd.device.motion_limits import MotionLimits
 from robotd.errors import NotReady
 from robotd.events import EventKind, Level
 from robotd.motion import JointTolerance, TrajectoryRejected, TrajectoryRequest
@@ -180,7 +180,7 @@ def test_a_device_that_interpolates_by_itself_rejects_it(harness: Harness) -> No
         robot.axes,
         robot.descriptor,
         harness.clock,
-        SpeedLimit(),
+        MotionLimits(),
         FakeAxes(3),
     )
     why = "interpolates trajectories itself ends them at rest"

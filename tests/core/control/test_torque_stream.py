@@ -16,7 +16,7 @@ from robotd.control.completion import Outcome
 from robotd.control.joint_motion import JointMotion
 from robotd.control.joint_source import REST_TIMEOUT_S
 from robotd.control.torque_stream import TorqueMotion, TorqueStreams
-from robotd.device.speed_limit import SpeedLimit
+from robotd.device.motion_limits import MotionLimits
 from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import CommandMode, Operation
 from robotd.device.stops import StopRequests
@@ -50,7 +50,7 @@ class Rig:
 
     def __init__(self) -> None:
         self.axes, self.speed, self.time_ns = TorqueAxes(), SpeedScale(), NANOSECONDS
-        self.speed_limit = SpeedLimit()
+        self.motion_limits = MotionLimits()
         limits = JointLimits(
             ("shoulder", "elbow"),
             np.array([-1.0, -1.0]),
@@ -69,7 +69,7 @@ class Rig:
             stopped,
             self.speed,
             0.0,
-            self.speed_limit,
+            self.motion_limits,
         )
 
     @property
@@ -218,7 +218,7 @@ def streams(harness: Harness, joints: Any) -> TorqueStreams:
         MonotonicClock(),
         TorqueAxes(),
         robot.rearming,
-        robot.groups.only.speed_limit,
+        robot.groups.only.motion_limits,
     )
 
 
@@ -270,8 +270,8 @@ def test_a_speed_limit_ends_torques_and_takes_none(harness: Harness) -> None:
     rig, reduced = Rig(), "reduced speed: at most 0.25 m/s"
     rig.put(4.0, 0.0)
     rig.run()
-    for limit in (rig.speed_limit, harness.robot.groups.only.speed_limit):
-        limit.set(lambda _, velocities: np.ones(len(velocities)), reduced, "")
+    for limit in (rig.motion_limits, harness.robot.groups.only.motion_limits):
+        limit.set_speed(lambda _, velocities: np.ones(len(velocities)), reduced, "")
     rig.run()
     assert rig.motion.completion.requested == (Outcome.STOPPED, reduced)
     with pytest.raises(NotReady, match=f"{reduced}; torques cannot keep it"):
@@ -306,7 +306,7 @@ def test_a_start_that_takes_longer_than_a_period_is_repeated(harness: Harness) -
                 stopped,
                 axes.speed,
                 0.0,
-                SpeedLimit(),
+                MotionLimits(),
             )
         )
         return made[-1]

@@ -190,7 +190,7 @@ def test_a_jog_keeps_the_speed_and_stops_at_once(arm: Arm) -> None:
 def test_a_twist_keeps_the_speed_and_its_direction(
     arm: Arm, before: int, twist: list[float]
 ) -> None:
-    stage = TwistStage(lambda: arm.tool.kinematics, None, arm.tool.group.speed_limit)
+    stage = TwistStage(lambda: arm.tool.kinematics, None, arm.tool.group.motion_limits)
     start = arm.tool.kinematics.forward(BENT)[:3, 3]
     if not before:
         arm.on()

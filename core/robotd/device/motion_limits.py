@@ -1,4 +1,4 @@
-"""Limit of the speed of a joint group's motion, which a feature sets."""
+"""Limits of a joint group's motion, which features set: its speed, and where it may go."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from robotd.arrays import FloatArray
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation
 from robotd.errors import NotReady
+from robotd.motion import Trajectory
 
 Factors = Callable[[FloatArray, FloatArray], FloatArray]
 """Returns (k,) by which velocities (k, m) at positions (k, m) may be multiplied; inf at rest."""
@@ -17,35 +18,47 @@ Factors = Callable[[FloatArray, FloatArray], FloatArray]
 STANDING = (Operation.IDLE, Operation.STREAM)  # a stream moves all axes of the group, or none
 
 
-class SpeedLimit:
-    """Limit of the speed of a joint group; none until a feature sets one.
+PathCheck = Callable[[Trajectory], None]
+"""Raises TrajectoryRejected, in a worker, for a path that must not be."""
 
-    Trajectories keep their path, and streams the direction of their velocity. Any thread.
+Obstacle = Callable[[FloatArray, FloatArray], str]
+"""Returns what joints run into from positions (m,) to those where they would stop; "": nothing."""
+
+
+class MotionLimits:
+    """Limits of the motion of a joint group; none until a feature sets one. Any thread.
+
+    Under a limit of the speed trajectories keep their path, and streams the direction of their
+    velocity. A stream that would run into an obstacle is stopped, and its command forgotten.
 
     Args:
         axes: of the joints, in their order.
 
     Attributes:
         axes: as above.
-        factors: of the limit in force, for the control loop; None: there is none.
-        reason, remedy: one line each for people; "" without a limit.
+        factors: of the limit of the speed in force, for the control loop; None: there is none.
+        reason, remedy: of that limit, one line each for people; "" without one.
+        check_path: of each trajectory before it begins; None: none.
+        obstacle: of streams, for the control loop; None: none.
     """
 
     def __init__(self, axes: Sequence[int] = ()) -> None:
         self.axes = tuple(axes)
         self.factors: Factors | None = None
         self.reason = self.remedy = ""
+        self.check_path: PathCheck | None = None
+        self.obstacle: Obstacle | None = None
 
-    def set(self, factors: Factors, reason: str, remedy: str) -> None:
-        """Limit motion from the next period on."""
+    def set_speed(self, factors: Factors, reason: str, remedy: str) -> None:
+        """Limit the speed from the next period on."""
         self.reason, self.remedy, self.factors = reason, remedy, factors
 
-    def clear(self) -> None:
-        """Remove the limit; speeds rise by the ordinary ramps."""
+    def clear_speed(self) -> None:
+        """Remove the limit of the speed, which rises by the ordinary ramps."""
         self.factors, self.reason, self.remedy = None, "", ""
 
     def scale(self, velocities: Mapping[int, float], image: ProcessImage) -> float:
-        """Return the part, up to 1, of the velocity of a single axis that keeps the limit.
+        """Return the part, up to 1, of the velocity of a single axis that keeps the speed limit.
 
         While one joint turns alone its distance from the tool stays; so a command keeps its speed.
 
