@@ -190,6 +190,14 @@ class TrajectoryFollower:
             self._motion.release(execution)
             note_result(self._events, execution)
 
+    def check(self, request: TrajectoryRequest) -> None:
+        """Check a trajectory from rest where the joints are commanded to be; nothing moves.
+
+        Raises TrajectoryRejected.
+        """
+        start = MotionState.at_rest(self._motion.command())
+        self._check_path(plan(request, self.limits, self.settings, start))
+
     def state_at(self, time_ns: int) -> MotionState | None:
         """Return the commanded state at monotonic ``time_ns``; rest where nothing moves.
 

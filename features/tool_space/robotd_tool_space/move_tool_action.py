@@ -82,6 +82,7 @@ class MoveToolAction:
         motion = planned(tool, goal.request)
         result.duration_s, result.deviation_m = motion.duration_s, motion.deviation_m
         if goal.request.plan_only:
+            tool.group.follower.check(motion.request(tool.group.joint_names))
             result.message = f"can be reached in {motion.duration_s:.2f} s; nothing moved"
             return Outcome.SUCCEEDED
         with tool.follow(motion, ticket) as execution:

@@ -27,7 +27,6 @@ from robotd.api.features import (
     Robot,
     RobotdError,
     TrajectoryExecution,
-    TrajectoryRequest,
 )
 from robotd_tool_space.kinematics import Kinematics
 from robotd_tool_space.rotations import checked_pose, inverse_pose, pose_of, rpy_of
@@ -327,9 +326,7 @@ class RobotTool:
 
         Raises NotReady, TrajectoryRejected: the joints have moved since, or cannot be commanded.
         """
-        request = TrajectoryRequest(
-            self.group.joint_names, motion.times_s, motion.positions, motion.velocities
-        )
+        request = motion.request(self.group.joint_names)
         with self.group.follower.follow(request, ticket=ticket) as execution:
             yield execution
 

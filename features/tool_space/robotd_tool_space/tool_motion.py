@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotd.api import FloatArray, InvalidArgument
-from robotd.api.features import JointLimits
+from robotd.api.features import JointLimits, TrajectoryRequest
 from robotd_tool_space.joint_path import JointPath, follow_path, hermite
 from robotd_tool_space.kinematics import Kinematics, Obstacle, Unreachable
 from robotd_tool_space.rotations import pose_differences
@@ -75,6 +75,10 @@ class ToolMotion:
     def duration_s(self) -> float:
         """Time of the last point."""
         return float(self.times_s[-1])
+
+    def request(self, joints: tuple[str, ...]) -> TrajectoryRequest:
+        """Return the trajectory that it is, for the n joints by name."""
+        return TrajectoryRequest(joints, self.times_s, self.positions, self.velocities)
 
 
 def plan_lines(

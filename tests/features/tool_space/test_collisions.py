@@ -151,6 +151,8 @@ def test_walls_are_rejected_by_name(arm: Arm, goal: list[float], what: str) -> N
 
 def test_a_line_is_rejected_with_its_place(arm: Arm) -> None:
     motion = arm.tool.plan_lines([arm.tool.pose_relative(y=0.45)])
+    with pytest.raises(TrajectoryRejected, match="and wall would"):
+        arm.follower.check(motion.request(arm.tool.group.joint_names))
     with (
         pytest.raises(TrajectoryRejected, match=r"\(\d\d %\) \w+ and wall would"),
         arm.tool.follow(motion),
