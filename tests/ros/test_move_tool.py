@@ -144,7 +144,7 @@ def test_reduced_speed_is_switched_and_shown(cr3a: RobotProcess, client: Client)
     wait_until(lambda: states and not states[-1].data, "it is off at the start")
     status, output, error = robotd(cr3a.domain, "tool", "reduced", "on")
     assert status == 0, error
-    assert output == "reduced speed: no point of the arm is faster than 0.25 m/s\n"
+    assert output == "reduced speed: links and tool move with at most 0.25 m/s\n"
     wait_until(lambda: states[-1].data, "the topic shows that it is on")
     try:
         status, output, _ = robotd(cr3a.domain, "status")

@@ -1,4 +1,4 @@
-"""Reduced speed: a limit of the speed of every point of the arms. No safety function."""
+"""Reduced speed: a limit of the speed of links and tools. No safety function."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class ReducedSpeed:
         """State in words."""
         if not self._is_on:
             return "reduced speed is off"
-        return f"reduced speed: no point of the arm is faster than {self._limit_m_s:g} m/s"
+        return f"reduced speed: links and tool move with at most {self._limit_m_s:g} m/s"
 
     def set(self, on: bool) -> None:
         """Switch it on or off by command; the input may keep it on.

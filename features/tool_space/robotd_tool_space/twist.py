@@ -6,7 +6,7 @@ joint velocities b = J⁺V,
 - every |s·b| keeps the velocity limit,
 - every joint can brake before its position limit,
 - s²·|db/dt| keeps the acceleration limit: what the change of J takes on the way,
-- no point of the arm exceeds a limit of its speed, and
+- links and tool keep a limit of their speed, and
 - the tool slows down while the smallest singular value of J shrinks.
 
 s itself has a limited rate and acceleration, as J⁺V amplifies its changes. Integration drifts from
