@@ -18,8 +18,8 @@ from robotd.api import (
 )
 from robotd.api.features import EventKind, ProcessImage, Robot
 from robotd_tool_space.robot_tool import RobotTool
-from robotd_tool_space.tool_groups import ToolGroups
 from robotd_tool_space.settings import ToolSpaceKeys
+from robotd_tool_space.tool_groups import ToolGroups
 
 log = get_logger("tool")
 
