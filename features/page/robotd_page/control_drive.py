@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
-
-from pydantic import Field
+from typing import Any, Literal
 
 from robotd.control.axis_limits import twist_limits
 from robotd.control.mobile_base import MobileBase
@@ -14,30 +12,27 @@ from robotd.errors import NotReady, RobotdError, Unsupported
 from robotd.events import sent_by
 from robotd.motion.planar import ZERO_TWIST, PlanarTwist
 from robotd.robot import Robot
-from robotd_page.control_commands import Finite, Message, Seen
-from robotd_page.control_jog import LATE_PERIODS, RELEASED, TIMEOUT_S, JogEnd
+from robotd_page.control_commands import Finite
+from robotd_page.control_jog import LATE_PERIODS
+from robotd_page.held_stream import RELEASED, TIMEOUT_S, Heartbeat, JogEnd
 
 MAX_VELOCITY_M_S = 0.25  # reduced speed of manual operation of industrial robots, ISO 10218-1
 MAX_ANGULAR_RAD_S = 0.5
 LATE = "heartbeats came late"
 
 
-class Drive(Message):
-    """Heartbeat of a button that is held.
+class Drive(Heartbeat):
+    """Heartbeat of a direction of the base that is held.
 
     Attributes:
-        hold: number that the client counts up with each press, of a joint or of the base.
         linear, lateral: m/s ahead and to the left.
         angular: rad/s to the left.
-        seen: as in ``Jog``.
     """
 
     type: Literal["drive"]
-    hold: Annotated[int, Field(ge=1)]
     linear: Finite
     lateral: Finite
     angular: Finite
-    seen: Seen | None = None
 
 
 @dataclass(frozen=True)

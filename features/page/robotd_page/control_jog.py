@@ -3,87 +3,39 @@
 from __future__ import annotations
 
 import math
-import threading
-from collections.abc import Callable, Mapping
-from concurrent.futures import Executor
-from dataclasses import dataclass
-from functools import partial
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
 from robotd.control.joint_group import JointGroup
 from robotd.control.joint_stream import JointStream
-from robotd.errors import InvalidArgument, NotReady, RobotdError, unknown_name
-from robotd.events import noted, sent_by
+from robotd.errors import InvalidArgument, unknown_name
+from robotd.events import noted
 from robotd.motion.stopping import stoppable_velocity
 from robotd.robot import Robot
-from robotd_page.control_commands import Finite, Message, Seen
+from robotd_page.control_commands import Finite
+from robotd_page.held_stream import REACHED, TIMEOUT_S, Heartbeat, HeldStream, StreamCommand
 
-HEARTBEAT_S = 0.02  # interval at which a page repeats the message of a button that is held
-TIMEOUT_S = 0.06  # age of the last heartbeat at which the joint slows to rest
 STOP_S = 0.15  # from the last heartbeat to standstill
 LATE_PERIODS = 3  # of the control loop, until it sees the silence and the drive has followed
-REACHED = "reached"
-RELEASED = "released"
-CLOSED = "connection closed"
 REACHED_TOLERANCE = 1e-6  # rad or m
 
 
-Command = Callable[[JointStream], None]
-"""Sends a setpoint to a stream."""
-
-
-class Jog(Message):
+class Jog(Heartbeat):
     """Heartbeat of a button that is held, or of a step that is under way.
 
     Attributes:
-        hold: number that the client counts up with each press.
         joint: name.
         velocity: signed, or positive with a step; rad/s or m/s.
         step: signed distance from where the joint is commanded now, rad or m; None: no end.
-        seen: as in ``Command``; that of the first heartbeat counts.
     """
 
     type: Literal["jog"]
-    hold: Annotated[int, Field(ge=1)]
     joint: str
     velocity: Finite
     step: Finite | None = None
-    seen: Seen | None = None
-
-
-class Release(Message):
-    """End of a hold.
-
-    Attributes:
-        hold: as in ``Jog``.
-        reason: as in the log.
-    """
-
-    type: Literal["release"]
-    hold: int
-    reason: Literal["released", "window lost focus", "tab hidden", "page left", "page stalled"]
-
-
-@dataclass(frozen=True)
-class JogEnd:
-    """End of a hold.
-
-    Attributes:
-        hold: as in ``Jog``.
-        is_wanted: it was released, or reached its target.
-        is_silent: its heartbeats came late, or none came.
-        reason: text.
-        remaining: signed distance to the target of a step, rad or m; None without a target.
-    """
-
-    hold: int
-    is_wanted: bool
-    is_silent: bool
-    reason: str
-    remaining: float | None = None
 
 
 def jog_velocities(robot: Robot) -> dict[str, float]:
@@ -101,135 +53,41 @@ def jog_velocities(robot: Robot) -> dict[str, float]:
     return found
 
 
-@dataclass(eq=False)
-class _Hold:
-    """Button that is held.
-
-    Attributes:
-        number: of the client.
-        stream: of the joint; None until it is open.
-        command: called with the stream at each heartbeat.
-    """
-
-    number: int
-    stream: JointStream | None = None
-    command: Command | None = None
+def require_stoppable(robot: Robot, joint: str, velocity: float) -> None:
+    """Raise InvalidArgument for a joint whose highest jog velocity is 0."""
+    if not velocity:
+        raise InvalidArgument(
+            f"{joint}: no jog by heartbeats at cycle.rate_hz {robot.descriptor.cycle.rate_hz:g};"
+            f" it takes more than {LATE_PERIODS / (STOP_S - TIMEOUT_S):.0f} Hz"
+        )
 
 
-class HeldJog:
-    """Jog of one client, a joint at a time.
+class HeldJog(HeldStream[Jog]):
+    """Jog of one client, a joint at a time."""
 
-    A hold begins with its first heartbeat and ends by ``release``, by silence for ``timeout_s``,
-    or with the stream; later heartbeats of it are ignored, so that nothing moves again before
-    the client presses anew. The stream of the control loop is the watchdog: it needs no thread of
-    the server. ``beat``, ``release`` and ``close`` never block.
+    @cached_property
+    def _velocities(self) -> Mapping[str, float]:
+        return jog_velocities(self._robot)
 
-    Args:
-        robot: of the joints.
-        owner: of the joints while they move.
-        workers: open the stream and wait for its end.
-        ended: called by a worker with the end of each hold.
-        timeout_s: as above, in time of the robot.
-    """
-
-    def __init__(
-        self,
-        robot: Robot,
-        owner: str,
-        workers: Executor,
-        ended: Callable[[JogEnd], None],
-        timeout_s: float = TIMEOUT_S,
-    ) -> None:
-        self.events = robot.events
-        self._robot, self._owner, self._workers, self._ended = robot, owner, workers, ended
-        self._timeout_s = timeout_s
-        self._velocities: Mapping[str, float] = jog_velocities(robot)
-        self._newest = 0
-        self._hold: _Hold | None = None
-        self._lock = threading.Lock()  # of the hold and its stream
-
-    def beat(self, jog: Jog) -> None:
-        """Begin a hold, or keep it moving."""
-        with self._lock:
-            if jog.hold > self._newest:
-                self._newest = jog.hold
-                self._end(RELEASED)
-                self._hold = _Hold(jog.hold)
-                self._workers.submit(self._run, self._hold, jog)
-                return
-            hold = self._hold
-            if hold is None or hold.number != jog.hold:
-                return
-            stream, command = hold.stream, hold.command
-        if stream is not None and command is not None:
-            try:
-                command(stream)
-            except NotReady as error:
-                stream.end(str(error))  # no effect where it has just ended; the worker says why
-
-    def release(self, number: int, reason: str) -> None:
-        """End a hold; the joint slows to rest."""
-        with self._lock:
-            if self._hold is not None and self._hold.number == number:
-                self._end(reason)
-
-    def close(self) -> None:
-        """End the hold because its client has gone."""
-        with self._lock:
-            self._end(CLOSED)
-
-    def _end(self, reason: str) -> None:
-        hold, self._hold = self._hold, None
-        if hold is not None and hold.stream is not None:
-            hold.stream.end(reason)
-
-    def _run(self, hold: _Hold, jog: Jog) -> None:
-        """Worker: open the stream, and give the joint back after its end."""
-        is_silent, remaining = False, None
-        with sent_by(self._owner):
-            try:
-                stream, command = self.jog(jog.joint, jog.velocity, jog.step)
-                with stream:
-                    self._begin(hold, stream, command)
-                    stream.wait()
-                reason, is_silent = stream.message, stream.statistics.timeouts > 0
-                remaining = command.remaining if isinstance(command, _Step) else None
-            except RobotdError as error:
-                reason = str(error)
-        with self._lock:
-            if self._hold is hold:
-                self._hold = None
-        is_wanted = reason in (RELEASED, REACHED)
-        self._ended(JogEnd(hold.number, is_wanted, is_silent, reason, remaining))
-
-    def _begin(self, hold: _Hold, stream: JointStream, command: Command) -> None:
-        """Let the next heartbeat move the joint; a hold that has ended meanwhile never does."""
-        with self._lock:
-            if self._hold is hold:
-                hold.stream, hold.command = stream, command
-            else:
-                stream.end(RELEASED)
+    def open_stream(self, beat: Jog) -> tuple[JointStream, StreamCommand]:
+        return self.jog(beat.joint, beat.velocity, beat.step)
 
     @noted
-    def jog(self, joint: str, velocity: float, step: float | None) -> tuple[JointStream, Command]:
+    def jog(
+        self, joint: str, velocity: float, step: float | None
+    ) -> tuple[JointStream, StreamCommand]:
         """Open the stream of one joint. Raises RobotdError with the reason of a rejection."""
         highest = self._velocities.get(joint)
         if highest is None:
             raise InvalidArgument(unknown_name("joint", joint, self._velocities))
-        if not highest:
-            rate_hz = self._robot.descriptor.cycle.rate_hz
-            raise InvalidArgument(
-                f"{joint}: no jog by heartbeats at cycle.rate_hz {rate_hz:g}; it takes more than"
-                f" {LATE_PERIODS / (STOP_S - TIMEOUT_S):.0f} Hz"
-            )
+        require_stoppable(self._robot, joint, highest)
         speed = min(abs(velocity), highest) * (self._robot.axes.speed.scale or 1.0)
         if not speed:
             raise InvalidArgument(f"{joint}: the jog velocity is 0")
         group = self._robot.groups.of([joint])
-        command: Command
+        command: StreamCommand
         if step is None:
-            signed = math.copysign(speed, velocity)
-            command = partial(JointStream.send_velocity, velocity=[signed])
+            command = _Velocity(math.copysign(speed, velocity))
         else:
             command = _Step(self._robot, group, joint, step)
         stream = group.stream(
@@ -243,7 +101,17 @@ class HeldJog:
         return stream, command
 
 
-class _Step:
+class _Velocity(StreamCommand):
+    """Command of a joint that moves until it is released; rad/s or m/s, signed."""
+
+    def __init__(self, velocity: float) -> None:
+        self._velocity = velocity
+
+    def __call__(self, stream: JointStream) -> None:
+        stream.send_velocity([self._velocity])
+
+
+class _Step(StreamCommand):
     """Command of a step: to its target, and the end of the stream there.
 
     Args:

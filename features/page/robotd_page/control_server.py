@@ -19,15 +19,9 @@ from robotd.log import get_logger
 from robotd.robot import Robot
 from robotd_page import control_commands as commands
 from robotd_page.control_drive import Drive, HeldDrive, drive_limits, drive_motions
-from robotd_page.control_jog import (
-    HEARTBEAT_S,
-    TIMEOUT_S,
-    HeldJog,
-    Jog,
-    JogEnd,
-    Release,
-    jog_velocities,
-)
+from robotd_page.control_jog import HeldJog, Jog, jog_velocities
+from robotd_page.control_tool import HeldTool, JogTool, describe_tools
+from robotd_page.held_stream import HEARTBEAT_S, TIMEOUT_S, Heartbeat, JogEnd, Release
 from robotd_page.page_message import websocket_frames
 from robotd_page.seen_state import rejection
 from robotd_page.viewers import Viewer, accept
@@ -36,7 +30,7 @@ log = get_logger("page")
 
 MAX_CONTROLLERS = 4
 MAX_RUNNING = 4  # commands of one controller
-MAX_WORKERS = MAX_CONTROLLERS * (MAX_RUNNING + 2)  # two for the jogs of each
+MAX_WORKERS = MAX_CONTROLLERS * (MAX_RUNNING + 2)  # two for the holds of each
 TOKEN_BYTES = 24
 TOKEN_TIMEOUT_S = 5.0
 PING_S = 5.0  # a controller that does not answer within 1.5 of it is dropped
@@ -44,6 +38,7 @@ WRONG_TOKEN_DELAY_S = 1.0
 
 Request = Annotated[
     Jog
+    | JogTool
     | Drive
     | Release
     | commands.Stop
@@ -165,6 +160,7 @@ class PageControl:
             "name": name,
             "heartbeat_ms": 1000 * HEARTBEAT_S,
             "jog_velocities": jog_velocities(robot),
+            "tools": describe_tools(robot),
             "drive": _drive(robot),
             "gripper": robot.gripper is not None,
             "outputs": {name: f"out{at.byte}.{at.bit}" for name, at in robot.io.outputs.items()},
@@ -203,6 +199,7 @@ class Controller:
         self._running = 0
         self._newest_hold = self._rejected_hold = 0
         self._jog = HeldJog(robot, name, workers, self._jog_ended, hold_timeout_s)
+        self._tool = HeldTool(robot, name, workers, self._jog_ended, hold_timeout_s, self._put_note)
         self._drive = HeldDrive(robot, name, self._put_end, hold_timeout_s)
 
     def take(self, text: str) -> None:
@@ -215,20 +212,24 @@ class Controller:
         match request:
             case Jog() if self._may_hold(request):
                 self._jog.beat(request)
+            case JogTool() if self._may_hold(request):
+                self._tool.beat(request)
             case Drive() if self._may_hold(request):
                 self._drive.beat(request)
-            case Release():  # the numbers of holds are common to both
+            case Release():  # the numbers of holds are common to all
                 self._jog.release(request.hold, request.reason)
+                self._tool.release(request.hold, request.reason)
                 self._drive.release(request.hold)
             case commands.Command():
                 self._begin(request)
 
     def close(self) -> None:
-        """End jog and driving: the client has gone."""
+        """End jogs and driving: the client has gone."""
         self._jog.close()
+        self._tool.close()
         self._drive.close()
 
-    def _may_hold(self, request: Jog | Drive) -> bool:
+    def _may_hold(self, request: Heartbeat) -> bool:
         """Return False for a hold that came too late; its client is told once."""
         if request.hold > self._newest_hold:
             self._newest_hold = request.hold
@@ -292,6 +293,9 @@ class Controller:
                 "remaining": end.remaining,
             }
         )
+
+    def _put_note(self, hold: int, text: str) -> None:
+        self._put({"type": "slow", "hold": hold, "text": text})
 
     def _call(self, function: Any, *args: Any) -> None:
         """Call in the server's thread; without effect after its end."""

@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -29,7 +30,14 @@ from robotd.api.features import (
     TrajectoryExecution,
 )
 from robotd_tool_space.kinematics import Kinematics
-from robotd_tool_space.rotations import checked_pose, inverse_pose, pose_of, rpy_of
+from robotd_tool_space.rotations import (
+    COMPONENTS,
+    checked_components,
+    checked_pose,
+    inverse_pose,
+    pose_of,
+    rpy_of,
+)
 from robotd_tool_space.settings import ToolSpaceKeys
 from robotd_tool_space.tool_motion import (
     ToolMotion,
@@ -37,6 +45,8 @@ from robotd_tool_space.tool_motion import (
     plan_joint_motion,
     plan_lines,
 )
+from robotd_tool_space.tool_stream import ToolStream
+from robotd_tool_space.twist import TwistStage
 
 log = get_logger("tool")
 
@@ -320,6 +330,12 @@ class RobotTool:
         ):
             pass
 
+    def stream(self, **options: Any) -> ToolStream:
+        """Return an open stream of twists; ``options`` and errors are those of ``JointStreams``."""
+        kinematics = self._kinematics
+        _ = kinematics.task  # takes a while: not in the control loop
+        return ToolStream(self.group.stream(**options), TwistStage(lambda: kinematics))
+
     @contextmanager
     def follow(self, motion: ToolMotion, ticket: int = 0) -> Iterator[TrajectoryExecution]:
         """Start a planned motion as a context; leaving it stops the motion.
@@ -356,20 +372,6 @@ class RobotTool:
             available = ", ".join(known) or "none"
             hint = did_you_mean(name, known)
             raise InvalidArgument(f"unknown {kind} {name!r} (available: {available}){hint}")
-
-
-COMPONENTS = ("x", "y", "z", "roll", "pitch", "yaw")
-
-
-def checked_components(components: dict[str, float]) -> dict[str, float]:
-    """Return components of a pose by name. Raises InvalidArgument."""
-    for name, value in components.items():
-        if name not in COMPONENTS:
-            hint = did_you_mean(name, COMPONENTS)
-            raise InvalidArgument(f"{name!r} is none of {', '.join(COMPONENTS)}{hint}")
-        if not np.isfinite(value):
-            raise InvalidArgument(f"{name} is {value}, must be a finite number")
-    return components
 
 
 def _check_speed(speed: float) -> None:

@@ -9,10 +9,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robotd.api import FloatArray, InvalidArgument
+from robotd.api import FloatArray, InvalidArgument, did_you_mean
 from robotd.api.features import frame
 
 HALF_TURN_COSINE = -0.9999  # beyond it the skew part of a matrix has no direction left
+COMPONENTS = ("x", "y", "z", "roll", "pitch", "yaw")
 ROTATION_TOLERANCE = 1e-6  # of a given matrix: R·Rᵀ against the identity
 
 
@@ -128,3 +129,14 @@ def checked_pose(pose: FloatArray, name: str = "pose") -> FloatArray:
     if off > ROTATION_TOLERANCE or np.linalg.det(rotation) < 0.0:
         raise InvalidArgument(f"{name} has no rotation matrix: R·Rᵀ differs from 1 by {off:.2g}")
     return matrix
+
+
+def checked_components(components: dict[str, float]) -> dict[str, float]:
+    """Return components of a pose by name. Raises InvalidArgument."""
+    for name, value in components.items():
+        if name not in COMPONENTS:
+            hint = did_you_mean(name, COMPONENTS)
+            raise InvalidArgument(f"{name!r} is none of {', '.join(COMPONENTS)}{hint}")
+        if not np.isfinite(value):
+            raise InvalidArgument(f"{name} is {value}, must be a finite number")
+    return components

@@ -15,17 +15,8 @@ from robotd.errors import InvalidArgument
 from robotd.motion import TrajectoryRequest
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot, build_robot
-from robotd_page.control_jog import (
-    HEARTBEAT_S,
-    REACHED,
-    RELEASED,
-    STOP_S,
-    TIMEOUT_S,
-    HeldJog,
-    Jog,
-    JogEnd,
-    jog_velocities,
-)
+from robotd_page.control_jog import STOP_S, HeldJog, Jog, jog_velocities
+from robotd_page.held_stream import HEARTBEAT_S, REACHED, RELEASED, TIMEOUT_S, JogEnd
 
 PATIENCE_S = 30.0
 JOINT = "joint2"

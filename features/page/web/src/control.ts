@@ -10,6 +10,7 @@ import { JogPanel } from "./jog_panel";
 import type { Description, Sample, State } from "./messages";
 import { highlight, hindranceOf } from "./next_step";
 import { OutputPanel } from "./output_panel";
+import { ToolJogPanel } from "./tool_jog_panel";
 import type { Units } from "./units";
 
 // Buttons of a single command, by their id.
@@ -29,6 +30,7 @@ export class Control {
       onOpen: (welcome) => this.open(welcome),
       onAnswer: (answer) => this.showAnswer(answer),
       onJogEnd: (end) => this.showJogEnd(end),
+      onSlow: (reason) => this.toolJog.showSlow(reason),
       onError: (text) => this.say(text, "bad"),
       onClosed: (reason, isRejected) => this.close(reason, isRejected),
     },
@@ -39,6 +41,7 @@ export class Control {
     (name, reason) => this.say(`${name}: ${reason}`, "bad"),
   );
   private readonly jog: JogPanel;
+  private readonly toolJog: ToolJogPanel;
   private readonly drive: DrivePanel;
   private readonly outputs = new OutputPanel((command) => this.send(command));
   private readonly faults = new FaultForm((command) => this.send(command));
@@ -55,6 +58,7 @@ export class Control {
     private readonly newest: () => Sample | undefined,
   ) {
     this.jog = new JogPanel(units, this.held);
+    this.toolJog = new ToolJogPanel(units, this.held);
     this.drive = new DrivePanel(this.held);
     for (const [id, command] of Object.entries(BUTTONS)) find(id).addEventListener("click", () => this.send(command));
     this.speed.addEventListener("input", () => this.showSpeed(Number(this.speed.value)));
@@ -86,6 +90,7 @@ export class Control {
     this.pause.setAttribute("aria-pressed", String(state.paused));
     setText(this.pause, state.paused ? "Resume" : "Pause");
     this.jog.update(state);
+    this.toolJog.update(state);
     this.drive.update(state);
     highlight(hindranceOf(state)?.button);
     if (document.activeElement !== this.speed) {
@@ -95,13 +100,16 @@ export class Control {
   }
 
   show(sample: Sample): void {
-    if (this.isUnlocked) this.jog.show(sample);
+    if (!this.isUnlocked) return;
+    this.jog.show(sample);
+    this.toolJog.showSpeed();
   }
 
   private open(welcome: Welcome): void {
     if (!this.description) return;
     this.held.heartbeat_ms = welcome.heartbeat_ms;
     this.jog.open(welcome, this.description);
+    this.toolJog.open(welcome);
     this.drive.open(welcome, this.description);
     this.outputs.open(welcome);
     this.faults.open(welcome, this.description);
@@ -155,6 +163,7 @@ export class Control {
     const { ok, silent, text } = end;
     // What a stop of all motion has ended is in the notice and in the answer of the stop.
     if (!text.startsWith("stopped: ")) this.say(ok ? `Jog: ${text}` : `Jog stopped: ${text}${silent ? ": heartbeats of this page came late" : ""}`, ok ? "good" : "bad");
+    this.toolJog.showSlow("");
     this.held.ended(end);
   }
 

@@ -10,6 +10,7 @@ export interface ControlReceiver {
   onOpen(welcome: Welcome): void;
   onAnswer(answer: Answer): void;
   onJogEnd(end: JogEnd): void;
+  onSlow(reason: string): void;
   onError(text: string): void;
   onClosed(reason: string, isRejected: boolean): void;
 }
@@ -73,6 +74,10 @@ export class ControlLink {
     this.put({ type: "jog", seen: this.seen(), hold, joint, velocity, step });
   }
 
+  jogTool(hold: number, group: string, frame: string, linear: number[], angular: number[]): void {
+    this.put({ type: "jog_tool", seen: this.seen(), hold, group, frame, linear, angular });
+  }
+
   drive(hold: number, linear: number, lateral: number, angular: number): void {
     this.put({ type: "drive", seen: this.seen(), hold, linear, lateral, angular });
   }
@@ -97,6 +102,9 @@ export class ControlLink {
         break;
       case "jog":
         this.receiver.onJogEnd(message);
+        break;
+      case "slow":
+        this.receiver.onSlow(message.text);
         break;
       case "error":
         this.receiver.onError(message.text);

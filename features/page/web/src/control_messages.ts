@@ -17,11 +17,22 @@ export interface Drive {
   motions: { name: string; linear: number; lateral: number; angular: number }[];
 }
 
+// Tool of a joint group, and its highest velocities in m/s and rad/s.
+export interface JoggedTool {
+  group: string;
+  link: string;
+  base: string;
+  axes: number[];
+  linear: number;
+  angular: number;
+}
+
 export interface Welcome {
   type: "welcome";
   name: string; // of this page, as owner of joints
   heartbeat_ms: number;
   jog_velocities: Record<string, number>; // highest, by joint
+  tools: JoggedTool[]; // empty where nothing moves a tool
   drive: Drive | null; // null: without a base
   gripper: boolean;
   outputs: Record<string, string>; // address such as "out0.3", by name
@@ -45,12 +56,19 @@ export interface JogEnd {
   remaining: number | null; // distance of a step that was not made
 }
 
+// Why the tool of a hold is slower than commanded; "": it is not.
+export interface SlowReason {
+  type: "slow";
+  hold: number;
+  text: string;
+}
+
 export interface RequestError {
   type: "error";
   text: string;
 }
 
-export type ControlMessage = Welcome | Answer | JogEnd | RequestError;
+export type ControlMessage = Welcome | Answer | JogEnd | SlowReason | RequestError;
 
 // State that the page showed when a button was pressed: the robot rejects a command that came too late.
 export interface Seen {

@@ -1,0 +1,161 @@
+"""Hold-to-run jog of a tool: it moves in one direction while heartbeats of its button arrive."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from typing import Any, Literal, Protocol
+
+import numpy as np
+
+from robotd.arrays import FloatArray
+from robotd.control.joint_group import JointGroup
+from robotd.control.joint_stream import JointStream
+from robotd.errors import DescriptorError, InvalidArgument, Unsupported, unknown_name
+from robotd.events import noted
+from robotd.robot import Robot
+from robotd_page.control_commands import Finite
+from robotd_page.control_jog import jog_velocities, require_stoppable
+from robotd_page.held_stream import Heartbeat, HeldStream, StreamCommand
+
+MAX_LINEAR_M_S = 0.1
+MAX_ANGULAR_RAD_S = 0.2
+
+Direction = tuple[Finite, Finite, Finite]
+
+
+class ToolStream(Protocol):
+    """Open stream of velocities of a tool."""
+
+    joints: JointStream
+
+    @property
+    def slow_reason(self) -> str:
+        """Reason why the tool is slower than commanded; "": it is not."""
+
+    def send(self, twist: Sequence[float], *, in_tool: bool = False) -> None:
+        """Move with x, y, z in m/s and rad/s, in the axes of the base or of the tool."""
+
+
+class Tool(Protocol):
+    """Tool of a joint group, as another feature offers it."""
+
+    group: JointGroup
+
+    @property
+    def base(self) -> str:
+        """Link of the base."""
+
+    @property
+    def link(self) -> str:
+        """Link that the tools are fixed to."""
+
+    def stream(self, **options: Any) -> ToolStream:
+        """Open a stream; ``options`` are those of ``JointStreams``."""
+
+
+def tools_of(robot: Robot) -> Mapping[str, Tool]:
+    """Return the tools by joint group; empty where there are none, or nothing moves them."""
+    with suppress(AttributeError, DescriptorError, Unsupported):
+        tools: Mapping[str, Tool] = robot.attribute("tool_groups")
+        return tools
+    return {}
+
+
+def describe_tools(robot: Robot) -> list[dict[str, Any]]:
+    """Return what a page needs to jog each tool; velocities in m/s and rad/s."""
+    return [
+        {
+            "group": name,
+            "link": tool.link,
+            "base": tool.base,
+            "axes": [*tool.group.joint_axes],
+            "linear": MAX_LINEAR_M_S,
+            "angular": MAX_ANGULAR_RAD_S,
+        }
+        for name, tool in tools_of(robot).items()
+    ]
+
+
+class JogTool(Heartbeat):
+    """Heartbeat of a direction of a tool that is held.
+
+    Attributes:
+        group: joint group of the tool.
+        frame: the axes of the base, or of the tool, which turn with it.
+        linear: m/s along x, y, z.
+        angular: rad/s about x, y, z.
+    """
+
+    type: Literal["jog_tool"]
+    group: str
+    frame: Literal["base", "tool"]
+    linear: Direction
+    angular: Direction
+
+
+class HeldTool(HeldStream[JogTool]):
+    """Jog of tools by one client.
+
+    Every joint keeps below its jog velocity; where that does not suffice the tool slows down and
+    keeps its direction.
+    """
+
+    def open_stream(self, beat: JogTool) -> tuple[JointStream, StreamCommand]:
+        return self.jog_tool(beat.group, beat.frame, *beat.linear, *beat.angular)
+
+    @noted
+    def jog_tool(
+        self,
+        group: str,
+        frame: str,
+        x: float,
+        y: float,
+        z: float,
+        roll: float,
+        pitch: float,
+        yaw: float,
+    ) -> tuple[JointStream, StreamCommand]:
+        """Open the stream of a tool. Raises RobotdError with the reason of a rejection."""
+        tools = tools_of(self._robot)
+        if group not in tools:
+            raise InvalidArgument(unknown_name("tool of group", group, tools))
+        linear = _slowed([x, y, z], MAX_LINEAR_M_S)
+        twist = np.concatenate([linear, _slowed([roll, pitch, yaw], MAX_ANGULAR_RAD_S)])
+        if not twist.any():
+            raise InvalidArgument("the jog velocity of the tool is 0")
+        streams, names = tools[group].group.stream, tools[group].group.joint_names
+        velocities = jog_velocities(self._robot)
+        highest = [velocities[name] for name in names]
+        for name, velocity in zip(names, highest, strict=True):
+            require_stoppable(self._robot, name, velocity)
+        stream = tools[group].stream(
+            timeout_s=self._timeout_s,
+            owner=self._owner,
+            ends_when_silent=True,
+            max_velocity=highest,
+            source=streams.source(self._owner, self._timeout_s),  # each press is a new command
+        )
+        scale = self._robot.axes.speed.scale or 1.0
+        return stream.joints, _Twist(stream, (scale * twist).tolist(), in_tool=frame == "tool")
+
+
+class _Twist(StreamCommand):
+    """Command of a tool that moves until it is released."""
+
+    def __init__(self, stream: ToolStream, twist: list[float], *, in_tool: bool) -> None:
+        self._stream, self._twist, self._in_tool = stream, twist, in_tool
+
+    @property
+    def note(self) -> str:
+        """Reason why the tool is slow."""
+        return self._stream.slow_reason
+
+    def __call__(self, stream: JointStream) -> None:
+        self._stream.send(self._twist, in_tool=self._in_tool)
+
+
+def _slowed(vector: Sequence[float], limit: float) -> FloatArray:
+    """Return a vector with its direction, and at most ``limit`` long."""
+    values: FloatArray = np.array(vector)
+    return values * min(1.0, limit / max(float(np.linalg.norm(values)), limit))

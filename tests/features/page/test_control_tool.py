@@ -1,0 +1,172 @@
+"""Hold-to-run jog of a tool on the simulated clock: along its axis, and no longer than held."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Literal
+
+import numpy as np
+import pytest
+from tests.features.page.server.viewer import wait_until
+
+from robotd import Robot, open_robot
+from robotd.api import FloatArray
+from robotd.clock.simulated import SteppedClock
+from robotd.motion import TrajectoryRequest
+from robotd_page.control_jog import jog_velocities
+from robotd_page.control_tool import HeldTool, JogTool, describe_tools
+from robotd_page.held_stream import HEARTBEAT_S, RELEASED, TIMEOUT_S, JogEnd
+from robotd_tool_space.robot_tool import RobotTool
+
+BENT = [0.3, -0.6, 1.6, -0.3, 1.2, 0.0]
+AT_REST = 1e-3  # rad/s
+STOP_S = 0.3  # from the last heartbeat to rest
+NO_WAY = (0.0, 0.0, 0.0)
+
+Vector = tuple[float, float, float]
+
+
+class Client:
+    """Page that holds a button of the tool's pad, in stepped time."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        self.tool: RobotTool = robot.attribute("tool")
+        self.ended: list[JogEnd] = []
+        self.notes: list[str] = []
+        self.workers = ThreadPoolExecutor(2)
+        self.held = HeldTool(
+            robot,
+            "page 1",
+            self.workers,
+            self.ended.append,
+            noted=lambda hold, note: self.notes.append(note),
+        )
+        self.hold = 0
+        self.fastest = np.zeros(6)
+
+    def move(self, positions: list[float]) -> None:
+        request = TrajectoryRequest.from_rows(self.robot.joint_names, [1.5], [positions])
+        with self.robot.follower.follow(request) as goal:
+            while goal.outcome is None:
+                self.robot.step(10)
+
+    def press(
+        self,
+        linear: Vector = NO_WAY,
+        angular: Vector = NO_WAY,
+        frame: Literal["base", "tool"] = "base",
+        seconds: float = 0.5,
+    ) -> None:
+        """Hold a button, and keep it held."""
+        self.hold += 1
+        beat = self.beat(linear, angular, frame)
+        count = len(self.ended)
+        self.held.beat(beat)
+        wait_until(lambda: len(self.ended) > count or self._is_open())
+        for _ in range(round(seconds / HEARTBEAT_S)):
+            self.held.beat(beat)
+            self.run(HEARTBEAT_S)
+
+    def beat(
+        self, linear: Vector, angular: Vector = NO_WAY, frame: Literal["base", "tool"] = "base"
+    ) -> JogTool:
+        return JogTool(
+            type="jog_tool",
+            hold=self.hold,
+            group=self.tool.group.name,
+            frame=frame,
+            linear=linear,
+            angular=angular,
+        )
+
+    def run(self, seconds: float) -> None:
+        self.robot.step(round(seconds * self.robot.descriptor.cycle.rate_hz))
+        self.fastest = np.maximum(self.fastest, np.abs(self.robot.image.velocity[:6]))
+
+    def end(self) -> JogEnd:
+        wait_until(lambda: self.ended and self.ended[-1].hold == self.hold)
+        return self.ended[-1]
+
+    @property
+    def pose(self) -> FloatArray:
+        pose = self.tool.measured_pose()
+        assert pose is not None
+        return pose
+
+    @property
+    def is_at_rest(self) -> bool:
+        return bool(np.abs(self.robot.image.velocity[:6]).max() < AT_REST)
+
+    def _is_open(self) -> bool:
+        hold = self.held._hold
+        return hold is not None and hold.stream is not None
+
+
+@pytest.fixture(scope="module")
+def robot() -> Iterator[Robot]:
+    with open_robot("cr3a", "sim", clock=SteppedClock()) as robot:
+        yield robot
+
+
+@pytest.fixture
+def client(robot: Robot) -> Iterator[Client]:
+    client = Client(robot)
+    client.move(BENT)
+    yield client
+    client.held.close()
+    robot.step(500)
+    client.workers.shutdown()
+
+
+@pytest.mark.parametrize("frame", ["base", "tool"])
+def test_a_tool_moves_along_an_axis_while_heartbeats_arrive(
+    client: Client, frame: Literal["base", "tool"]
+) -> None:
+    before = client.pose
+    client.press((0.0, 0.0, -0.03), frame=frame, seconds=1.0)
+    assert client.robot.axes.owner(1) == "page 1"
+    client.held.release(client.hold, RELEASED)
+    client.run(STOP_S)
+    assert client.is_at_rest
+    assert client.end() == JogEnd(1, True, False, RELEASED)
+    moved = client.pose[:3, 3] - before[:3, 3]
+    axis = before[:3, 2] if frame == "tool" else np.array([0.0, 0.0, 1.0])
+    assert moved @ axis == pytest.approx(-0.03, abs=0.006)
+    assert np.linalg.norm(moved - (moved @ axis) * axis) < 1e-3
+    assert client.pose[:3, :3] == pytest.approx(before[:3, :3], abs=1e-3)
+
+
+def test_a_tool_as_fast_as_can_be_says_why_it_is_not_faster_and_rests_after_a_silence(
+    client: Client,
+) -> None:
+    client.press((9.0, 0.0, 0.0), (0.0, 0.0, 9.0), seconds=0.6)
+    client.run(STOP_S - HEARTBEAT_S)
+    assert client.is_at_rest
+    assert client.end() == JogEnd(1, False, True, f"no command for {TIMEOUT_S:g} s")
+    highest = [jog_velocities(client.robot)[name] for name in client.robot.joint_names]
+    assert (client.fastest < 1.05 * np.array(highest)).all()
+    assert any("would exceed its velocity limit" in note for note in client.notes)
+
+
+def test_a_stop_ends_the_hold_and_heartbeats_move_nothing_after_it(client: Client) -> None:
+    client.press((0.03, 0.0, 0.0))
+    client.robot.axes.stop_latch.engage("by hand")
+    client.run(STOP_S)
+    assert client.is_at_rest
+    assert "by hand" in client.end().reason
+    client.robot.reset()
+    rests = client.pose
+    client.held.beat(client.beat((0.03, 0.0, 0.0)))
+    client.run(0.2)
+    assert client.pose == pytest.approx(rests, abs=1e-5)
+
+
+def test_rejections(client: Client) -> None:
+    client.press()
+    assert client.end().reason == "the jog velocity of the tool is 0"
+    described = describe_tools(client.robot)
+    assert [(each["link"], each["axes"]) for each in described] == [("link6", [0, 1, 2, 3, 4, 5])]
+    with open_robot("baymax", "sim", clock=SteppedClock()) as base:
+        assert describe_tools(base) == []
