@@ -11,6 +11,7 @@ from robotd_page.live_samples import LiveSamples
 from robotd_page.page_description import describe
 from robotd_page.page_message import Message, json_text
 from robotd_page.seen_state import reduces_motion
+from robotd_page.world_objects import WorldObjects
 
 FIRST_EVENTS = 300  # of the log that a new viewer gets
 STATE_LOOKS = 2  # calls of ``PageFeed.changes`` for one state
@@ -40,6 +41,7 @@ class PageFeed:
         self._nodes, self._meshes, self._has_control = nodes, meshes, has_control
         self._namespace = namespace
         self._live = LiveSamples(tap)
+        self._objects = WorldObjects(tap.robot)
         _ = tap.robot.backend.code_tables  # imported now, not at the first alarm
         self._goals = Goals(tap.robot)
         self._cursor = self._looks = 0
@@ -62,6 +64,7 @@ class PageFeed:
             has_control=self._has_control,
             namespace=self._namespace,
         )
+        description["objects"] = self._objects.describe()
         events = self._tap.events.since(0)[0][-FIRST_EVENTS:]
         return [
             json_text(description),
@@ -71,9 +74,11 @@ class PageFeed:
         ]
 
     def messages(self, viewers: int, *, changes: bool) -> Iterator[Message]:
-        """Yield the newest sample, and the events and the state where they are due."""
+        """Yield the newest sample, objects that moved, and events and state where they are due."""
         if sample := self.live():
             yield sample
+        if moved := self._objects.moved():
+            yield moved
         if changes:
             yield from self.changes(viewers)
 

@@ -59,7 +59,7 @@ class RemoteFeed:
 
     def _forget(self) -> None:
         self._description: dict[str, Any] = {}
-        self._state = ""
+        self._state = self._objects = ""
         self._samples: deque[bytes] = deque(maxlen=MAX_SAMPLES)
         self._events: deque[dict[str, Any]] = deque(maxlen=FIRST_EVENTS)
         self._heard_s = self._clock()
@@ -108,6 +108,7 @@ class RemoteFeed:
         events = {"type": "events", "events": [*self._events]}
         found: list[Message] = [json_text(self._description), b"".join(self._samples)]
         found += [self._state, json_text(events)]
+        found += [self._objects] if self._objects else []
         return [*found, self._lost()] if self._is_lost else found
 
     def _lost(self) -> str:
@@ -151,7 +152,10 @@ class RemoteFeed:
         yield from self._known()
 
     def _note(self, message: Mapping[str, Any], text: str) -> None:
-        if message["type"] == "state":
-            self._state = text
-        else:
-            self._events.extend(message["events"])
+        match message["type"]:
+            case "state":
+                self._state = text
+            case "objects":
+                self._objects = text
+            case _:
+                self._events.extend(message["events"])

@@ -9,15 +9,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.features.harness import Observed
+from tests.world_backend import START, cube_backend
 
+from robotd.clock.simulated import SteppedClock
 from robotd.control.problem import ProblemKind
+from robotd.descriptor import load_robot_descriptor
 from robotd.descriptor.urdf.mesh_files import MeshFiles, mesh_files
 from robotd.events import sent_by
 from robotd.observation.frame_ring import frame_type
 from robotd.observation.plot_history import COLUMNS, HISTORY_BYTES, PlotHistory
 from robotd.observation.robot_state import Goals, state_of
+from robotd.robot import Robot
 from robotd_page.live_samples import HEADER, LiveSamples
 from robotd_page.page_description import describe
+from robotd_page.world_objects import WorldObjects
 
 AXES = 6
 VALUES = len(HEADER) + 1  # one group
@@ -210,3 +215,24 @@ def test_a_gltf_brings_the_files_beside_it_and_no_others(tmp_path: Path) -> None
     assert files.file("/mesh/0/textures/skin.png") == folder / "textures" / "skin.png"
     for part in ("secret.bin", "../secret.bin", "notes.txt", "missing.png", ""):
         assert files.file(f"/mesh/0/{part}") is None
+
+
+def test_objects_are_described_and_sent_again_when_they_have_moved(arm: Observed) -> None:
+    assert WorldObjects(arm.robot).describe() is None
+    assert WorldObjects(arm.robot).moved() is None
+    robot = Robot(load_robot_descriptor("cr3a"), cube_backend(), SteppedClock())
+    assert robot.world is not None
+    objects = WorldObjects(robot)
+    robot.start()
+    described = json.loads(json.dumps(objects.describe()))
+    assert described["frame"] == "base_link"
+    (cube,) = described["shapes"]
+    assert (cube["name"], cube["shape"], cube["size"]) == ("cube", "box", [0.04, 0.04, 0.04])
+    assert described["poses"] == [[*START]]
+    assert objects.moved() is not None
+    assert objects.moved() is None  # it lies still
+    robot.world.place("cube", np.array([0.3, *START[1:]]))
+    moved = objects.moved()
+    assert isinstance(moved, str)
+    assert json.loads(moved) == {"type": "objects", "poses": [[0.3, *START[1:]]]}
+    robot.shutdown()

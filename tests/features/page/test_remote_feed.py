@@ -67,8 +67,10 @@ def test_a_viewer_gets_what_the_robot_sends(arm: Observed) -> None:
     assert watched.put(SAMPLES, octets_message(b"12345678")) == ["samples"]
     event = json.dumps({"type": "events", "events": [{"text": "a fault"}]})
     assert watched.put(CHANGES, string_message(event)) == ["events"]
+    objects = json.dumps({"type": "objects", "poses": []})
+    assert watched.put(CHANGES, string_message(objects)) == ["objects"]
     later = watched.feed.first(2)  # a second viewer gets all that was sent
-    assert kinds(later) == ["one", *ALL]
+    assert kinds(later) == ["one", *ALL, "objects"]
     assert isinstance(later[2], bytes)
     assert later[2].endswith(b"12345678")
     assert json.loads(later[4])["events"][-1]["text"] == "a fault"

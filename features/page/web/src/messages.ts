@@ -40,6 +40,20 @@ export interface Description {
   urdf_file: string; // on the robot's computer
   meshes: Record<string, string>;
   has_control: boolean; // the page can be unlocked
+  objects?: WorldObjects | null; // of a simulated world
+}
+
+// Of each object; a pose is x, y, z in m and a quaternion x, y, z, w, in the link ``frame``.
+export interface WorldObjects {
+  frame: string;
+  shapes: { name: string; shape: string; size: number[]; color: [number, number, number, number] }[];
+  poses: number[][];
+}
+
+// The objects have moved.
+export interface MovedObjects {
+  type: "objects";
+  poses: number[][];
 }
 
 export interface Problem {
@@ -145,7 +159,7 @@ export interface Lost {
   reason: string;
 }
 
-export type Message = Description | State | Events | Robots | Lost;
+export type Message = Description | State | Events | MovedObjects | Robots | Lost;
 
 const HEADER = 6; // time, lateness, closed, x, y, heading
 export const ROWS = 5; // position command, velocity command, position, velocity, torque

@@ -60,6 +60,9 @@ function receive(message: Message): void {
     case "events":
       events.add(message.events);
       break;
+    case "objects":
+      view.moveObjects(message.poses);
+      break;
     case "robots":
       robots.update(message);
       break;

@@ -6,10 +6,12 @@ import { onThemeChange } from "./colors";
 import { cssColor, find, setText } from "./dom";
 import type { Description, Sample } from "./messages";
 import { RobotModel } from "./robot_model";
+import { SceneObjects } from "./scene_objects";
 
 const X_AXIS = new THREE.Vector3(1, 0, 0);
 const NAMED_MESHES = 3;
 const MARGIN = 1.15; // around the robot as it stands
+const MAX_SCENE = 2; // diagonal of robot and objects, in that of the robot, up to which all are in the picture
 
 export class View {
   private readonly canvas = find<HTMLCanvasElement>("canvas");
@@ -17,15 +19,17 @@ export class View {
   private readonly meshNote = find("mesh-note");
   private missing: string[] = []; // names of meshes
   private readonly scene = new THREE.Scene();
+  private readonly upright = new THREE.Group(); // of the scene, z upwards, as in a URDF
   private readonly camera = new THREE.PerspectiveCamera(32, 1, 0.01, 100);
   private renderer: THREE.WebGLRenderer | undefined;
   private controls: OrbitControls | undefined;
   private model: RobotModel | undefined;
+  private objects: SceneObjects | undefined;
   private ground: THREE.Object3D | undefined;
   private shown: Sample | undefined; // the newest that differs
   private dirty = true;
-  private reach = 1; // diagonal of the robot
-  private height = 0.5; // of its middle
+  private reach = 1; // diagonal of what is in the picture
+  private readonly middle = new THREE.Vector3(0, 0.5, 0); // of it, y upwards
   private step = 1; // of the grid
   private readonly followed = new THREE.Vector3(); // position of the base
 
@@ -38,11 +42,12 @@ export class View {
       return;
     }
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
-    this.scene.rotation.x = -Math.PI / 2; // z upwards, as in a URDF
-    this.scene.add(new THREE.HemisphereLight(0xffffff, 0x8a8f98, 2.2));
+    this.upright.rotation.x = -Math.PI / 2;
+    this.scene.add(this.upright);
+    this.upright.add(new THREE.HemisphereLight(0xffffff, 0x8a8f98, 2.2));
     const sun = new THREE.DirectionalLight(0xffffff, 2);
     sun.position.set(1.5, -2, 3);
-    this.scene.add(sun);
+    this.upright.add(sun);
     this.controls = new OrbitControls(this.camera, this.canvas);
     this.controls.addEventListener("change", () => this.cameraMoved());
     this.canvas.addEventListener("keydown", (event) => this.onKey(event));
@@ -53,8 +58,9 @@ export class View {
 
   describe(description: Description): void {
     if (!this.renderer) return;
-    if (this.model) this.scene.remove(this.model.object);
-    this.model = this.shown = undefined;
+    if (this.model) this.upright.remove(this.model.object);
+    if (this.objects) this.upright.remove(this.objects.object);
+    this.model = this.shown = this.objects = undefined;
     this.missing = [];
     this.noteMissing([]);
     if (!description.urdf) {
@@ -63,7 +69,11 @@ export class View {
     }
     const model = new RobotModel(description, () => this.complete(model));
     this.model = model;
-    this.scene.add(model.object);
+    this.upright.add(model.object);
+    if (description.objects) {
+      this.objects = new SceneObjects(description.objects);
+      this.upright.add(this.objects.object);
+    }
     this.complete(model);
     this.canvas.dataset["meshes"] = Object.keys(description.meshes).length ? "loading" : "none";
   }
@@ -90,7 +100,13 @@ export class View {
     if (!this.model || this.shown?.looksLike(sample)) return;
     this.shown = sample;
     this.model.show(sample);
+    this.objects?.follow(this.model);
     this.follow(this.model.object.position);
+    this.dirty = true;
+  }
+
+  moveObjects(poses: number[][]): void {
+    this.objects?.move(poses);
     this.dirty = true;
   }
 
@@ -127,38 +143,43 @@ export class View {
     this.renderer.render(this.scene, this.camera);
   }
 
-  // Size of the robot as it is now, and the height of its middle.
+  // Size and middle of the robot as it is now, with the objects around it.
   private fit(): void {
     if (!this.model) return;
+    this.objects?.follow(this.model);
     this.scene.updateMatrixWorld(true);
     const box = new THREE.Box3().setFromObject(this.model.object);
-    const size = box.getSize(new THREE.Vector3()).length();
+    const size = diagonalOf(box);
     if (Number.isFinite(size) && size > 0) {
       this.reach = size;
-      this.height = box.getCenter(new THREE.Vector3()).y;
+      this.middle.set(0, box.getCenter(new THREE.Vector3()).y, 0);
+      if (this.objects) box.expandByObject(this.objects.object);
+      if (this.objects && diagonalOf(box) < MAX_SCENE * size) {
+        this.reach = diagonalOf(box);
+        box.getCenter(this.middle);
+      }
     }
     this.drawGround();
   }
 
   private drawGround(): void {
-    if (this.ground) this.scene.remove(this.ground);
+    if (this.ground) this.upright.remove(this.ground);
     const step = 10 ** Math.round(Math.log10(this.reach / 6));
     this.step = step;
     const color = new THREE.Color(cssColor("--grid"));
     const grid = new THREE.GridHelper(step * 40, 40, color, color);
     grid.rotation.x = Math.PI / 2;
     this.ground = grid;
-    this.scene.add(grid);
+    this.upright.add(grid);
     this.placeGround();
     this.dirty = true;
   }
 
   private resetCamera(): void {
-    const { height } = this;
     const distance = (this.reach * MARGIN) / (2 * Math.sin((this.camera.fov * Math.PI) / 360));
-    const base = this.followed.clone().applyAxisAngle(X_AXIS, -Math.PI / 2);
-    this.controls!.target.set(0, height, 0).add(base);
-    this.camera.position.set(0.62 * distance, height + 0.3 * distance, 0.73 * distance).add(base);
+    const middle = this.followed.clone().applyAxisAngle(X_AXIS, -Math.PI / 2).add(this.middle);
+    this.controls!.target.copy(middle);
+    this.camera.position.set(0.62 * distance, 0.3 * distance, 0.73 * distance).add(middle);
     this.controls!.update();
     this.cameraMoved();
   }
@@ -205,4 +226,8 @@ export class View {
     this.controls!.update();
     this.cameraMoved();
   }
+}
+
+function diagonalOf(box: THREE.Box3): number {
+  return box.getSize(new THREE.Vector3()).length();
 }
