@@ -14,7 +14,7 @@ from robotd.motion.planar import ZERO_TWIST, PlanarTwist
 from robotd.robot import Robot
 from robotd_page.control_commands import Finite
 from robotd_page.control_jog import LATE_PERIODS
-from robotd_page.held_stream import RELEASED, TIMEOUT_S, Heartbeat, JogEnd
+from robotd_page.held_motion import RELEASED, TIMEOUT_S, Heartbeat, JogEnd
 
 MAX_VELOCITY_M_S = 0.25  # reduced speed of manual operation of industrial robots, ISO 10218-1
 MAX_ANGULAR_RAD_S = 0.5

@@ -11,12 +11,20 @@ import numpy as np
 
 from robotd.control.joint_group import JointGroup
 from robotd.control.joint_stream import JointStream
+from robotd.device.process_image import ProcessImage
 from robotd.errors import InvalidArgument, unknown_name
 from robotd.events import noted
 from robotd.motion.stopping import stoppable_velocity
 from robotd.robot import Robot
 from robotd_page.control_commands import Finite
-from robotd_page.held_stream import REACHED, TIMEOUT_S, Heartbeat, HeldStream, StreamCommand
+from robotd_page.held_motion import (
+    REACHED,
+    TIMEOUT_S,
+    Heartbeat,
+    HeldMotion,
+    Hold,
+    StreamedMotion,
+)
 
 STOP_S = 0.15  # from the last heartbeat to standstill
 LATE_PERIODS = 3  # of the control loop, until it sees the silence and the drive has followed
@@ -62,20 +70,18 @@ def require_stoppable(robot: Robot, joint: str, velocity: float) -> None:
         )
 
 
-class HeldJog(HeldStream[Jog]):
+class HeldJog(HeldMotion[Jog]):
     """Jog of one client, a joint at a time."""
 
     @cached_property
     def _velocities(self) -> Mapping[str, float]:
         return jog_velocities(self._robot)
 
-    def open_stream(self, beat: Jog) -> tuple[JointStream, StreamCommand]:
+    def open(self, beat: Jog, hold: Hold) -> StreamedMotion:
         return self.jog(beat.joint, beat.velocity, beat.step)
 
     @noted
-    def jog(
-        self, joint: str, velocity: float, step: float | None
-    ) -> tuple[JointStream, StreamCommand]:
+    def jog(self, joint: str, velocity: float, step: float | None) -> StreamedMotion:
         """Open the stream of one joint. Raises RobotdError with the reason of a rejection."""
         highest = self._velocities.get(joint)
         if highest is None:
@@ -85,11 +91,11 @@ class HeldJog(HeldStream[Jog]):
         if not speed:
             raise InvalidArgument(f"{joint}: the jog velocity is 0")
         group = self._robot.groups.of([joint])
-        command: StreamCommand
-        if step is None:
-            command = _Velocity(math.copysign(speed, velocity))
-        else:
-            command = _Step(self._robot, group, joint, step)
+        column = group.joint_names.index(joint)
+        image, axis = self._robot.image, group.joint_axes[column]
+        target = float(image.position_command[axis]) + (step or 0.0)
+        if step is not None:
+            _check_target(group, column, target)
         stream = group.stream(
             [joint],
             timeout_s=self._timeout_s,
@@ -98,49 +104,53 @@ class HeldJog(HeldStream[Jog]):
             max_velocity=[speed],
             source=group.stream.source(self._owner, self._timeout_s),  # each press is a new command
         )
-        return stream, command
+        if step is None:
+            return _Velocity(stream, math.copysign(speed, velocity))
+        return _Step(stream, image, axis, target)
 
 
-class _Velocity(StreamCommand):
-    """Command of a joint that moves until it is released; rad/s or m/s, signed."""
+class _Velocity(StreamedMotion):
+    """Motion of a joint until it is released, with a signed velocity in rad/s or m/s."""
 
-    def __init__(self, velocity: float) -> None:
+    def __init__(self, stream: JointStream, velocity: float) -> None:
+        super().__init__(stream)
         self._velocity = velocity
 
-    def __call__(self, stream: JointStream) -> None:
-        stream.send_velocity([self._velocity])
+    def beat(self) -> None:
+        self.stream.send_velocity([self._velocity])
 
 
-class _Step(StreamCommand):
-    """Command of a step: to its target, and the end of the stream there.
+class _Step(StreamedMotion):
+    """Motion to a target, and the end of the stream there.
 
     Args:
-        robot: of the joint.
-        group: of the joint.
-        joint: name.
-        step: signed distance from the commanded position, rad or m.
-
-    Raises InvalidArgument: the target is beyond a position limit.
+        stream: of the joint.
+        image: of the robot.
+        axis: of the joint.
+        target: rad or m.
     """
 
-    def __init__(self, robot: Robot, group: JointGroup, joint: str, step: float) -> None:
-        limits, column = group.follower.limits, group.joint_names.index(joint)
-        self._image, self._axis = robot.image, group.joint_axes[column]
-        self._target = float(self._image.position_command[self._axis]) + step
-        lower, upper, unit = limits.lower[column], limits.upper[column], limits.units[column]
-        if not lower <= self._target <= upper:
-            limits_text = f"{lower:g} to {upper:g} {unit}"
-            raise InvalidArgument(
-                f"{joint}: target {self._target:.4f} {unit} is outside {limits_text}"
-            )
+    def __init__(self, stream: JointStream, image: ProcessImage, axis: int, target: float) -> None:
+        super().__init__(stream)
+        self._image, self._axis, self._target = image, axis, target
 
     @property
     def remaining(self) -> float:
-        """Signed distance to the target."""
         return self._target - float(self._image.position_command[self._axis])
 
-    def __call__(self, stream: JointStream) -> None:
+    def beat(self) -> None:
         if abs(self.remaining) < REACHED_TOLERANCE:
-            stream.end(REACHED)
+            self.end(REACHED)
         else:
-            stream.send([self._target])
+            self.stream.send([self._target])
+
+
+def _check_target(group: JointGroup, column: int, target: float) -> None:
+    """Raise InvalidArgument for a target beyond a position limit."""
+    limits = group.follower.limits
+    lower, upper, unit = limits.lower[column], limits.upper[column], limits.units[column]
+    if not lower <= target <= upper:
+        raise InvalidArgument(
+            f"{limits.names[column]}: target {target:.4f} {unit} is outside"
+            f" {lower:g} to {upper:g} {unit}"
+        )

@@ -20,8 +20,9 @@ from robotd.robot import Robot
 from robotd_page import control_commands as commands
 from robotd_page.control_drive import Drive, HeldDrive, drive_limits, drive_motions
 from robotd_page.control_jog import HeldJog, Jog, jog_velocities
+from robotd_page.control_target import HeldMove, MoveTool, Reach, reach
 from robotd_page.control_tool import HeldTool, JogTool, describe_tools
-from robotd_page.held_stream import HEARTBEAT_S, TIMEOUT_S, Heartbeat, JogEnd, Release
+from robotd_page.held_motion import HEARTBEAT_S, TIMEOUT_S, Heartbeat, JogEnd, Release
 from robotd_page.page_message import websocket_frames
 from robotd_page.seen_state import rejection
 from robotd_page.viewers import Viewer, accept
@@ -30,7 +31,7 @@ log = get_logger("page")
 
 MAX_CONTROLLERS = 4
 MAX_RUNNING = 4  # commands of one controller
-MAX_WORKERS = MAX_CONTROLLERS * (MAX_RUNNING + 2)  # two for the holds of each
+MAX_WORKERS = MAX_CONTROLLERS * (MAX_RUNNING + 3)  # two for the holds of each, one for its target
 TOKEN_BYTES = 24
 TOKEN_TIMEOUT_S = 5.0
 PING_S = 5.0  # a controller that does not answer within 1.5 of it is dropped
@@ -39,6 +40,8 @@ WRONG_TOKEN_DELAY_S = 1.0
 Request = Annotated[
     Jog
     | JogTool
+    | MoveTool
+    | Reach
     | Drive
     | Release
     | commands.Stop
@@ -200,7 +203,9 @@ class Controller:
         self._newest_hold = self._rejected_hold = 0
         self._jog = HeldJog(robot, name, workers, self._jog_ended, hold_timeout_s)
         self._tool = HeldTool(robot, name, workers, self._jog_ended, hold_timeout_s, self._put_note)
+        self._move = HeldMove(robot, name, workers, self._jog_ended, hold_timeout_s)
         self._drive = HeldDrive(robot, name, self._put_end, hold_timeout_s)
+        self._is_reaching = False
 
     def take(self, text: str) -> None:
         """Begin to execute a request."""
@@ -214,20 +219,24 @@ class Controller:
                 self._jog.beat(request)
             case JogTool() if self._may_hold(request):
                 self._tool.beat(request)
+            case MoveTool() if self._may_hold(request):
+                self._move.beat(request)
             case Drive() if self._may_hold(request):
                 self._drive.beat(request)
             case Release():  # the numbers of holds are common to all
-                self._jog.release(request.hold, request.reason)
-                self._tool.release(request.hold, request.reason)
+                for held in (self._jog, self._tool, self._move):
+                    held.release(request.hold, request.reason)
                 self._drive.release(request.hold)
+            case Reach() if not self._is_reaching:  # a page asks again after the answer
+                self._is_reaching = True
+                self._workers.submit(self._reach, request)
             case commands.Command():
                 self._begin(request)
 
     def close(self) -> None:
-        """End jogs and driving: the client has gone."""
-        self._jog.close()
-        self._tool.close()
-        self._drive.close()
+        """End all motion of the client, which has gone."""
+        for held in (self._jog, self._tool, self._move, self._drive):
+            held.close()
 
     def _may_hold(self, request: Heartbeat) -> bool:
         """Return False for a hold that came too late; its client is told once."""
@@ -278,6 +287,20 @@ class Controller:
     def _answer(self, command: commands.Command, is_done: bool, text: str) -> None:
         self._put({"type": "answer", "id": command.id, "ok": is_done, "text": text})
 
+    def _reach(self, question: Reach) -> None:
+        """Worker: answer with the posture that reaches a target."""
+        try:
+            found = reach(self._robot, question)
+        except Exception as error:
+            found = {"pose": None, "joints": None, "text": str(error)}
+            if not isinstance(error, RobotdError):
+                log.exception("the posture of a target failed")
+        self._call(self._reached, {"type": "reach", "id": question.id, **found})
+
+    def _reached(self, answer: dict[str, Any]) -> None:
+        self._is_reaching = False
+        self._put(answer)
+
     def _jog_ended(self, end: JogEnd) -> None:
         """Worker: say how a jog has ended."""
         self._call(self._put_end, end)
@@ -291,6 +314,7 @@ class Controller:
                 "silent": end.is_silent,
                 "text": end.reason,
                 "remaining": end.remaining,
+                "what": end.what,
             }
         )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -11,12 +11,13 @@ import numpy as np
 from robotd.arrays import FloatArray
 from robotd.control.joint_group import JointGroup
 from robotd.control.joint_stream import JointStream
+from robotd.control.trajectory_execution import TrajectoryExecution
 from robotd.errors import DescriptorError, InvalidArgument, Unsupported, unknown_name
 from robotd.events import noted
 from robotd.robot import Robot
 from robotd_page.control_commands import Finite
 from robotd_page.control_jog import jog_velocities, require_stoppable
-from robotd_page.held_stream import Heartbeat, HeldStream, StreamCommand
+from robotd_page.held_motion import Heartbeat, HeldMotion, Hold, StreamedMotion
 
 MAX_LINEAR_M_S = 0.1
 MAX_ANGULAR_RAD_S = 0.2
@@ -37,10 +38,32 @@ class ToolStream(Protocol):
         """Move with x, y, z in m/s and rad/s, in the axes of the base or of the tool."""
 
 
+class Kinematics(Protocol):
+    """Kinematics of a tool in the base of its arm, as ``robotd_tool_space.Kinematics``."""
+
+    def forward(self, positions: FloatArray) -> FloatArray: ...
+    def inverse(self, target: FloatArray, seed: FloatArray) -> FloatArray: ...
+    def solutions(self, target: FloatArray, seed: FloatArray) -> FloatArray: ...
+
+
+class ToolSpeed(Protocol):
+    """Speed of a tool in m/s, of the robot's file."""
+
+    @property
+    def velocity(self) -> float: ...
+
+
 class Tool(Protocol):
-    """Tool of a joint group, as another feature offers it."""
+    """Tool of a joint group, as another feature offers it: ``robotd_tool_space.RobotTool``."""
 
     group: JointGroup
+
+    @property
+    def kinematics(self) -> Kinematics: ...
+    @property
+    def work_frame(self) -> FloatArray: ...
+    @property
+    def speed(self) -> ToolSpeed: ...
 
     @property
     def base(self) -> str:
@@ -53,6 +76,10 @@ class Tool(Protocol):
     def stream(self, **options: Any) -> ToolStream:
         """Open a stream; ``options`` are those of ``JointStreams``."""
 
+    def plan_move(self, pose: FloatArray, speed: float) -> Any: ...
+    def plan_lines(self, poses: Sequence[FloatArray], speed: float) -> Any: ...
+    def follow(self, motion: Any) -> AbstractContextManager[TrajectoryExecution]: ...
+
 
 def tools_of(robot: Robot) -> Mapping[str, Tool]:
     """Return the tools by joint group; empty where there are none, or nothing moves them."""
@@ -60,6 +87,14 @@ def tools_of(robot: Robot) -> Mapping[str, Tool]:
         tools: Mapping[str, Tool] = robot.attribute("tool_groups")
         return tools
     return {}
+
+
+def tool_of(robot: Robot, group: str) -> Tool:
+    """Return the tool of a group. Raises InvalidArgument."""
+    tools = tools_of(robot)
+    if group not in tools:
+        raise InvalidArgument(unknown_name("tool of group", group, tools))
+    return tools[group]
 
 
 def describe_tools(robot: Robot) -> list[dict[str, Any]]:
@@ -94,14 +129,14 @@ class JogTool(Heartbeat):
     angular: Direction
 
 
-class HeldTool(HeldStream[JogTool]):
+class HeldTool(HeldMotion[JogTool]):
     """Jog of tools by one client.
 
     Every joint keeps below its jog velocity; where that does not suffice the tool slows down and
     keeps its direction.
     """
 
-    def open_stream(self, beat: JogTool) -> tuple[JointStream, StreamCommand]:
+    def open(self, beat: JogTool, hold: Hold) -> StreamedMotion:
         return self.jog_tool(beat.group, beat.frame, *beat.linear, *beat.angular)
 
     @noted
@@ -115,21 +150,19 @@ class HeldTool(HeldStream[JogTool]):
         roll: float,
         pitch: float,
         yaw: float,
-    ) -> tuple[JointStream, StreamCommand]:
+    ) -> StreamedMotion:
         """Open the stream of a tool. Raises RobotdError with the reason of a rejection."""
-        tools = tools_of(self._robot)
-        if group not in tools:
-            raise InvalidArgument(unknown_name("tool of group", group, tools))
+        tool = tool_of(self._robot, group)
         linear = _slowed([x, y, z], MAX_LINEAR_M_S)
         twist = np.concatenate([linear, _slowed([roll, pitch, yaw], MAX_ANGULAR_RAD_S)])
         if not twist.any():
             raise InvalidArgument("the jog velocity of the tool is 0")
-        streams, names = tools[group].group.stream, tools[group].group.joint_names
+        streams, names = tool.group.stream, tool.group.joint_names
         velocities = jog_velocities(self._robot)
         highest = [velocities[name] for name in names]
         for name, velocity in zip(names, highest, strict=True):
             require_stoppable(self._robot, name, velocity)
-        stream = tools[group].stream(
+        stream = tool.stream(
             timeout_s=self._timeout_s,
             owner=self._owner,
             ends_when_silent=True,
@@ -137,22 +170,22 @@ class HeldTool(HeldStream[JogTool]):
             source=streams.source(self._owner, self._timeout_s),  # each press is a new command
         )
         scale = self._robot.axes.speed.scale or 1.0
-        return stream.joints, _Twist(stream, (scale * twist).tolist(), in_tool=frame == "tool")
+        return _Twist(stream, (scale * twist).tolist(), in_tool=frame == "tool")
 
 
-class _Twist(StreamCommand):
-    """Command of a tool that moves until it is released."""
+class _Twist(StreamedMotion):
+    """Motion of a tool until it is released, with a velocity in m/s and rad/s."""
 
     def __init__(self, stream: ToolStream, twist: list[float], *, in_tool: bool) -> None:
-        self._stream, self._twist, self._in_tool = stream, twist, in_tool
+        super().__init__(stream.joints)
+        self._tool_stream, self._twist, self._in_tool = stream, twist, in_tool
 
     @property
     def note(self) -> str:
-        """Reason why the tool is slow."""
-        return self._stream.slow_reason
+        return self._tool_stream.slow_reason
 
-    def __call__(self, stream: JointStream) -> None:
-        self._stream.send(self._twist, in_tool=self._in_tool)
+    def beat(self) -> None:
+        self._tool_stream.send(self._twist, in_tool=self._in_tool)
 
 
 def _slowed(vector: Sequence[float], limit: float) -> FloatArray:

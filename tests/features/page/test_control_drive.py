@@ -11,7 +11,7 @@ from robotd.descriptor import load_robot_descriptor
 from robotd.errors import NotReady
 from robotd.robot import Robot, build_robot
 from robotd_page.control_drive import Drive, HeldDrive, drive_limits, drive_motions
-from robotd_page.held_stream import HEARTBEAT_S, RELEASED, TIMEOUT_S, JogEnd
+from robotd_page.held_motion import HEARTBEAT_S, RELEASED, TIMEOUT_S, JogEnd
 
 BRAKING_S = 0.15  # from the last heartbeat until the base slows down
 PERIODS = 3  # of the control loop

@@ -16,7 +16,7 @@ from robotd.motion import TrajectoryRequest
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot, build_robot
 from robotd_page.control_jog import STOP_S, HeldJog, Jog, jog_velocities
-from robotd_page.held_stream import HEARTBEAT_S, REACHED, RELEASED, TIMEOUT_S, JogEnd
+from robotd_page.held_motion import HEARTBEAT_S, REACHED, RELEASED, TIMEOUT_S, JogEnd
 
 PATIENCE_S = 30.0
 JOINT = "joint2"
@@ -71,7 +71,7 @@ class Client:
 
     def _is_open(self) -> bool:
         hold = self.jog._hold
-        return hold is not None and hold.stream is not None
+        return hold is not None and hold.motion is not None
 
 
 def wait_until(condition: Callable[[], Any]) -> None:

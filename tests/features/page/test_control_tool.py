@@ -1,22 +1,24 @@
-"""Hold-to-run jog of a tool on the simulated clock: along its axis, and no longer than held."""
+"""Jog and moves of a tool on the simulated clock: along its axis, and no longer than held."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pytest
+from tests.features.page.server.viewer import TIMEOUT_S as PATIENCE_S
 from tests.features.page.server.viewer import wait_until
 
 from robotd import Robot, open_robot
 from robotd.api import FloatArray
-from robotd.clock.simulated import SteppedClock
+from robotd.clock.simulated import PacedClock, SteppedClock
 from robotd.motion import TrajectoryRequest
 from robotd_page.control_jog import jog_velocities
+from robotd_page.control_target import HeldMove, MoveTool, Reach, reach
 from robotd_page.control_tool import HeldTool, JogTool, describe_tools
-from robotd_page.held_stream import HEARTBEAT_S, RELEASED, TIMEOUT_S, JogEnd
+from robotd_page.held_motion import HEARTBEAT_S, RELEASED, TIMEOUT_S, JogEnd
 from robotd_tool_space.robot_tool import RobotTool
 
 BENT = [0.3, -0.6, 1.6, -0.3, 1.2, 0.0]
@@ -101,7 +103,7 @@ class Client:
 
     def _is_open(self) -> bool:
         hold = self.held._hold
-        return hold is not None and hold.stream is not None
+        return hold is not None and hold.motion is not None
 
 
 @pytest.fixture(scope="module")
@@ -170,3 +172,59 @@ def test_rejections(client: Client) -> None:
     assert [(each["link"], each["axes"]) for each in described] == [("link6", [0, 1, 2, 3, 4, 5])]
     with open_robot("baymax", "sim", clock=SteppedClock()) as base:
         assert describe_tools(base) == []
+
+
+def posture(robot: Robot, pose: FloatArray | None, *, is_final: bool = True) -> dict[str, Any]:
+    numbers = None if pose is None else tuple(pose.T.ravel().tolist())
+    group = robot.attribute("tool").group.name
+    return reach(robot, Reach(type="reach", id=1, group=group, pose=numbers, is_final=is_final))
+
+
+def test_the_posture_of_a_target_or_why_there_is_none(client: Client) -> None:
+    here = posture(client.robot, None)
+    assert [*here["joints"].values()] == pytest.approx(BENT, abs=1e-3)
+    pose = np.array(here["pose"]).reshape(4, 4).T
+    assert pose == pytest.approx(client.pose, abs=1e-9)
+    pose[2, 3] -= 0.05
+    for is_final in (False, True):
+        joints = posture(client.robot, pose, is_final=is_final)["joints"]
+        reached = client.tool.kinematics.forward(np.array([*joints.values()]))
+        assert reached == pytest.approx(pose, abs=1e-5)
+    pose[0, 3] += 3.0
+    answer = posture(client.robot, pose)
+    assert answer["joints"] is None
+    assert "out of reach" in answer["text"]
+
+
+@pytest.mark.parametrize("ends", ["reached", "released", "silent"])
+def test_a_move_goes_on_while_heartbeats_arrive(ends: str) -> None:
+    with open_robot("cr3a", "sim", clock=PacedClock(1.0)) as robot:
+        tool: RobotTool = robot.attribute("tool")
+        request = TrajectoryRequest.from_rows(robot.joint_names, [1.0], [BENT])
+        with robot.follower.follow(request) as goal:
+            assert goal.wait(PATIENCE_S)
+        ended: list[JogEnd] = []
+        workers = ThreadPoolExecutor(1)
+        timeout_s = 0.2 if ends == "silent" else 600.0
+        held = HeldMove(robot, "page 1", workers, ended.append, timeout_s)
+        start = tool.pose
+        target = start.copy()
+        target[2, 3] -= 0.2
+        numbers = tuple((tool.work_frame @ target).T.ravel().tolist())
+        beat = MoveTool(
+            type="move_tool", hold=1, group=tool.group.name, pose=numbers, line=True, velocity=0.1
+        )
+        held.beat(beat)
+        wait_until(lambda: ended or np.abs(robot.image.velocity).max() > 0.01)
+        if ends == "released":
+            held.release(1, "window lost focus")
+        wait_until(lambda: ended)
+        workers.shutdown()
+        expected = {"reached": "reached", "released": "window lost focus"}
+        (end,) = ended
+        assert end.what == "Move"
+        assert end.reason == expected.get(ends, "heartbeats did not come")
+        assert (end.is_wanted, end.is_silent) == (ends == "reached", ends == "silent")
+        assert not tool.group.motion.moving
+        way = start[2, 3] - tool.pose[2, 3]
+        assert way == pytest.approx(0.2, abs=1e-4) if ends == "reached" else way < 0.19

@@ -10,8 +10,10 @@ import { JogPanel } from "./jog_panel";
 import type { Description, Sample, State } from "./messages";
 import { highlight, hindranceOf } from "./next_step";
 import { OutputPanel } from "./output_panel";
+import { TargetPanel } from "./target_panel";
 import { ToolJogPanel } from "./tool_jog_panel";
 import type { Units } from "./units";
+import type { View } from "./view";
 
 // Buttons of a single command, by their id.
 const BUTTONS: Record<string, Command> = {
@@ -31,17 +33,19 @@ export class Control {
       onAnswer: (answer) => this.showAnswer(answer),
       onJogEnd: (end) => this.showJogEnd(end),
       onSlow: (reason) => this.toolJog.showSlow(reason),
+      onReached: (reached) => this.target.showReached(reached),
       onError: (text) => this.say(text, "bad"),
       onClosed: (reason, isRejected) => this.close(reason, isRejected),
     },
     () => this.seen(),
   );
   private readonly held = new HeldButtons(this.link, ({ name, step }) =>
-    this.say(`${name}: ${step === null ? "moving while held" : "one step"}`, "busy"),
+    this.say(`${name}: ${step === null ? "moving while held" : "on its way"}`, "busy"),
     (name, reason) => this.say(`${name}: ${reason}`, "bad"),
   );
   private readonly jog: JogPanel;
   private readonly toolJog: ToolJogPanel;
+  private readonly target: TargetPanel;
   private readonly drive: DrivePanel;
   private readonly outputs = new OutputPanel((command) => this.send(command));
   private readonly faults = new FaultForm((command) => this.send(command));
@@ -56,9 +60,11 @@ export class Control {
   constructor(
     units: Units,
     private readonly newest: () => Sample | undefined,
+    view: View,
   ) {
     this.jog = new JogPanel(units, this.held);
-    this.toolJog = new ToolJogPanel(units, this.held);
+    this.toolJog = new ToolJogPanel(units, this.held, () => this.target.retarget());
+    this.target = new TargetPanel(view, this.link, this.held, this.toolJog);
     this.drive = new DrivePanel(this.held);
     for (const [id, command] of Object.entries(BUTTONS)) find(id).addEventListener("click", () => this.send(command));
     this.speed.addEventListener("input", () => this.showSpeed(Number(this.speed.value)));
@@ -91,6 +97,7 @@ export class Control {
     setText(this.pause, state.paused ? "Resume" : "Pause");
     this.jog.update(state);
     this.toolJog.update(state);
+    this.target.update(state);
     this.drive.update(state);
     highlight(hindranceOf(state)?.button);
     if (document.activeElement !== this.speed) {
@@ -109,6 +116,7 @@ export class Control {
     if (!this.description) return;
     this.held.heartbeat_ms = welcome.heartbeat_ms;
     this.jog.open(welcome, this.description);
+    this.target.open(welcome);
     this.toolJog.open(welcome);
     this.drive.open(welcome, this.description);
     this.outputs.open(welcome);
@@ -122,6 +130,7 @@ export class Control {
 
   private close(reason: string, isRejected: boolean): void {
     this.held.end("released");
+    this.target.close();
     this.waiting.clear();
     setText(find("unlock-text"), isRejected ? `Rejected: ${reason}.` : `Not connected: ${reason}.`);
     this.setUnlocked(false);
@@ -160,9 +169,9 @@ export class Control {
   }
 
   private showJogEnd(end: JogEnd): void {
-    const { ok, silent, text } = end;
+    const { ok, silent, text, what } = end;
     // What a stop of all motion has ended is in the notice and in the answer of the stop.
-    if (!text.startsWith("stopped: ")) this.say(ok ? `Jog: ${text}` : `Jog stopped: ${text}${silent ? ": heartbeats of this page came late" : ""}`, ok ? "good" : "bad");
+    if (!text.startsWith("stopped: ")) this.say(ok ? `${what}: ${text}` : `${what} stopped: ${text}${silent ? ": heartbeats of this page came late" : ""}`, ok ? "good" : "bad");
     this.toolJog.showSlow("");
     this.held.ended(end);
   }

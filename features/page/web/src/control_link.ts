@@ -1,6 +1,6 @@
 // Connection of the control side: opened with the token, and again when it is lost.
 
-import type { Answer, Command, ControlMessage, JogEnd, ReleaseReason, Seen, Welcome } from "./control_messages";
+import type { Answer, Command, ControlMessage, JogEnd, Reached, ReleaseReason, Seen, Welcome } from "./control_messages";
 
 const RETRY_MS = 1000;
 const REJECTED = 1008; // WSCloseCode.POLICY_VIOLATION
@@ -11,6 +11,7 @@ export interface ControlReceiver {
   onAnswer(answer: Answer): void;
   onJogEnd(end: JogEnd): void;
   onSlow(reason: string): void;
+  onReached(reached: Reached): void;
   onError(text: string): void;
   onClosed(reason: string, isRejected: boolean): void;
 }
@@ -78,6 +79,16 @@ export class ControlLink {
     this.put({ type: "jog_tool", seen: this.seen(), hold, group, frame, linear, angular });
   }
 
+  moveTool(hold: number, group: string, pose: number[], line: boolean, velocity: number): void {
+    this.put({ type: "move_tool", seen: this.seen(), hold, group, pose, line, velocity });
+  }
+
+  // Ask for the posture of a target; null: for where the tool is.
+  reach(group: string, pose: number[] | null, isFinal: boolean): void {
+    this.lastId += 1;
+    this.put({ type: "reach", id: this.lastId, group, pose, is_final: isFinal });
+  }
+
   drive(hold: number, linear: number, lateral: number, angular: number): void {
     this.put({ type: "drive", seen: this.seen(), hold, linear, lateral, angular });
   }
@@ -105,6 +116,9 @@ export class ControlLink {
         break;
       case "slow":
         this.receiver.onSlow(message.text);
+        break;
+      case "reach":
+        this.receiver.onReached(message);
         break;
       case "error":
         this.receiver.onError(message.text);

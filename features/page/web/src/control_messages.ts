@@ -53,7 +53,8 @@ export interface JogEnd {
   ok: boolean;
   silent: boolean; // heartbeats came late, or none came
   text: string;
-  remaining: number | null; // distance of a step that was not made
+  remaining: number | null; // of a step or move that was not finished
+  what: string; // "Jog" or "Move"
 }
 
 // Why the tool of a hold is slower than commanded; "": it is not.
@@ -63,12 +64,21 @@ export interface SlowReason {
   text: string;
 }
 
+// Posture that reaches a target; matrices are of the tool in its base, column by column.
+export interface Reached {
+  type: "reach";
+  id: number;
+  pose: number[] | null; // null: the question has failed
+  joints: Record<string, number> | null; // null: none reaches it
+  text: string; // why not
+}
+
 export interface RequestError {
   type: "error";
   text: string;
 }
 
-export type ControlMessage = Welcome | Answer | JogEnd | SlowReason | RequestError;
+export type ControlMessage = Welcome | Answer | JogEnd | SlowReason | Reached | RequestError;
 
 // State that the page showed when a button was pressed: the robot rejects a command that came too late.
 export interface Seen {

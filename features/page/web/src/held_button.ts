@@ -5,7 +5,7 @@ import type { JogEnd, ReleaseReason } from "./control_messages";
 
 export interface Motion {
   name: string; // of the joint, or of the direction of the base
-  step: number | null; // signed distance; null: as long as the button is held
+  step: number | null; // signed distance, or what is left of a move; null: as long as the button is held
   send: (link: ControlLink, hold: number, step: number | null) => void; // one heartbeat
 }
 

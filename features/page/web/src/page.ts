@@ -30,7 +30,7 @@ const bus = new BusPanel();
 const events = new EventPanel();
 const robots = new RobotList();
 const tools = new ToolPanel(view, units);
-const control = new Control(units, () => history.newest);
+const control = new Control(units, () => history.newest, view);
 let description: Description | undefined;
 let numbersDue = 0;
 let plotsDue = 0;

@@ -73,6 +73,20 @@ export class RobotModel {
     }
   }
 
+  // A second robot of the same solids, which moves on its own.
+  copy(): URDFRobot {
+    const robot = this.robot.clone();
+    for (const joint of Object.values(robot.joints)) joint.ignoreLimits = true;
+    return robot;
+  }
+
+  // Frame of a link where the robot stands; undefined where there is no such link.
+  placeOf(name: string): THREE.Matrix4 | undefined {
+    this.object.updateMatrix();
+    const frame = this.frameOf(name);
+    return frame && this.object.matrix.clone().multiply(frame);
+  }
+
   // Frame of a link in the root of the URDF; undefined where there is no such link.
   frameOf(name: string): THREE.Matrix4 | undefined {
     const link = this.robot.links[name];

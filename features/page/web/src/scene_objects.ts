@@ -34,10 +34,9 @@ export class SceneObjects {
 
   // Go to where the link of the frame is; without such a link the frame is the root of the scene.
   follow(model: RobotModel): void {
-    const frame = model.frameOf(this.frame);
-    if (!frame) return;
-    model.object.updateMatrix();
-    this.object.matrix.multiplyMatrices(model.object.matrix, frame);
+    const place = model.placeOf(this.frame);
+    if (!place) return;
+    this.object.matrix.copy(place);
     this.object.matrixWorldNeedsUpdate = true;
   }
 }

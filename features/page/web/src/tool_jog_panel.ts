@@ -19,13 +19,14 @@ export class ToolJogPanel {
   private readonly links = find("tool-links");
   private readonly buttons: HTMLButtonElement[] = [];
   private tools: JoggedTool[] = [];
-  private tool: JoggedTool | undefined; // the chosen one
+  tool: JoggedTool | undefined; // the chosen one
   private state: State | undefined;
-  private frame: Frame = "base";
+  frame: Frame = "base";
 
   constructor(
     private readonly units: Units,
     private readonly held: HeldButtons,
+    private readonly onChoice: () => void, // of another tool or frame
   ) {
     this.slider.addEventListener("input", () => this.showSpeed());
     find("tool-rows").append(...AXES.map((name, axis) => this.row(name, axis)));
@@ -54,6 +55,11 @@ export class ToolJogPanel {
     setText(find("tool-blocked"), hindrance ? `The tool cannot be moved: ${hindrance.reason}.${next}` : "");
   }
 
+  // Of the slider, m/s.
+  get velocity(): number {
+    return this.share() * (this.tool?.linear ?? 0);
+  }
+
   // Why the tool is slower than commanded; "": it is not.
   showSlow(reason: string): void {
     setText(this.hint, reason ? `Slower: ${reason}.` : HINT);
@@ -74,12 +80,14 @@ export class ToolJogPanel {
     this.showSlow("");
     this.showSpeed();
     if (this.state) this.update(this.state);
+    this.onChoice();
   }
 
   private chooseFrame(frame: Frame): void {
     this.frame = frame;
     press(this.frames.children[0]!, frame === "base");
     press(this.frames.children[1]!, frame === "tool");
+    this.onChoice();
   }
 
   private row(name: string, axis: number): HTMLElement {

@@ -7,6 +7,7 @@ import { cssColor, find, setText } from "./dom";
 import type { Description, Sample } from "./messages";
 import { RobotModel } from "./robot_model";
 import { SceneObjects } from "./scene_objects";
+import { TargetGizmo } from "./target_gizmo";
 
 const X_AXIS = new THREE.Vector3(1, 0, 0);
 const NAMED_MESHES = 3;
@@ -25,6 +26,7 @@ export class View {
   private controls: OrbitControls | undefined;
   private model: RobotModel | undefined;
   private objects: SceneObjects | undefined;
+  private gizmo: TargetGizmo | undefined;
   private ground: THREE.Object3D | undefined;
   private shown: Sample | undefined; // the newest that differs
   private dirty = true;
@@ -60,6 +62,7 @@ export class View {
     if (!this.renderer) return;
     if (this.model) this.upright.remove(this.model.object);
     if (this.objects) this.upright.remove(this.objects.object);
+    this.gizmo?.hide();
     this.model = this.shown = this.objects = undefined;
     this.missing = [];
     this.noteMissing([]);
@@ -101,6 +104,7 @@ export class View {
     this.shown = sample;
     this.model.show(sample);
     this.objects?.follow(this.model);
+    this.gizmo?.follow(this.model);
     this.follow(this.model.object.position);
     this.dirty = true;
   }
@@ -108,6 +112,14 @@ export class View {
   moveObjects(poses: number[][]): void {
     this.objects?.move(poses);
     this.dirty = true;
+  }
+
+  // What shows the target of a tool; undefined where the robot is not drawn.
+  target(): TargetGizmo | undefined {
+    if (!this.model || !this.controls) return undefined;
+    this.gizmo ??= new TargetGizmo(this.camera, this.canvas, this.scene, this.controls, () => (this.dirty = true));
+    this.gizmo.use(this.upright, this.model);
+    return this.gizmo;
   }
 
   // Keep a base that drives in the picture.

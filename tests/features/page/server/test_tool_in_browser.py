@@ -1,4 +1,4 @@
-"""The tool on the page, in a real browser: its pad."""
+"""The tool on the page, in a real browser: its pad, and its target."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from tests.features.page.server.browser import (
     PHONE,
     chromium,
     has_sideways_scrolling,
+    keep_screenshot,
     needs_browser,
+    open_page,
 )
 from tests.features.page.server.controlled_page import (
     Served,
@@ -20,6 +22,7 @@ from tests.features.page.server.controlled_page import (
     serve,
     unlock,
 )
+from tests.features.page.server.drawn_arm import pixels
 from tests.features.page.server.viewer import TIMEOUT_S, wait_until
 
 from robotd.api import FloatArray
@@ -99,3 +102,58 @@ def test_a_tool_that_cannot_move_says_why(served: Served, page: Page) -> None:
     expect(blocked).to_be_hidden()
     page.set_viewport_size(PHONE)
     assert not has_sideways_scrolling(page)
+
+
+def drag_target(page: Page, place: FloatArray, right: float, down: float) -> None:
+    """Drag the middle of the handles, which are at a place of the base, by pixels."""
+    box = page.locator("#canvas").bounding_box()
+    assert box is not None
+    ((column, row),) = pixels(page, place[None], (round(box["height"]), round(box["width"])))
+    x, y = box["x"] + column, box["y"] + row
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + right, y + down, steps=3)
+    page.mouse.up()
+
+
+def test_a_target_is_shown_before_the_tool_moves_there(served: Served, browser: Browser) -> None:
+    bend(served)
+    page = open_page(browser, [])
+    page.set_viewport_size(PHONE)  # small pictures are drawn quickly
+    unlock(page, served)
+    before, text, move = tool_position(served), page.locator("#target-text"), "#target-move"
+    page.locator("#target-on").click()
+    expect(text).to_contain_text("Reachable")
+    drag_target(page, before, 0.0, 30.0)
+    expect(page.locator(move)).to_have_attribute("aria-disabled", "false")
+    assert tool_position(served) == pytest.approx(before, abs=1e-4)  # nothing has moved
+
+    def is_moved() -> bool:
+        if not page.locator(f"{move}.held").count():  # a page that draws slowly may stall
+            page.locator(move).click()
+        return bool(tool_position(served)[2] < before[2] - 0.02)
+
+    wait_until(is_moved)
+    page.evaluate("dispatchEvent(new Event('blur'))")
+    wait_until(lambda: not served.robot.groups.of(["joint1"]).motion.moving)
+    page.locator("#target-back").click()
+    expect(text).to_contain_text("Reachable")
+    drag_target(page, tool_position(served), 120.0, -100.0)
+    expect(text).to_contain_text("Not reachable: ")
+    expect(page.locator("#target-line")).to_have_attribute("aria-disabled", "true")
+    assert not has_sideways_scrolling(page)
+    page.close()
+
+
+def test_the_picture_of_the_documentation(served: Served, browser: Browser) -> None:
+    bend(served)
+    page = open_page(browser, [])
+    unlock(page, served)
+    page.set_viewport_size({"width": 1280, "height": 1180})
+    page.locator("#target-on").click()
+    expect(page.locator("#target-text")).to_contain_text("Reachable")
+    drag_target(page, tool_position(served), -10.0, 60.0)
+    expect(page.locator("#target-move")).to_have_attribute("aria-disabled", "false")
+    page.mouse.move(5.0, 5.0)
+    keep_screenshot(page, "page-tool", full_page=False)
+    page.close()

@@ -1,0 +1,165 @@
+"""Target of a tool: the posture that reaches it, and the move there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import Field
+
+from robotd.arrays import FloatArray
+from robotd.clock import NANOSECONDS
+from robotd.control.completion import Outcome
+from robotd.control.trajectory_execution import TrajectoryExecution
+from robotd.errors import InvalidArgument, NotReady
+from robotd.robot import Robot
+from robotd_page.control_commands import Finite, Message
+from robotd_page.control_tool import MAX_LINEAR_M_S, Tool, tool_of
+from robotd_page.held_motion import REACHED, RELEASED, Heartbeat, HeldMotion, Hold, Motion
+
+POLL_S = 0.01
+MIN_SPEED = 0.01  # of a tool
+
+Pose = Annotated[tuple[Finite, ...], Field(min_length=16, max_length=16)]
+"""Matrix of the tool in the base of its arm, column by column; m."""
+
+
+class Reach(Message):
+    """Question for the posture that reaches a target; nothing moves.
+
+    Attributes:
+        id: of the answer.
+        group: joint group of the tool.
+        pose: target; None: where the tool is.
+        is_final: the target stays; else any posture that is found quickly.
+    """
+
+    type: Literal["reach"]
+    id: int
+    group: str
+    pose: Pose | None
+    is_final: bool
+
+
+class MoveTool(Heartbeat):
+    """Heartbeat of a move to a target.
+
+    Attributes:
+        group: joint group of the tool.
+        pose: target.
+        line: on a straight line; else all joints move directly.
+        velocity: of the tool, m/s.
+    """
+
+    type: Literal["move_tool"]
+    group: str
+    pose: Pose
+    line: bool
+    velocity: Finite
+
+
+def reach(robot: Robot, question: Reach) -> dict[str, Any]:
+    """Return the target, and the joints that reach it or the reason why none do. Worker.
+
+    Raises InvalidArgument: there is no such tool; NotReady: positions of joints are not known.
+    """
+    tool = tool_of(robot, question.group)
+    kinematics, joints = tool.kinematics, tool.group.joint_axes
+    measured: FloatArray = robot.image.copy().position[list(joints)]
+    if not np.isfinite(measured).all():
+        raise NotReady("the positions of the joints are not known")
+    found: FloatArray | None = measured
+    target, text = kinematics.forward(measured), ""
+    if question.pose is not None:
+        target = _matrix(question.pose)
+        try:
+            if question.is_final:  # as a move does
+                found = kinematics.solutions(target, measured)[0]
+            else:
+                found = kinematics.inverse(target, measured)
+        except InvalidArgument as error:
+            found, text = None, str(error)
+    names = tool.group.joint_names
+    return {
+        "pose": target.T.ravel().tolist(),
+        "joints": None if found is None else dict(zip(names, found.tolist(), strict=True)),
+        "text": text,
+    }
+
+
+class HeldMove(HeldMotion[MoveTool]):
+    """Move of a tool by one client, which goes on while its heartbeats arrive."""
+
+    what = "Move"
+
+    def open(self, beat: MoveTool, hold: Hold) -> Motion:
+        tool = tool_of(self._robot, beat.group)
+        pose = np.linalg.inv(tool.work_frame) @ _matrix(beat.pose)
+        speed = min(beat.velocity, MAX_LINEAR_M_S) / tool.speed.velocity
+        speed = min(max(speed, MIN_SPEED), 1.0)
+        plan = tool.plan_lines([pose], speed) if beat.line else tool.plan_move(pose, speed)
+        silent_ns = round(self._timeout_s * NANOSECONDS)
+        return _Goal(tool, plan, hold, lambda: self._age_ns(hold) > silent_ns)
+
+    def _age_ns(self, hold: Hold) -> int:
+        return self._robot.clock.now_ns() - hold.beat_ns
+
+
+class _Goal(Motion):
+    """Planned motion of a tool, watched by the worker that waits for its end.
+
+    Args:
+        tool: that moves.
+        plan: of ``tool``.
+        hold: that keeps it going.
+        is_late: returns whether no heartbeat has come for too long.
+    """
+
+    def __init__(self, tool: Tool, plan: Any, hold: Hold, is_late: Callable[[], bool]) -> None:
+        self._tool, self._plan, self._hold, self._is_late = tool, plan, hold, is_late
+        self._stack = ExitStack()
+        self._is_silent = False
+
+    @property
+    def is_silent(self) -> bool:
+        return self._is_silent
+
+    @property
+    def message(self) -> str:
+        is_reached = self._execution.outcome is Outcome.SUCCEEDED
+        return REACHED if is_reached else self._execution.message
+
+    @property
+    def remaining(self) -> float:
+        """Time on its path, s."""
+        return self._execution.trajectory.duration_s - self._execution.progress().time_s
+
+    def beat(self) -> None:
+        """Nothing to do: ``wait`` looks at the time of the newest heartbeat."""
+
+    def end(self, reason: str) -> None:
+        self._execution.completion.request(Outcome.CANCELED, reason)
+
+    def wait(self) -> None:
+        # Heartbeats that waited while the motion was planned are read during the first wait.
+        while not self._execution.wait(POLL_S):
+            if self._is_late() and not self._is_silent:
+                self._is_silent = True
+                self.end("heartbeats did not come")
+
+    def __enter__(self) -> Self:
+        if self._hold.is_released:  # while it was planned
+            raise NotReady(RELEASED)
+        self._execution: TrajectoryExecution = self._stack.enter_context(
+            self._tool.follow(self._plan)
+        )
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._stack.close()
+
+
+def _matrix(pose: Pose) -> FloatArray:
+    return np.array(pose).reshape(4, 4).T

@@ -1,0 +1,279 @@
+"""Hold to run: joints move while heartbeats of a button arrive."""
+
+from __future__ import annotations
+
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import Annotated, Generic, Literal, Self, TypeVar
+
+from pydantic import Field
+
+from robotd.control.joint_stream import JointStream
+from robotd.errors import NotReady, RobotdError
+from robotd.events import sent_by
+from robotd.robot import Robot
+from robotd_page.control_commands import Message, Seen
+
+HEARTBEAT_S = 0.02  # interval at which a page repeats the message of a button that is held
+TIMEOUT_S = 0.06  # age of the last heartbeat at which the joints slow to rest
+REACHED = "reached"
+RELEASED = "released"
+CLOSED = "connection closed"
+
+
+class Heartbeat(Message):
+    """Message that a page repeats while a button is held.
+
+    Attributes:
+        hold: number that the client counts up with each press, whatever it moves.
+        seen: as in ``Command``; that of the first heartbeat counts.
+    """
+
+    hold: Annotated[int, Field(ge=1)]
+    seen: Seen | None = None
+
+
+class Release(Message):
+    """End of a hold.
+
+    Attributes:
+        hold: as in ``Heartbeat``.
+        reason: as in the log.
+    """
+
+    type: Literal["release"]
+    hold: int
+    reason: Literal["released", "window lost focus", "tab hidden", "page left", "page stalled"]
+
+
+@dataclass(frozen=True)
+class JogEnd:
+    """End of a hold.
+
+    Attributes:
+        hold: as in ``Heartbeat``.
+        is_wanted: it was released, or reached its target.
+        is_silent: its heartbeats came late, or none came.
+        reason: text.
+        remaining: signed distance to the target of a step, rad or m, or time to that of a move,
+            s; None without a target.
+        what: name of the motion.
+    """
+
+    hold: int
+    is_wanted: bool
+    is_silent: bool
+    reason: str
+    remaining: float | None = None
+    what: str = "Jog"
+
+
+class Motion(ABC):
+    """Motion of a hold: a context that ends it, and gives the joints back."""
+
+    @property
+    def remaining(self) -> float | None:
+        """As of ``JogEnd``."""
+        return None
+
+    @property
+    def note(self) -> str:
+        """Reason why it is slower than commanded; "": it is not."""
+        return ""
+
+    @property
+    @abstractmethod
+    def is_silent(self) -> bool:
+        """It has ended because no heartbeat came."""
+
+    @property
+    @abstractmethod
+    def message(self) -> str:
+        """Reason of its end."""
+
+    @abstractmethod
+    def beat(self) -> None:
+        """Go on, because a heartbeat came; never blocks. Raises NotReady."""
+
+    @abstractmethod
+    def end(self, reason: str) -> None:
+        """Let the joints slow to rest; never blocks. No effect after the end."""
+
+    @abstractmethod
+    def wait(self) -> None:
+        """Wait for the end, at rest."""
+
+    @abstractmethod
+    def __enter__(self) -> Self: ...
+
+    @abstractmethod
+    def __exit__(self, *_: object) -> None: ...
+
+
+class StreamedMotion(Motion):
+    """Motion by a stream of joints, whose time-out is the watchdog: no thread is needed for it.
+
+    Args:
+        stream: open; ends when it is silent.
+    """
+
+    def __init__(self, stream: JointStream) -> None:
+        self.stream = stream
+
+    @property
+    def is_silent(self) -> bool:
+        return self.stream.statistics.timeouts > 0
+
+    @property
+    def message(self) -> str:
+        return self.stream.message
+
+    def end(self, reason: str) -> None:
+        self.stream.end(reason)
+
+    def wait(self) -> None:
+        self.stream.wait()
+
+    def __enter__(self) -> Self:
+        self.stream.__enter__()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.stream.__exit__(*error)
+
+
+@dataclass(eq=False)
+class Hold:
+    """Button that is held.
+
+    Attributes:
+        number: of the client.
+        beat_ns: time of the newest heartbeat, on the robot's clock.
+        motion: that it keeps going; None until it can move.
+        note: of the motion, as the client knows it.
+        is_released: it has ended.
+    """
+
+    number: int
+    beat_ns: int
+    motion: Motion | None = None
+    note: str = ""
+    is_released: bool = False
+
+
+Beat = TypeVar("Beat", bound=Heartbeat)
+
+
+class HeldMotion(ABC, Generic[Beat]):
+    """Motion by one client, a hold at a time.
+
+    A hold begins with its first heartbeat and ends by ``release``, by silence for ``timeout_s``,
+    or with its motion; later heartbeats of it are ignored, so that nothing moves again before
+    the client presses anew. ``beat``, ``release`` and ``close`` never block.
+
+    Args:
+        robot: of the joints.
+        owner: of the joints while they move.
+        workers: open the motion and wait for its end.
+        ended: called by a worker with the end of each hold.
+        timeout_s: as above, in time of the robot.
+        noted: called by ``beat`` with hold and note, where the note of a motion has changed.
+    """
+
+    what = "Jog"  # of ``JogEnd``
+
+    def __init__(
+        self,
+        robot: Robot,
+        owner: str,
+        workers: Executor,
+        ended: Callable[[JogEnd], None],
+        timeout_s: float = TIMEOUT_S,
+        noted: Callable[[int, str], None] = lambda hold, note: None,
+    ) -> None:
+        self.events = robot.events
+        self._robot, self._owner, self._workers, self._ended = robot, owner, workers, ended
+        self._timeout_s, self._noted = timeout_s, noted
+        self._newest = 0
+        self._hold: Hold | None = None
+        self._lock = threading.Lock()  # of the hold and its motion
+
+    @abstractmethod
+    def open(self, beat: Beat, hold: Hold) -> Motion:
+        """Return the motion of a hold. Worker. Raises RobotdError with the reason of a rejection.
+
+        It moves nothing before it is entered.
+        """
+
+    def beat(self, beat: Beat) -> None:
+        """Begin a hold, or keep it moving."""
+        now_ns = self._robot.clock.now_ns()
+        with self._lock:
+            if beat.hold > self._newest:
+                self._newest = beat.hold
+                self._end(RELEASED)
+                self._hold = Hold(beat.hold, now_ns)
+                self._workers.submit(self._run, self._hold, beat)
+                return
+            hold = self._hold
+            if hold is None or hold.number != beat.hold:
+                return
+            hold.beat_ns, motion = now_ns, hold.motion
+        if motion is None:
+            return
+        try:
+            motion.beat()
+        except NotReady as error:
+            motion.end(str(error))  # no effect where it has just ended; the worker says why
+        if motion.note != hold.note:
+            hold.note = motion.note
+            self._noted(hold.number, hold.note)
+
+    def release(self, number: int, reason: str) -> None:
+        """End a hold; the joints slow to rest."""
+        with self._lock:
+            if self._hold is not None and self._hold.number == number:
+                self._end(reason)
+
+    def close(self) -> None:
+        """End the hold because its client has gone."""
+        with self._lock:
+            self._end(CLOSED)
+
+    def _end(self, reason: str) -> None:
+        hold, self._hold = self._hold, None
+        if hold is None:
+            return
+        hold.is_released = True
+        if hold.motion is not None:
+            hold.motion.end(reason)
+
+    def _run(self, hold: Hold, beat: Beat) -> None:
+        """Worker: move, and give the joints back after the end."""
+        is_silent, remaining = False, None
+        with sent_by(self._owner):
+            try:
+                motion = self.open(beat, hold)
+                with motion:
+                    self._begin(hold, motion)
+                    motion.wait()
+                reason, is_silent = motion.message, motion.is_silent
+                remaining = motion.remaining
+            except RobotdError as error:
+                reason = str(error)
+        with self._lock:
+            if self._hold is hold:
+                self._hold = None
+        is_wanted = reason in (RELEASED, REACHED)
+        self._ended(JogEnd(hold.number, is_wanted, is_silent, reason, remaining, self.what))
+
+    def _begin(self, hold: Hold, motion: Motion) -> None:
+        """Let heartbeats keep the motion going; that of a hold that has ended meanwhile ends."""
+        with self._lock:
+            if self._hold is hold:
+                hold.motion = motion
+            else:
+                motion.end(RELEASED)
