@@ -207,9 +207,9 @@ def test_a_move_goes_on_while_heartbeats_arrive(ends: str) -> None:
         workers = ThreadPoolExecutor(1)
         timeout_s = 0.2 if ends == "silent" else 600.0
         held = HeldMove(robot, "page 1", workers, ended.append, timeout_s)
-        start = tool.pose
+        start, way_m = tool.pose, 0.02 if ends == "reached" else 0.2
         target = start.copy()
-        target[2, 3] -= 0.2
+        target[2, 3] -= way_m
         numbers = tuple((tool.work_frame @ target).T.ravel().tolist())
         beat = MoveTool(
             type="move_tool", hold=1, group=tool.group.name, pose=numbers, line=True, velocity=0.1
@@ -226,5 +226,5 @@ def test_a_move_goes_on_while_heartbeats_arrive(ends: str) -> None:
         assert end.reason == expected.get(ends, "heartbeats did not come")
         assert (end.is_wanted, end.is_silent) == (ends == "reached", ends == "silent")
         assert not tool.group.motion.moving
-        way = start[2, 3] - tool.pose[2, 3]
-        assert way == pytest.approx(0.2, abs=1e-4) if ends == "reached" else way < 0.19
+        moved_m = start[2, 3] - tool.pose[2, 3]
+        assert moved_m == pytest.approx(way_m, abs=1e-4) if ends == "reached" else moved_m < 0.19
