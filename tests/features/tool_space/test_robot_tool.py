@@ -76,6 +76,18 @@ def test_ways_in_the_frame_of_the_tool(tool: RobotTool) -> None:
         tool.pose_relative("world", z=0.1)
 
 
+def test_a_stream_of_twists_moves_the_tool(robot: Robot, tool: RobotTool) -> None:
+    before = tool.pose
+    with tool.stream(timeout_s=0.5, ends_when_silent=True) as stream:
+        stream.send([0.0, 0.0, 0.05, 0.0, 0.0, 0.0], in_tool=True)
+        with pytest.raises(InvalidArgument, match="must be 6 finite numbers"):
+            stream.send([0.0, 0.0, np.nan, 0.0, 0.0, 0.0])
+        robot.step(500)
+    way = (tool.pose[:3, 3] - before[:3, 3]) @ before[:3, :3]
+    assert way[:2] == pytest.approx(np.zeros(2), abs=1e-5)
+    assert 0.015 < way[2] < 0.035
+
+
 def test_components_that_are_not_given_stay(tool: RobotTool) -> None:
     wanted = tool.pose_with(z=tool.pose[2, 3] - 0.02)
     assert wanted[:2, 3] == pytest.approx(tool.pose[:2, 3])
