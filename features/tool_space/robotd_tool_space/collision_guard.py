@@ -7,8 +7,9 @@ import numpy as np
 from robotd.api import NANOSECONDS, FloatArray, Operation, get_logger
 from robotd.api.features import ProcessImage, Robot
 from robotd_tool_space.collisions import Collisions
-from robotd_tool_space.robot_tool import RobotTool, ToolGroups
+from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.settings import ToolSpaceKeys
+from robotd_tool_space.tool_groups import ToolGroups
 
 log = get_logger("tool")
 
