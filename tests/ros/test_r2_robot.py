@@ -25,6 +25,8 @@ from wmx_r2_message.srv import (
     RobotSetRobotParam,
     RobotStartMotion,
     SetAxisPosition,
+    StartAxesPose,
+    StartAxesVelocity,
 )
 
 pytestmark = pytest.mark.ros
@@ -281,3 +283,22 @@ def test_the_reference_of_an_axis_is_zero_only(robot: R2Client) -> None:
     answer = reference(0.0)
     assert answer.success, answer.message
     assert robot.status.joint_pos_fb[5] == pytest.approx(0.0, abs=0.1)
+
+
+def test_an_axis_is_started_with_an_answer(robot: R2Client) -> None:
+    def start(name: str, service_type: Any = StartAxesPose, **request: Any) -> Any:
+        request = {"axis": [5], "velocity": [1.0], "acc": [5.0], "dec": [5.0], **request}
+        return robot.client.call(service_type, f"/wmx/axes/{name}", **request)
+
+    robot.move(target_joint=READY)
+    assert start("start_pos", target=[0.2]).message == "begun"
+    robot.wait_state(JOINTS)
+    assert robot.wait_state(IDLE).joint_pos_fb[5] == pytest.approx(np.degrees(0.2), abs=0.1)
+    assert start("start_mov", target=[-0.1]).success
+    robot.wait_state(JOINTS)
+    assert robot.wait_state(IDLE).joint_pos_fb[5] == pytest.approx(np.degrees(0.1), abs=0.1)
+    assert start("start_pos", target=[100.0]).message.startswith("joint6: ")
+    assert "has 2 values for 1 axes" in start("start_mov", target=[0.1, 0.2]).message
+    answer = start("start_vel", StartAxesVelocity)
+    assert not answer.success  # in position mode
+    assert "mode" in answer.message
