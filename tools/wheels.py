@@ -6,6 +6,7 @@ an environment of its own without a compiler: first robotd alone, then a robot w
 
 from __future__ import annotations
 
+import itertools
 import os
 import platform
 import re
@@ -16,8 +17,11 @@ import sys
 import tempfile
 import time
 import urllib.request
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+
+from robotd_testing.domain import own_domain
 
 MINORS = range(11, 14)  # CPython 3.11 to 3.13: those that the ROS wheels are for
 # The interfaces need less of the C and C++ libraries than the ROS wheels themselves.
@@ -64,6 +68,7 @@ class Environment:
         self._variables = {
             **{name: value for name, value in os.environ.items() if not name.startswith(left_out)},
             "PATH": f"{self._programs}:{os.environ['PATH']}",
+            "PIP_NO_COMPILE": "1",  # what is imported is compiled then
             "CC": "false",  # nothing is compiled here
             "CXX": "false",
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
@@ -89,11 +94,11 @@ class Environment:
         assert process.returncode == expected, f"{words}: {process.returncode}\n{output}"
         return output
 
-    def install(self, *wheels: str | Path) -> None:
-        """Install by pip, and print what it took."""
+    def install(self, *wheels: str | Path) -> str:
+        """Install by pip; return what it took."""
         began_s = time.monotonic()
         self.run("pip", "--quiet", "--disable-pip-version-check", "install", *wheels)
-        print(f"installed after {time.monotonic() - began_s:.0f} s")
+        return f"installed after {time.monotonic() - began_s:.0f} s"
 
 
 def build_interfaces(python: str, dist: Path) -> Path:
@@ -109,22 +114,22 @@ def build_interfaces(python: str, dist: Path) -> Path:
         return Path(shutil.move(Path(folder, name), dist))
 
 
-def try_wheels(python: str, robotd: Path, interfaces: Path) -> None:
-    """Install the wheels in a new environment of ``python``, and use them."""
-    with tempfile.TemporaryDirectory(prefix="robotd-wheels-") as folder:
-        environment = Environment(python, Path(folder), domain=1 + os.getpid() % 100)
-        environment.install(robotd)
+def try_wheels(python: str, robotd: Path, interfaces: Path) -> Iterator[str]:
+    """Install the wheels in a new environment of ``python``, use them, and say what was seen."""
+    with tempfile.TemporaryDirectory(prefix="robotd-wheels-") as folder, own_domain() as domain:
+        environment = Environment(python, Path(folder), domain)
+        yield environment.install(robotd)
         environment.run("python", "-c", ALONE)
         assert "Operate a running robot" in environment.run("robotd", "docs")
         refused = environment.run("robotd", "--robot", "cr3a", "--backend", "sim", expected=6)
         assert "pip install" in refused, refused
-        print(f"without ROS: {refused.strip().splitlines()[-1]}")
-        environment.install(f"{robotd}[ros,page]", interfaces)
-        serve(environment)
+        yield f"without ROS: {refused.strip().splitlines()[-1]}"
+        yield environment.install(f"{robotd}[ros,page]", interfaces)
+        yield serve(environment)
 
 
-def serve(environment: Environment) -> None:
-    """Start a robot with its page, move it, and end it."""
+def serve(environment: Environment) -> str:
+    """Start a robot with its page, move it, and end it; return what was seen."""
     began_s = time.monotonic()
     robot = environment.begin("robotd", "run", "--robot", "cr3a", "--backend", "sim", "--page", "0")
     try:
@@ -137,7 +142,6 @@ def serve(environment: Environment) -> None:
         ready_s = time.monotonic() - began_s
         assert robot.poll() is None, "".join(lines)
         assert ready_s < READY_S, f"ready after {ready_s:.1f} s, the limit is {READY_S:g} s"
-        print(f"ready after {ready_s:.1f} s")
         environment.run("robotd", "move", "joint1=0.2")
         assert "+0.2000" in environment.run("robotd", "status")
         (address,) = set(re.findall(r"http://127\.0\.0\.1:\d+", "".join(lines)))
@@ -147,18 +151,25 @@ def serve(environment: Environment) -> None:
         robot.send_signal(signal.SIGINT)
         rest, _ = robot.communicate(timeout=30.0)
     assert robot.returncode == 0, rest
-    print(f"{address} is served, joint1 has moved, the robot has ended in order")
+    seen = f"ready after {ready_s:.1f} s, {address} is served"
+    return f"{seen}, joint1 has moved, the robot has ended in order"
+
+
+def build_and_try(python: str, robotd: Path) -> None:
+    """Do all of it for one Python, and print it."""
+    began_s = time.monotonic()
+    interfaces = build_interfaces(python, robotd.parent)
+    print(f"{interfaces.name} after {time.monotonic() - began_s:.0f} s", flush=True)
+    for seen in try_wheels(python, robotd, interfaces):
+        print(f"{interfaces.name.split('-')[2]}: {seen}", flush=True)
 
 
 def main(arguments: Sequence[str]) -> None:
     """Build and try the wheels of a folder that has the one of robotd."""
     (dist,) = (Path(each).absolute() for each in arguments)
     (robotd,) = dist.glob("robotd-*.whl")
-    for python in interpreters():
-        began_s = time.monotonic()
-        interfaces = build_interfaces(python, dist)
-        print(f"{interfaces.name} after {time.monotonic() - began_s:.0f} s", flush=True)
-        try_wheels(python, robotd, interfaces)
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(build_and_try, interpreters(), itertools.repeat(robotd)))
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ mpl.use("Agg")
 from matplotlib import pyplot as plt
 
 COLUMNS = {
+    "backend": ("backend", "{}"),
     "axes": ("axes", "{:d}"),
     "rate Hz": ("rate_hz", "{:d}"),
     "robots": ("robots", "{:d}"),
@@ -27,6 +28,7 @@ COLUMNS = {
     "p99 µs": ("lateness_p99_us", "{:.0f}"),
     "RSS MiB": ("rss_mib", "{:.0f}"),
     "PSS MiB": ("pss_mib", "{:.0f}"),
+    "× real time": ("times_real_time", "{:.0f}"),
 }
 GROWING = {"axes": "Axes at 500 Hz", "rate_hz": "Rate in Hz", "robots": "Robots at 500 Hz"}
 Figures = dict[str, Any]
@@ -38,6 +40,7 @@ Figures = dict[str, Any]
 @click.option("--axes", "only", flag_value="axes", help="Only the runs with more and more axes.")
 @click.option("--rates", "only", flag_value="rate_hz", help="Only those at higher rates.")
 @click.option("--robots", "only", flag_value="robots", help="Only those with more robots.")
+@click.option("--physics", "only", flag_value="backend", help="Only those with physics.")
 def main(seconds: float, out: Path, only: str | None) -> None:
     """Measure simulated robots at rest, servos on, that publish at the rate of their cycle.
 
@@ -90,7 +93,7 @@ def _end(series: Sequence[Figures], key: str, what: str) -> str:
 
 def _series(found: Sequence[Figures], key: str) -> list[Figures]:
     """The runs in which ``key`` alone grows, in its order."""
-    usual = {name: getattr(Run(), name) for name in GROWING if name != key}
+    usual = {name: getattr(Run(), name) for name in (*GROWING, "backend") if name != key}
     chosen = [each for each in found if all(each[name] == value for name, value in usual.items())]
     return sorted(chosen, key=lambda each: each[key])
 
