@@ -88,4 +88,4 @@ def test_what_a_sourced_ros_lacks_is_named_with_its_remedy(
     monkeypatch.setenv("ROS_DISTRO", "jazzy")
     monkeypatch.setitem(sys.modules, missing, None)  # importing it raises ModuleNotFoundError
     with pytest.raises(RosUnavailable, match=re.escape(remedy)):
-        preflight.import_ros(f"{missing}.msg")
+        preflight.import_ros(missing)
