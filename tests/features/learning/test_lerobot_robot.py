@@ -186,3 +186,24 @@ def test_images_are_observed(make: Make) -> None:
 def test_a_robot_without_joints_is_rejected(make: Make) -> None:
     with pytest.raises(InvalidArgument, match="mecanum_base has no joints"):
         make(descriptor="mecanum_base")
+
+
+def test_cameras_of_the_simulated_world(make: Make) -> None:
+    world_camera = sys.modules["lerobot_robot_robotd"].WorldCameraConfig
+
+    def camera(name: str = "cell_camera", width: int = 320) -> Any:
+        return world_camera(camera=name, width=width, height=240, fps=10)
+
+    robot = make(backend="mujoco", cameras={"cell": camera()})
+    assert robot.observation_features["cell"] == (240, 320, 3)
+    assert not robot.is_connected
+    with robot:
+        picture = robot.get_observation()["cell"]
+        assert (picture.shape, picture.dtype) == ((240, 320, 3), np.uint8)
+        assert picture.std() > 10.0, "it shows something"
+    with pytest.raises(InvalidArgument, match="width and height must be 320 and 240"):
+        make(backend="mujoco", cameras={"cell": camera(width=640)}).connect()
+    with pytest.raises(InvalidArgument, match="unknown camera 'none'"):
+        make(backend="mujoco", cameras={"cell": camera("none")}).connect()
+    with pytest.raises(InvalidArgument, match="camera"):
+        make(backend="sim", cameras={"cell": camera()}).connect()

@@ -6,5 +6,6 @@ class of a robot by that of its configuration, without ``Config``.
 
 from lerobot_robot_robotd.config_robotd_robot import RobotdRobotConfig
 from lerobot_robot_robotd.robotd_robot import RobotdRobot
+from lerobot_robot_robotd.world_camera import WorldCameraConfig
 
-__all__ = ["RobotdRobot", "RobotdRobotConfig"]
+__all__ = ["RobotdRobot", "RobotdRobotConfig", "WorldCameraConfig"]

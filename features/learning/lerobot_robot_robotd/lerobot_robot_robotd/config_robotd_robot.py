@@ -21,7 +21,8 @@ class RobotdRobotConfig(RobotConfig):
         max_relative_target: greatest distance of a target from the measured position, rad or m,
             for every joint; None: the robot's own limits alone.
         velocities: observe the velocities of the joints too.
-        cameras: by name, with ``width``, ``height`` and ``fps``.
+        cameras: by name, with ``width``, ``height`` and ``fps``; of the type ``robotd_world`` those
+            of a simulated world.
     """
 
     descriptor: str = "cr3a"

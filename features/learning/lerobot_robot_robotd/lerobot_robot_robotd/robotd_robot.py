@@ -15,6 +15,7 @@ from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnected
 
 from lerobot_robot_robotd.config_robotd_robot import RobotdRobotConfig
 from lerobot_robot_robotd.gripper_value import GripperValue
+from lerobot_robot_robotd.world_camera import WorldCamera, WorldCameraConfig
 from robotd import InvalidArgument, Robot, open_robot
 from robotd.control.joint_stream import JointStream
 from robotd.descriptor import load_robot_descriptor
@@ -58,7 +59,13 @@ class RobotdRobot(LeRobotRobot):
         self._robot: Robot | None = None
         self._streams: list[JointStream] = []
         self._open = ExitStack()
-        self.cameras: dict[str, Any] = make_cameras_from_configs(config.cameras)
+        of_world = {
+            name: WorldCamera(camera)
+            for name, camera in config.cameras.items()
+            if isinstance(camera, WorldCameraConfig)
+        }
+        others = {name: each for name, each in config.cameras.items() if name not in of_world}
+        self.cameras: dict[str, Any] = make_cameras_from_configs(others) | of_world
 
     @property
     def action_features(self) -> dict[str, Any]:
@@ -118,6 +125,8 @@ class RobotdRobot(LeRobotRobot):
                 for group in robot.groups.values()
             ]
             for camera in self.cameras.values():
+                if isinstance(camera, WorldCamera):
+                    camera.robot = robot
                 camera.connect()
                 opened.callback(camera.disconnect)
             self._open = opened.pop_all()
