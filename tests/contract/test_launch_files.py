@@ -6,10 +6,10 @@ import py_compile
 import runpy
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
@@ -69,11 +69,18 @@ class Process:
         self.keywords = keywords
 
 
+@dataclass(frozen=True)
+class Later:
+    """Stand-in for ``launch.actions.OpaqueFunction``: called when the arguments are known."""
+
+    function: Callable[[Any], Sequence[Process]]
+
+
 def stand_ins() -> dict[str, ModuleType]:
     """The launch packages, which are not among the ROS wheels, as far as the files use them."""
     contents = {
         "launch": {"LaunchDescription": list},
-        "launch.actions": {"DeclareLaunchArgument": Argument},
+        "launch.actions": {"DeclareLaunchArgument": Argument, "OpaqueFunction": Later},
         "launch.substitutions": {"LaunchConfiguration": Configuration},
         "launch_ros": {},
         "launch_ros.actions": {"Node": Process},
@@ -159,6 +166,19 @@ def test_it_starts_what_its_name_says(launch_file: LaunchFile) -> None:
     assert options["backend"] == descriptor.backend
     config = launch_file.config()
     assert config is None or config.is_file()
+
+
+def test_a_fleet_has_a_namespace_for_each_robot() -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        for name, module in stand_ins().items():
+            patch.setitem(sys.modules, name, module)
+        file = Path(__file__).parents[2] / "examples" / "fleet" / "fleet.launch.py"
+        *arguments, later = runpy.run_path(str(file))["generate_launch_description"]()
+        values = {each.name: each.default_value for each in arguments} | {"robots": "3"}
+        started = later.function(SimpleNamespace(launch_configurations=values))
+    assert [each.keywords["namespace"] for each in started] == ["robot1", "robot2", "robot3"]
+    options = run.make_context("run", started[0].keywords["arguments"]).params
+    assert (options["robot"], options["backend"]) == ("cr3a", "sim")
 
 
 def test_launch_loads_it(launch_file: LaunchFile) -> None:
