@@ -9,16 +9,19 @@ and ``docs/how-to/launch.md`` say; then a robot is served.
 
 from __future__ import annotations
 
-import os
 import shutil
-import signal
 import subprocess
 import sys
 import sysconfig
 import tempfile
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+from tools.wheels import Environment, clean_variables, serve
+
+from robotd_testing.domain import own_domain
 
 ROOT = Path(__file__).resolve().parents[1]
 BUILT_WITH = "/opt/python/cp{0}-cp{0}"  # folder in the CMake files of the wheels' own computer
@@ -72,71 +75,47 @@ def make_prefix(prefix: Path) -> None:
     )
 
 
-def bash(folder: Path, *lines: str) -> str:
-    """Run lines in ``folder``, in a shell without any ROS; return what they print.
-
-    Raises AssertionError with their output when one fails.
-    """
-    left_out = ("AMENT_", "LD_LIBRARY_PATH", "PYTHON", "ROS_", "_ROS_", "VIRTUAL_ENV")
-    variables = {name: each for name, each in os.environ.items() if not name.startswith(left_out)}
-    result = subprocess.run(
-        ["bash", "-c", "\n".join(("set -e", *lines))],
-        cwd=folder,
-        env=variables | {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        check=False,
+def sourced(variables: Mapping[str, str], file: Path) -> dict[str, str]:
+    """Return the variables of a shell that had ``variables`` and has sourced ``file``."""
+    script = f'. "{file}" && exec env -0'
+    found = subprocess.run(
+        ["bash", "-c", script], env=variables, capture_output=True, text=True, check=True
     )
-    assert not result.returncode, result.stdout
-    return result.stdout
+    return dict(each.split("=", 1) for each in found.stdout.split("\0") if each)
 
 
 def main() -> None:
     """Build everything in a temporary folder, and serve a robot."""
-    with tempfile.TemporaryDirectory(prefix="robotd-installed-ros-") as name:
-        folder = Path(name)
+    with (
+        tempfile.TemporaryDirectory(prefix="robotd-installed-ros-") as name,
+        own_domain() as domain,
+    ):
+        folder, prefix = Path(name), Path(name, "robotd")
         make_prefix(folder / "ros")
-        source, workspace = ". ros/setup.bash", ". ws/install/setup.bash"
         print("the ROS prefix is made", flush=True)
+        variables = sourced(
+            clean_variables() | {"ROS_DOMAIN_ID": str(domain)}, folder / "ros" / "setup.bash"
+        )
         interfaces = shutil.copytree(ROOT / "interfaces", folder / "ws" / "src" / "interfaces")
         for subset in ("control_msgs", "tf2_msgs"):
             (interfaces / subset / "COLCON_IGNORE").unlink()
-        built = bash(folder, source, "cd ws", "colcon build")
+        built = Environment(folder / "ws", variables).run("colcon", "build")
         print(built.strip().splitlines()[-1], flush=True)
-        pip = "robotd/bin/pip --quiet --disable-pip-version-check install"
-        bash(folder, source, workspace, "python3 -m venv --system-site-packages robotd")
-        bash(folder, source, workspace, f"{pip} --ignore-installed '{ROOT}[page]'")
-        serve(
-            folder, source, workspace, 'export AMENT_PREFIX_PATH="$PWD/robotd:$AMENT_PREFIX_PATH"'
-        )
+        variables = sourced(variables, folder / "ws" / "install" / "setup.bash")
+        ros = Environment(folder, variables)
+        ros.run("python3", "-m", "venv", "--system-site-packages", prefix)
+        pip = (prefix / "bin" / "pip", "--quiet", "--disable-pip-version-check", "install")
+        ros.run(*pip, "--ignore-installed", f"{ROOT}[page]")
+        variables["AMENT_PREFIX_PATH"] = f"{prefix}:{variables['AMENT_PREFIX_PATH']}"
+        variables["PATH"] = f"{executables(folder, variables)}:{variables['PATH']}"
+        print(serve(Environment(folder, variables)))
 
 
-def serve(folder: Path, *setup: str) -> None:
-    """Start the package's executable as ``ros2 run`` does; move the robot and end it."""
-    index = "from ament_index_python.packages import get_package_prefix as prefix"
-    found = bash(folder, *setup, f"python3 -c '{index}; print(prefix(\"robotd\"))'")
-    program = Path(found.strip(), "lib", "robotd", "robotd")
-    robot = subprocess.Popen(
-        ["bash", "-c", "\n".join((*setup, f"exec {program} --robot cr3a --backend sim"))],
-        cwd=folder,
-        env={
-            "PATH": os.environ["PATH"],
-            "HOME": str(folder),
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        },
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        assert robot.stdout
-        assert any("ready after" in line for line in robot.stdout), "the robot has ended"
-        print(bash(folder, *setup, "robotd/bin/robotd move joint1=0.2").strip())
-        print(bash(folder, *setup, "robotd/bin/robotd status").strip())
-    finally:
-        robot.send_signal(signal.SIGINT)
-        robot.communicate(timeout=30.0)
-    assert robot.returncode == 0, robot.returncode
+def executables(folder: Path, variables: Mapping[str, str]) -> Path:
+    """Return the folder of the package's executables, as ``ros2 run`` finds it."""
+    code = "from ament_index_python.packages import get_package_prefix as p; print(p('robotd'))"
+    found = Environment(folder, variables).run("python3", "-c", code)
+    return Path(found.strip(), "lib", "robotd")
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ import sys
 import tempfile
 import time
 import urllib.request
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -26,6 +26,7 @@ from robotd_testing.domain import own_domain
 MINORS = range(11, 14)  # CPython 3.11 to 3.13: those that the ROS wheels are for
 # The interfaces need less of the C and C++ libraries than the ROS wheels themselves.
 PLATFORM = f"manylinux_2_28_{platform.machine()}"
+RUN_S = 1800.0  # the longest of a program
 READY_S = 25.0  # from the command to the robot that is ready
 ALONE = """
 from robotd import open_robot
@@ -58,28 +59,23 @@ def find_interpreter(minor: int) -> str | None:
     return None
 
 
-class Environment:
-    """A virtual environment of ``python`` in ``folder``, and a ROS domain of its own."""
+def clean_variables() -> dict[str, str]:
+    """Return the variables of this process without any Python environment or ROS."""
+    left_out = ("AMENT_", "LD_LIBRARY_PATH", "PYTHON", "ROS_", "_ROS_", "VIRTUAL_ENV")
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(left_out)}
+    return kept | {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
 
-    def __init__(self, python: str, folder: Path, domain: int) -> None:
-        subprocess.run([python, "-m", "venv", folder / "venv"], check=True)
-        self._programs = folder / "venv" / "bin"
-        left_out = ("PYTHON", "LD_LIBRARY_PATH", "AMENT_", "ROS_", "_ROS_", "VIRTUAL_ENV")
-        self._variables = {
-            **{name: value for name, value in os.environ.items() if not name.startswith(left_out)},
-            "PATH": f"{self._programs}:{os.environ['PATH']}",
-            "PIP_NO_COMPILE": "1",  # what is imported is compiled then
-            "CC": "false",  # nothing is compiled here
-            "CXX": "false",
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-            "ROS_DOMAIN_ID": str(domain),
-        }
-        self._folder = folder
+
+class Environment:
+    """Programs that are found by ``PATH`` of ``variables``, and run in ``folder``."""
+
+    def __init__(self, folder: Path, variables: Mapping[str, str]) -> None:
+        self._folder, self._variables = folder, variables
 
     def begin(self, *words: str | Path) -> subprocess.Popen[str]:
         """Start a program of the environment; its output and errors come together."""
         return subprocess.Popen(
-            [self._programs / words[0], *words[1:]],
+            words,
             env=self._variables,
             cwd=self._folder,
             stdout=subprocess.PIPE,
@@ -90,7 +86,7 @@ class Environment:
     def run(self, *words: str | Path, expected: int = 0) -> str:
         """Run a program and return what it printed. Raises AssertionError for another status."""
         process = self.begin(*words)
-        output, _ = process.communicate(timeout=600.0)
+        output, _ = process.communicate(timeout=RUN_S)
         assert process.returncode == expected, f"{words}: {process.returncode}\n{output}"
         return output
 
@@ -117,7 +113,15 @@ def build_interfaces(python: str, dist: Path) -> Path:
 def try_wheels(python: str, robotd: Path, interfaces: Path) -> Iterator[str]:
     """Install the wheels in a new environment of ``python``, use them, and say what was seen."""
     with tempfile.TemporaryDirectory(prefix="robotd-wheels-") as folder, own_domain() as domain:
-        environment = Environment(python, Path(folder), domain)
+        subprocess.run([python, "-m", "venv", f"{folder}/venv"], check=True)
+        variables = {
+            "PATH": f"{folder}/venv/bin:{os.environ['PATH']}",
+            "PIP_NO_COMPILE": "1",  # what is imported is compiled then
+            "CC": "false",  # nothing is compiled here
+            "CXX": "false",
+            "ROS_DOMAIN_ID": str(domain),
+        }
+        environment = Environment(Path(folder), clean_variables() | variables)
         yield environment.install(robotd)
         environment.run("python", "-c", ALONE)
         assert "Operate a running robot" in environment.run("robotd", "docs")

@@ -16,7 +16,7 @@ import click
 import numpy as np
 from tools.bench.machine import machine
 from tools.bench.process import MIB, Program, fresh_environment
-from tools.bench.results import into_page, keep, out_option, told
+from tools.bench.results import into_page, keep, out_option, table, told
 
 from robotd_testing.domain import own_domain
 
@@ -116,10 +116,7 @@ def _report(results: dict[str, Any]) -> Iterator[str]:
     """Lines of Markdown."""
     yield f"{told(results['machine'])}; {results['seconds']:g} s each."
     yield ""
-    yield f"| {' | '.join(COLUMNS)} |"
-    yield "|" + "---:|" * len(COLUMNS)
-    for each in results["runs"]:
-        yield f"| {' | '.join(form.format(each[key]) for key, form in COLUMNS.values())} |"
+    yield table(COLUMNS, results["runs"])
     for note in results["notes"]:
         yield ""
         yield f"{note}."

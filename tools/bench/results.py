@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -38,3 +38,12 @@ def into_page(page: Path, report: str) -> None:
         before, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
         after = rest.partition(END)[2]
         page.write_text(f"{before}{BEGIN}\n{report}\n{END}{after}", encoding="utf-8")
+
+
+def table(columns: Mapping[str, tuple[str, str]], runs: Iterable[Mapping[str, Any]]) -> str:
+    """Return a table of Markdown: heading → key in each of ``runs``, and how it is written."""
+    lines = [f"| {' | '.join(columns)} |", "|" + "---:|" * len(columns)]
+    for each in runs:
+        cells = (form.format(each[key]) for key, form in columns.values())
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)

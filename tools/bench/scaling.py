@@ -11,7 +11,7 @@ from typing import Any
 import click
 import matplotlib as mpl
 from tools.bench.machine import machine
-from tools.bench.results import into_page, keep, out_option, told
+from tools.bench.results import into_page, keep, out_option, table, told
 from tools.bench.scaling_runs import HELD_PERCENT, Run, holds, measure, runs
 
 mpl.use("Agg")
@@ -70,10 +70,7 @@ def _report(results: dict[str, Any]) -> Iterator[str]:
     facts, found = results["machine"], results["runs"]
     yield f"{told(facts)}, after {results['load_after']:.2f}; {results['seconds']:g} s each."
     yield ""
-    yield f"| {' | '.join(COLUMNS)} |"
-    yield "|" + "---:|" * len(COLUMNS)
-    for each in found:
-        yield f"| {' | '.join(form.format(each[key]) for key, form in COLUMNS.values())} |"
+    yield table(COLUMNS, found)
     yield ""
     for key, what in GROWING.items():
         if series := _series(found, key):

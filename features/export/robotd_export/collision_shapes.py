@@ -9,11 +9,7 @@ from typing import Any
 import numpy as np
 
 from robotd.arrays import FloatArray
-from robotd.descriptor.files import read_limited
-from robotd.descriptor.urdf.mesh_files import MAX_BYTES
-from robotd.descriptor.urdf.package_files import find_mesh
-from robotd.descriptor.urdf.stl_file import stl_triangles
-from robotd.descriptor.urdf.urdf_model import frame
+from robotd.descriptor.urdf.shapes import mesh_triangles, numbers, shape_pose
 from robotd.descriptor.urdf.urdf_text import xml_root
 from robotd.errors import DescriptorError
 
@@ -61,9 +57,7 @@ def _spheres(collision: Any, path: Path) -> tuple[FloatArray, FloatArray] | None
     if found is None:
         return None
     centers, radii = found
-    origin = collision.find("origin")
-    numbers = [_numbers(origin, key, "0 0 0") for key in ("xyz", "rpy")]
-    pose = frame(numbers[0], numbers[1])
+    pose = shape_pose(collision)
     return centers @ pose[:3, :3].T + pose[:3, 3], radii
 
 
@@ -71,12 +65,12 @@ def _own_spheres(geometry: Any, path: Path) -> tuple[FloatArray, FloatArray] | N
     for shape in geometry if geometry is not None else ():
         match shape.tag:
             case "sphere":
-                return np.zeros((1, 3)), _numbers(shape, "radius")
+                return np.zeros((1, 3)), numbers(shape, "radius")
             case "cylinder":
-                radius, length = (float(_numbers(shape, key)[0]) for key in ("radius", "length"))
+                radius, length = (float(numbers(shape, key)[0]) for key in ("radius", "length"))
                 return _slices(np.array([2.0 * radius, 2.0 * radius, length]), 2, radius)
             case "box":
-                size = _numbers(shape, "size")
+                size = numbers(shape, "size")
                 axis = int(np.argmax(size))
                 return _slices(size, axis, float(np.hypot(*np.delete(size, axis))) / 2.0)
             case "mesh":
@@ -94,16 +88,10 @@ def _slices(size: FloatArray, axis: int, across: float) -> tuple[FloatArray, Flo
 
 
 def _mesh_spheres(mesh: Any, path: Path) -> tuple[FloatArray, FloatArray] | None:
-    file = find_mesh(mesh.get("filename", ""), path)
-    if file is None or file.suffix.lower() != ".stl":
-        return None
     try:
-        triangles = stl_triangles(read_limited(file, MAX_BYTES))
-    except (DescriptorError, ValueError):
+        triangles = mesh_triangles(mesh, path)
+    except DescriptorError:
         return None
-    if not len(triangles) or not np.isfinite(triangles).all():
-        return None
-    triangles = triangles * _numbers(mesh, "scale", "1 1 1")
     return _covering(triangles)
 
 
@@ -124,8 +112,3 @@ def _covering(triangles: FloatArray) -> tuple[FloatArray, FloatArray]:
         centers.append(center)
         radii.append(np.linalg.norm(points - center, axis=1).max())
     return np.array(centers), np.array(radii)
-
-
-def _numbers(element: Any, key: str, default: str = "") -> FloatArray:
-    text = default if element is None else element.get(key, default)
-    return np.array([float(number) for number in text.split()])

@@ -9,14 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from robotd.api import DescriptorError, FloatArray, UrdfRobot, find_mesh, read_limited
-from robotd.api.features import frame
+from robotd.api import DescriptorError, FloatArray, UrdfRobot, read_limited
 from robotd.arrays import IntArray
-from robotd.descriptor.urdf.stl_file import stl_triangles
+from robotd.descriptor.urdf.mesh_files import MAX_BYTES
+from robotd.descriptor.urdf.shapes import mesh_triangles, numbers, shape_pose
 from robotd.descriptor.urdf.urdf_text import xml_root
 from robotd_tool_space.chain import Chain
 
-MAX_MESH_BYTES = 64 * 2**20
 FIXED = -1  # carrier of what does not move in the base
 
 
@@ -47,7 +46,7 @@ class Capsules:
 
         Raises DescriptorError: a mesh cannot be read, or there is no shape.
         """
-        root = xml_root(read_limited(path, MAX_MESH_BYTES).decode(), path)
+        root = xml_root(read_limited(path, MAX_BYTES).decode(), path)
         found: list[tuple[str, int, FloatArray, float]] = []
         for link in root.iterfind("link"):
             name = link.get("name", "")
@@ -55,7 +54,7 @@ class Capsules:
             if place is None:
                 continue
             shapes = link.findall("collision") or link.findall("visual")
-            for ends, radius in _capsules(name, shapes, path):
+            for ends, radius in _capsules(shapes, path):
                 carrier, pose = place
                 found.append((name, carrier, ends @ pose[:3, :3].T + pose[:3, 3], radius))
         if not found:
@@ -96,32 +95,30 @@ def _place(
     return FIXED, pose
 
 
-def _capsules(link: str, shapes: Sequence[Any], path: Path) -> Iterator[tuple[FloatArray, float]]:
+def _capsules(shapes: Sequence[Any], path: Path) -> Iterator[tuple[FloatArray, float]]:
     """Yield the ends (2, 3) in the frame of the link, and the radius, of each shape."""
     for shape in shapes:
         geometry = next(iter(shape.find("geometry")), None)
         if geometry is None:
             continue
-        ends, radius = _own_capsule(link, geometry, path)
-        origin = shape.find("origin")
-        pose = frame(_numbers(origin, "xyz", "0 0 0"), _numbers(origin, "rpy", "0 0 0"))
+        ends, radius = _own_capsule(geometry, path)
+        pose = shape_pose(shape)
         yield ends @ pose[:3, :3].T + pose[:3, 3], radius
 
 
-def _own_capsule(link: str, geometry: Any, path: Path) -> tuple[FloatArray, float]:
+def _own_capsule(geometry: Any, path: Path) -> tuple[FloatArray, float]:
     match geometry.tag:
         case "sphere":
-            return np.zeros((2, 3)), float(_numbers(geometry, "radius")[0])
+            return np.zeros((2, 3)), float(numbers(geometry, "radius")[0])
         case "cylinder":
-            radius, length = (float(_numbers(geometry, key)[0]) for key in ("radius", "length"))
+            radius, length = (float(numbers(geometry, key)[0]) for key in ("radius", "length"))
             return _along(2, length), radius
         case "box":
-            size = _numbers(geometry, "size")
+            size = numbers(geometry, "size")
             axis = int(size.argmax())
             return _along(axis, size[axis]), float(np.hypot(*np.delete(size, axis))) / 2.0
         case _:
-            points = _mesh_points(link, geometry, path)
-            return enclosing_capsule(points * _numbers(geometry, "scale", "1 1 1"))
+            return enclosing_capsule(mesh_triangles(geometry, path).reshape(-1, 3))
 
 
 def _along(axis: int, length: float) -> FloatArray:
@@ -143,24 +140,3 @@ def enclosing_capsule(points: FloatArray) -> tuple[FloatArray, float]:
     if first > last:  # a sphere
         first = last = 0.5 * (first + last)
     return middle + np.array([[first], [last]]) * axis, radius
-
-
-def _mesh_points(link: str, mesh: Any, path: Path) -> FloatArray:
-    """Return the corners (k, 3) of a mesh. Raises DescriptorError."""
-    name = mesh.get("filename", "")
-    file = find_mesh(name, path)
-    if mesh.tag != "mesh" or file is None or file.suffix.lower() != ".stl":
-        what = f"{mesh.tag} {name} cannot be read: boxes, cylinders, spheres and STL files can"
-        raise DescriptorError(f"link {link!r}: {what}", path=path)
-    try:
-        points = stl_triangles(read_limited(file, MAX_MESH_BYTES)).reshape(-1, 3)
-    except ValueError as error:
-        raise DescriptorError(f"link {link!r}: {error}", path=file) from error
-    if not len(points) or not np.isfinite(points).all():
-        raise DescriptorError(f"link {link!r}: no triangles", path=file)
-    return points
-
-
-def _numbers(element: Any, key: str, default: str = "") -> FloatArray:
-    text = default if element is None else element.get(key, default)
-    return np.array([float(number) for number in text.split()])

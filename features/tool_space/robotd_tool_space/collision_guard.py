@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from robotd.api import NANOSECONDS, FloatArray, Operation, get_logger
+from robotd.api import NANOSECONDS, FloatArray, get_logger
 from robotd.api.features import ProcessImage, Robot
 from robotd_tool_space.collisions import Collisions
-from robotd_tool_space.robot_tool import RobotTool
+from robotd_tool_space.robot_tool import RobotTool, moved_by_device
 from robotd_tool_space.settings import ToolSpaceKeys
 from robotd_tool_space.tool_groups import ToolGroups
 
 log = get_logger("tool")
 
-BY_DEVICE = (Operation.POSITION, Operation.VELOCITY)
 SILENT_NS = NANOSECONDS  # without an obstacle, after which the next one is noted
 REACTION_PERIODS = 3  # until the device has begun to stop
 
@@ -71,7 +70,7 @@ class _GroupGuard:
 
     def look(self, image: ProcessImage) -> None:
         """Stop moves and jogs that run in the device, and would collide otherwise."""
-        moved = [axis for axis in self._chosen if image.operation[axis] in BY_DEVICE]
+        moved = moved_by_device(image, self._chosen)
         if not moved:
             return
         position, velocity = image.position[self._chosen], image.velocity[self._chosen]

@@ -67,9 +67,9 @@ def set_work_frame(group: str, timeout_s: float, *, name: str) -> ExitCode:
 @click.argument("switch", type=click.Choice(["on", "off"]))
 @client_options
 def set_reduced_speed(timeout_s: float, *, switch: str) -> ExitCode:
-    """Limit the speed of links and tool, by default to 0.25 m/s, or end that.
+    """Limit the speed of links and tool, or end that.
 
-    No safety function. The input `reduced_speed_input` of the robot's file may keep it on.
+    To 0.25 m/s by default. No safety function. The input `reduced_speed_input` of the robot's file may keep it on.
     """
     with robot_client(timeout_s) as client:
         clients = import_ros("robotd_ros.client.tool_client")

@@ -39,7 +39,8 @@ def open_tool_space(host: FeatureHost) -> Iterator[object | None]:
     groups = tool_groups(host.robot)
     if groups or needed:  # from the start; an error where they cannot be
         host.robot.attribute("reduced_speed")
-        host.robot.attribute("collision_guard")
+        if settings.collisions is not None:
+            host.robot.attribute("collision_guard")
     yield groups or None
 
 

@@ -15,18 +15,22 @@ from wmx_r2_message.srv import (
     RobotStartMotion,
 )
 
-from robotd.api import InvalidArgument, NotReady
+from robotd.api import FloatArray, InvalidArgument, NotReady
 from robotd.api.features import Robot
 from robotd_ros.api import RosHost, add_service, read_settings
 from robotd_tool_space.r2_motion import Arrival, R2Motion
-from robotd_tool_space.r2_request import LINE, planned
 from robotd_tool_space.r2_settings import read_robot_option
 from robotd_tool_space.r2_status import R2StatusTopic
-from robotd_tool_space.r2_units import fill_r2_pose, pose_of_r2
-from robotd_tool_space.robot_tool import RobotTool
+from robotd_tool_space.r2_units import fill_r2_pose, joints_of_r2, pose_of_r2, r2_factors
+from robotd_tool_space.robot_tool import BASE, TOOL, RobotTool
+from robotd_tool_space.tool_motion import ToolMotion
 
 NAME = "wmx_robot_option_node"
 PREFIX = "wmx/robot/"
+# Of a RobotStartMotion.
+CHOICES = ("mode", "frame", "target_type", "path")  # fields that are 0 or 1
+RELATIVE, JOINTS, LINE = 1, 0, 1  # of mode, target_type and path
+POSTURE = ("s", "e", "r")
 
 
 class WmxRobotOptionNode(Node):
@@ -134,3 +138,33 @@ class WmxRobotOptionNode(Node):
     def _check_id(self, robot_id: int) -> None:
         if robot_id != self._id:
             raise InvalidArgument(f"robot_id is {robot_id}, this node serves {self._id}")
+
+
+def planned(tool: RobotTool, request: Any) -> ToolMotion:
+    """Return the motion that a request asks for.
+
+    Raises InvalidArgument, Unreachable; NotReady: the joints move.
+    """
+    for field in CHOICES:
+        if (value := getattr(request, field)) not in (0, 1):
+            raise InvalidArgument(f"{field} is {value}, must be 0 or 1")
+    if request.target_type == JOINTS:
+        if request.path == LINE:
+            raise InvalidArgument("a line (path 1) needs a pose (target_type 1), not joints")
+        return tool.plan_joints(_joint_target(tool, request))
+    pose = pose_of_r2(request.target_pose)
+    if request.mode == RELATIVE:
+        pose = tool.relative(pose, TOOL if request.frame else BASE)
+    if request.path == LINE:
+        return tool.plan_lines([pose])
+    for field in POSTURE:
+        if value := getattr(request, field):
+            text = f"{field} is {value}, must be 0: of the postures that of the shortest way is"
+            raise InvalidArgument(f"{text} taken; name another one by its joints (target_type 0)")
+    return tool.plan_move(pose)
+
+
+def _joint_target(tool: RobotTool, request: Any) -> FloatArray:
+    factors = r2_factors(tool.kinematics.units)
+    target = joints_of_r2(request.target_joint, tool.group.joint_names, factors)
+    return tool.start() + target if request.mode == RELATIVE else target

@@ -11,13 +11,12 @@ import numpy as np
 from robotd.api import (
     DescriptorError,
     FloatArray,
-    Operation,
     Unsupported,
     get_logger,
     unknown_name,
 )
 from robotd.api.features import EventKind, ProcessImage, Robot
-from robotd_tool_space.robot_tool import RobotTool
+from robotd_tool_space.robot_tool import RobotTool, moved_by_device
 from robotd_tool_space.settings import ToolSpaceKeys
 from robotd_tool_space.tool_groups import ToolGroups
 
@@ -26,7 +25,6 @@ log = get_logger("tool")
 PLANNED_SHARE = 0.98  # of the limit; the rest is for what happens within a period
 TOO_FAST = 1.1  # share of the limit from which a move or jog that runs in the device is stopped
 MIN_SPEED_M_S = 1e-9  # slower counts as standing
-BY_DEVICE = (Operation.POSITION, Operation.VELOCITY)
 
 
 class ReducedSpeed:
@@ -53,6 +51,7 @@ class ReducedSpeed:
         self._listeners: list[Callable[[bool], None]] = []
         self._lock = threading.Lock()
         self._reads_input: Callable[[], bool] | None = None
+        self._watches = False
         if (name := settings.reduced_speed_input) is not None:
             self._require_possible()
             address = robot.io.inputs.get(name)
@@ -62,8 +61,7 @@ class ReducedSpeed:
             self._reads_input = robot.io.input_watcher(*address)
             self._by_input = True  # until it has been read
             self._apply()
-        rate_hz = robot.descriptor.cycle.rate_hz
-        robot.control_loop.every(rate_hz, "reduced speed", self._look)
+            self._watch()
 
     @property
     def is_on(self) -> bool:
@@ -90,12 +88,21 @@ class ReducedSpeed:
         with self._lock:
             self._commanded = on
             self._apply()
+            if on:
+                self._watch()
 
     def on_change(self, listener: Callable[[bool], None]) -> None:
         """Call ``listener(on)`` now and on every change, from the thread that causes it."""
         with self._lock:
             self._listeners.append(listener)
             listener(self._is_on)
+
+    def _watch(self) -> None:
+        """Look in each period from now on; a robot that never needs it pays nothing."""
+        if not self._watches:
+            self._watches = True
+            rate_hz = self._robot.descriptor.cycle.rate_hz
+            self._robot.control_loop.every(rate_hz, "reduced speed", self._look)
 
     def _require_possible(self) -> None:
         if self._robot.axes.trajectories_on_device:
@@ -138,7 +145,7 @@ class ReducedSpeed:
 
     def _stop_too_fast(self, tool: RobotTool, image: ProcessImage) -> None:
         axes = list(tool.group.joint_axes)
-        moved = [axis for axis in axes if image.operation[axis] in BY_DEVICE]
+        moved = moved_by_device(image, axes)
         factors = tool.group.motion_limits.factors
         if moved and factors is not None:
             velocity = np.where(np.isin(axes, moved), image.velocity[axes], 0.0)

@@ -14,6 +14,7 @@ from robotd.api import (
     FloatArray,
     InvalidArgument,
     NotReady,
+    Operation,
     OperationError,
     did_you_mean,
     get_logger,
@@ -377,3 +378,9 @@ class RobotTool:
 def _check_speed(speed: float) -> None:
     if not MIN_SPEED <= speed <= 1.0:
         raise InvalidArgument(f"speed is {speed:g}, must be {MIN_SPEED:g} to 1")
+
+
+def moved_by_device(image: ProcessImage, axes: Sequence[int]) -> list[int]:
+    """Return those of ``axes`` that a move or a jog moves, by the device's own profile."""
+    by_device = (Operation.POSITION, Operation.VELOCITY)
+    return [axis for axis in axes if image.operation[axis] in by_device]

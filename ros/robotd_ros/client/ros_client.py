@@ -40,14 +40,18 @@ class Discovery:
     """
 
     def __init__(self, node: Node) -> None:
-        self._node, self._changed_s, self._known = node, time.monotonic(), (0, 0)
+        self._node, self._known = node, (0, 0)
+        self._changed_s = self._looked_s = time.monotonic()
 
     def quiet_s(self) -> float:
         """Return for how long no node or topic has come or gone; to be called again and again."""
-        found = len(self._node.get_node_names()), len(self._node.get_topic_names_and_types())
-        if found != self._known:
-            self._changed_s, self._known = time.monotonic(), found
-        return time.monotonic() - self._changed_s
+        now_s = time.monotonic()
+        if now_s - self._looked_s > _TICK_S:  # not at every event: a large graph takes a while
+            self._looked_s = now_s
+            found = len(self._node.get_node_names()), len(self._node.get_topic_names_and_types())
+            if found != self._known:
+                self._changed_s, self._known = now_s, found
+        return now_s - self._changed_s
 
 
 class RosClient:

@@ -30,11 +30,12 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from robotd.cli.preflight import ROS_DISTRO
+
 TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
 # A datagram in one Ethernet frame: 1500 bytes without the headers of IP and UDP, with a reserve.
 MAX_DATAGRAM = "DEFAULT?max_msg_size=1400B"
 
-DISTRO = "jazzy"
 PROFILES = Path(__file__).with_name("fastdds.xml")
 
 # Places where Fast DDS finds profiles of the user, which are never replaced.
@@ -49,7 +50,7 @@ def use_profiles() -> None:
     profiles are in the words of Fast DDS 2, which Jazzy has; Fast DDS 3 rejects them.
     """
     os.environ.setdefault(TRANSPORTS, MAX_DATAGRAM)
-    if os.environ.get("ROS_DISTRO", DISTRO) != DISTRO:
+    if os.environ.get("ROS_DISTRO", ROS_DISTRO) != ROS_DISTRO:
         return
     if any(os.environ.get(name) for name in _VARIABLES) or Path(_FILE_HERE).exists():
         return

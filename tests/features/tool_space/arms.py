@@ -9,6 +9,8 @@ import numpy as np
 from robotd.api import FloatArray
 from robotd.api.features import read_urdf
 from robotd_tool_space import Kinematics
+from robotd_tool_space.robot_tool import RobotTool
+from robotd_tool_space.tool_motion import plan_joint_motion
 
 ROOT = Path(__file__).parents[3]
 FILES = {
@@ -37,3 +39,9 @@ def random_positions(arm: Kinematics, count: int, seed: int = 1) -> FloatArray:
     lower = np.where(np.isfinite(arm.lower), arm.lower, -np.pi)
     upper = np.where(np.isfinite(arm.upper), arm.upper, np.pi)
     return np.random.default_rng(seed).uniform(lower, upper, (count, len(lower)))
+
+
+def go(tool: RobotTool, position: FloatArray) -> None:
+    """Move the joints of a tool to a position, at full speed."""
+    limits, speed = tool.group.follower.limits, tool.speed
+    tool.execute(plan_joint_motion(tool.kinematics, limits, tool.start(), position, speed))

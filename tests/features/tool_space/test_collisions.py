@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.features.tool_space.arms import go
 
 from robotd import Robot, open_robot
 from robotd.api import DescriptorError, FloatArray, Operation, Profile, read_urdf
@@ -24,7 +25,6 @@ from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.rotations import pose_of
 from robotd_tool_space.servo_status import ServoCode
 from robotd_tool_space.settings import ToolSpaceKeys
-from robotd_tool_space.tool_motion import plan_joint_motion
 from robotd_tool_space.twist import TwistCommand, TwistStage
 
 BENT = np.array([0.0, 0.3, 1.4, -0.2, 1.2, 0.0])
@@ -119,9 +119,7 @@ class Arm:
 def arm(file: Path) -> Iterator[Arm]:
     with open_robot(file, "sim", clock=SteppedClock()) as robot:
         arm = Arm(robot)
-        tool = arm.tool
-        limits, speed = arm.follower.limits, tool.speed
-        tool.execute(plan_joint_motion(tool.kinematics, limits, tool.start(), BENT, speed))
+        go(arm.tool, BENT)
         yield arm
 
 

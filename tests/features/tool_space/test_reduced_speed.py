@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.features.tool_space.arms import go
 
 from robotd import Robot, open_robot
 from robotd.api import DescriptorError, FloatArray, NotReady, Operation, Profile
@@ -17,7 +18,6 @@ from robotd.device.axes import Jog, Move
 from robotd.robot import build_robot
 from robotd_tool_space.reduced_speed import ReducedSpeed
 from robotd_tool_space.robot_tool import RobotTool
-from robotd_tool_space.tool_motion import plan_joint_motion
 from robotd_tool_space.twist import TwistCommand, TwistStage
 
 BENT = np.array([0.0, 0.3, 1.4, -0.2, 1.2, 0.0])
@@ -58,9 +58,7 @@ class Arm:
 
     def go(self, position: FloatArray) -> None:
         """Move at full speed, without record."""
-        tool = self.tool
-        limits, speed = tool.group.follower.limits, tool.speed
-        tool.execute(plan_joint_motion(tool.kinematics, limits, tool.start(), position, speed))
+        go(self.tool, position)
         self.positions.clear()
 
     def speeds(self) -> FloatArray:

@@ -1,0 +1,75 @@
+"""Shapes of links in the text of a URDF: their place, their numbers, triangles of STL files."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robotd.arrays import FloatArray
+from robotd.descriptor.files import read_limited
+from robotd.descriptor.urdf.mesh_files import MAX_BYTES
+from robotd.descriptor.urdf.package_files import find_mesh
+from robotd.descriptor.urdf.urdf_model import frame
+from robotd.errors import DescriptorError
+
+_HEADER, _FACET = 84, 50  # bytes
+_NUMBERS = np.dtype([("normal", "<f4", 3), ("points", "<f4", (3, 3)), ("attribute", "<u2")])
+_VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
+
+
+def numbers(element: Any, key: str, default: str = "") -> FloatArray:
+    """Return the numbers of an attribute; ``element`` None has the default ones."""
+    text = default if element is None else element.get(key, default)
+    return np.array([float(number) for number in text.split()])
+
+
+def shape_pose(shape: Any) -> FloatArray:
+    """Return the pose (4, 4), m, of a ``collision`` or ``visual`` in its link."""
+    origin = shape.find("origin")
+    return frame(numbers(origin, "xyz", "0 0 0"), numbers(origin, "rpy", "0 0 0"))
+
+
+def mesh_triangles(mesh: Any, path: Path) -> FloatArray:
+    """Return the corners (n, 3, 3) of the scaled mesh of a shape, m.
+
+    Args:
+        mesh: the element in ``geometry``.
+        path: of the URDF, which a relative name starts from.
+
+    Raises DescriptorError: it is no STL file, or one that cannot be read or has no triangles.
+    """
+    link = f"link {next(mesh.iterancestors('link')).get('name', '')!r}"
+    name = mesh.get("filename", "")
+    file = find_mesh(name, path)
+    if mesh.tag != "mesh" or file is None or file.suffix.lower() != ".stl":
+        what = f"{mesh.tag} {name} cannot be read: boxes, cylinders, spheres and STL files can"
+        raise DescriptorError(f"{link}: {what}", path=path)
+    try:
+        triangles = _stl_triangles(read_limited(file, MAX_BYTES))
+    except ValueError as error:
+        raise DescriptorError(f"{link}: {error}", path=file) from error
+    if not len(triangles) or not np.isfinite(triangles).all():
+        raise DescriptorError(f"{link}: no triangles", path=file)
+    return triangles * numbers(mesh, "scale", "1 1 1")
+
+
+def _stl_triangles(data: bytes) -> FloatArray:
+    """Return the corners of an STL file, binary or text; shape (n, 3, 3).
+
+    Raises ValueError: a number of the text, or the number of vertices, is wrong.
+    """
+    count = int.from_bytes(data[80:84], "little")
+    if len(data) == _HEADER + count * _FACET:
+        corners = np.frombuffer(data, _NUMBERS, offset=_HEADER)["points"]
+        return corners.astype(np.float64)
+    found = np.array([*_text_vertices(data)], dtype=np.float64)
+    return found.reshape(-1, 3, 3)
+
+
+def _text_vertices(data: bytes) -> Iterator[tuple[float, ...]]:
+    for match in _VERTEX.finditer(data):
+        yield tuple(float(number) for number in match.groups())
