@@ -20,6 +20,7 @@ from robotd.errors import RobotdError
 
 ROS_ARGS = "--ros-args"
 DEFAULT = "run"
+LONGEST_SUMMARY = 400  # characters
 UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EIO)  # full disk or quota, lost terminal
 
 
@@ -58,7 +59,10 @@ class RobotdGroup(click.Group):
         # enables it when the robot has started.
         gc.disable()
         try:
-            return plugin_command(cmd_name)
+            command = plugin_command(cmd_name)
+            if isinstance(command, click.Group):
+                _summarize(command)
+            return command
         finally:
             if cmd_name != DEFAULT:
                 gc.enable()
@@ -95,6 +99,17 @@ class RobotdGroup(click.Group):
     def _is_option_of_run(self, ctx: click.Context, word: str) -> bool:
         own = {name for option in self.get_params(ctx) for name in option.opts}
         return word.startswith("-") and word.partition("=")[0] not in own
+
+
+def _summarize(group: click.Group) -> None:
+    """Let the help of a group have the whole first sentence of each command.
+
+    click cuts it to the width of the line; a ``short_help`` is wrapped.
+    """
+    for command in group.commands.values():
+        command.short_help = command.get_short_help_str(LONGEST_SUMMARY)
+        if isinstance(command, click.Group):
+            _summarize(command)
 
 
 def ros_args() -> list[str]:

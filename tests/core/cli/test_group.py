@@ -6,7 +6,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -259,3 +259,20 @@ def test_a_closed_pipe_ends_a_command_quietly() -> None:
         )
     assert done.returncode == 1
     assert done.stderr == ""
+
+
+def test_no_summary_of_a_command_is_cut(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+
+    def helps(group: click.Group, *names: str) -> Iterator[str]:
+        context = click.Context(group, info_name=" ".join(names))
+        yield group.get_help(context).partition("Commands:")[2]
+        for name in group.list_commands(context):
+            command = group.get_command(context, name)
+            if isinstance(command, click.Group):
+                yield from helps(command, *names, name)
+
+    assert isinstance(main, click.Group)
+    found = [*helps(main, "robotd")]
+    assert len(found) > len(("robotd", "canopen", "ethercat", "sim", "tool"))
+    assert [text for text in found if "..." in text] == []
