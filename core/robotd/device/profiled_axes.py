@@ -34,7 +34,8 @@ class ProfiledAxes(AxisDriver):
     Moves, velocity commands and stops are computed here, by trapezoidal profiles, in the
     control-loop thread; streamed setpoints pass through. A subclass implements
     ``read_feedback``, ``send_targets``, ``servo`` and ``clear_alarm``. It may declare
-    VELOCITY_MODE. While the control loop pauses, axes hold their last target.
+    VELOCITY_MODE. While the control loop pauses, axes hold their last target. When values come
+    back after a loss, axes at rest hold where they are: nobody knows which targets arrived.
 
     Args:
         axes: number of axes.
@@ -84,6 +85,7 @@ class ProfiledAxes(AxisDriver):
         return Underrun.HOLD
 
     def read(self, image: ProcessImage) -> None:
+        is_new = not image.fresh_ns  # communication has begun
         self.read_feedback(image)
         now_ns = self.clock.now_ns()
         with self._lock:
@@ -93,7 +95,9 @@ class ProfiledAxes(AxisDriver):
             for axis, motion in enumerate(self._motions):
                 faulty = image.amp_alarm[axis] or image.offline[axis]
                 enabled = bool(image.servo_on[axis] and not faulty)
-                motion.follow(float(image.position[axis]), enabled=enabled)
+                if is_new:  # the controller may have kept the servo on, but no command
+                    motion.enabled = False
+                motion.follow(float(image.position[axis]), enabled=enabled, lost=lost)
                 if lost and motion.operation is not Operation.STOPPING:
                     motion.brake(self._quick_stop_deceleration)
                 motion.advance(step_s)
@@ -166,7 +170,8 @@ class ProfiledAxes(AxisDriver):
 
     def _require(self, axis: int) -> _AxisMotion:
         motion = self._motions[axis]
-        if (self.clock.now_ns() - self._read_ns) / NANOSECONDS > self._feedback_lost_s:
+        unread_s = (self.clock.now_ns() - self._read_ns) / NANOSECONDS
+        if motion.unseen or unread_s > self._feedback_lost_s:
             raise NotReady("no values arrive", axis=axis)
         if not motion.enabled:
             raise NotReady("the servo is off, or the drive is in alarm or offline", axis=axis)
@@ -190,6 +195,7 @@ class _AxisMotion:
     def __init__(self) -> None:
         self.position = self.velocity = 0.0
         self.enabled = False
+        self.unseen = False  # since values were lost
         self.mode = CommandMode.POSITION
         self.operation = Operation.IDLE
         self.complete = False
@@ -204,12 +210,17 @@ class _AxisMotion:
         self.deceleration = deceleration
         self._segments, self._elapsed_s = list(segments), 0.0
 
-    def follow(self, position: float, *, enabled: bool) -> None:
-        """Track the measured position while disabled, so that enabling makes no jump."""
-        if not (enabled and self.enabled):
+    def follow(self, position: float, *, enabled: bool, lost: bool) -> None:
+        """Track the measured position while disabled, so that enabling makes no jump.
+
+        At rest after a loss of values it is taken once as well.
+        """
+        self.unseen = self.unseen or lost
+        found = self.unseen and not lost and self.operation is Operation.IDLE
+        if found or not (enabled and self.enabled):
             if self.operation is not Operation.IDLE:
                 self.begin(Operation.IDLE)
-            self.position, self.velocity = position, 0.0
+            self.position, self.velocity, self.unseen = position, 0.0, lost
         self.enabled = enabled
 
     def setpoint(self, position: float, velocity: float, period_s: float) -> None:

@@ -69,7 +69,8 @@ def set_work_frame(group: str, timeout_s: float, *, name: str) -> ExitCode:
 def set_reduced_speed(timeout_s: float, *, switch: str) -> ExitCode:
     """Limit the speed of links and tool, or end that.
 
-    To 0.25 m/s by default. No safety function. The input `reduced_speed_input` of the robot's file may keep it on.
+    To 0.25 m/s by default. No safety function. The input `reduced_speed_input` of the robot's file
+    may keep it on.
     """
     with robot_client(timeout_s) as client:
         clients = import_ros("robotd_ros.client.tool_client")

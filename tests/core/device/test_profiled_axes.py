@@ -25,7 +25,7 @@ class Arm(ProfiledAxes):
         self.on = np.array([True, True])
         self.measured: FloatArray = np.array([0.5, -0.5])
         self.sent: list[FloatArray] = []
-        self.frozen = False
+        self.frozen = self.deaf = False
         self.period(2)
         self.sent.clear()
 
@@ -36,7 +36,8 @@ class Arm(ProfiledAxes):
 
     def send_targets(self, positions: FloatArray) -> None:
         self.sent.append(positions.copy())
-        self.measured = np.where(self.on, positions, self.measured)
+        if not self.deaf:
+            self.measured = np.where(self.on, positions, self.measured)
 
     def servo(self, axis: int, on: bool, timeout_s: float) -> None:
         self.on[axis] = on
@@ -145,6 +146,30 @@ def test_motion_ends_when_the_feedback_stays_away() -> None:
     arm.period(150)
     assert arm.image.operation[0] in (Operation.STOPPING, Operation.IDLE)
     arm.until_idle()
+
+
+@pytest.mark.parametrize("reconnect", [False, True])
+def test_after_a_loss_axes_hold_where_they_are_found(reconnect: bool) -> None:
+    """The controller keeps its servos on; the targets of the ramp did not arrive."""
+    arm = Arm()
+    arm.move(0, 9.0, PROFILE)
+    arm.period(300)
+    arm.frozen = arm.deaf = True
+    arm.period(0 if reconnect else 400)
+    arm.fake.advance(1.0)
+    with pytest.raises(NotReady, match=r"^axis 0: no values arrive"):
+        arm.move(0, 0.0, PROFILE)
+    if reconnect:  # as the control loop does when communication ends
+        arm.image.forget()
+    stood = arm.measured.copy()
+    arm.frozen = arm.deaf = False
+    arm.sent.clear()
+    arm.period(5)
+    assert np.array(arm.sent) == pytest.approx(np.tile(stood, (5, 1)))
+    assert (arm.image.operation == Operation.IDLE).all()
+    arm.move(0, stood[0] + 0.01, PROFILE)
+    arm.until_idle()
+    assert arm.measured[0] == pytest.approx(stood[0] + 0.01)
 
 
 def test_an_axis_that_is_off_or_busy_takes_no_command() -> None:
