@@ -15,7 +15,7 @@ class Interruption:
 
     def __init__(self) -> None:
         self._shutdowns = 0
-        self._pending = False
+        self._asked = self._pending = False
 
     def install(self) -> Callable[[], None]:
         """Handle the signals; return the function that undoes it."""
@@ -23,15 +23,24 @@ class Interruption:
         def on_signal(number: int, frame: FrameType | None) -> None:
             for each in before:
                 signal.signal(each, signal.SIG_IGN)
-            self._pending = True
+            self._asked = self._pending = True
             self._raise_pending()
 
         def restore() -> None:
+            self._asked = self._pending = False
             for each, handler in before.items():
                 signal.signal(each, handler)
 
         before = {each: signal.signal(each, on_signal) for each in stop_signals()}
         return restore
+
+    def between_checks(self) -> None:
+        """Raise KeyboardInterrupt once more where a check has swallowed it.
+
+        Python ignores what is raised while it runs a finalizer or a callback of native code.
+        """
+        if self._asked:
+            raise KeyboardInterrupt
 
     @contextmanager
     def during_shutdown(self) -> Iterator[None]:

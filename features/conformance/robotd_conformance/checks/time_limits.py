@@ -20,6 +20,7 @@ class TimeLimits:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_setup(self, item: pytest.Item) -> Iterator[None]:
+        INTERRUPTION.between_checks()
         note_step(f"running {item.name}")
         with _limited(f"the set-up of {item.name}"):
             return (yield)

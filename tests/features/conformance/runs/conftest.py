@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import gc
+import locale
+import logging
 import os
-from collections.abc import Callable
+import signal
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -14,6 +19,28 @@ InstallPlugin = Callable[[str], str]
 InstallSource = Callable[[str], None]
 
 ROOT = Path(__file__).parents[4]
+
+
+@pytest.fixture(autouse=True)
+def process_as_before(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """What a mutant has changed in this process ends with its test."""
+    monkeypatch.chdir(Path.cwd())
+    for name in ("excepthook", "stdout", "stderr"):
+        monkeypatch.setattr(sys, name, getattr(sys, name))
+    environment, numbers = dict(os.environ), locale.setlocale(locale.LC_ALL)
+    interval_s, level = sys.getswitchinterval(), logging.getLogger().level
+    user_signal = signal.getsignal(signal.SIGUSR1)
+    mask = os.umask(0)
+    os.umask(mask)
+    yield
+    os.umask(mask)
+    signal.signal(signal.SIGUSR1, user_signal)
+    logging.getLogger().setLevel(level)
+    sys.setswitchinterval(interval_s)
+    gc.enable()
+    locale.setlocale(locale.LC_ALL, numbers)
+    os.environ.clear()
+    os.environ.update(environment)
 
 
 def announce(folder: Path, name: str, target: str) -> None:
