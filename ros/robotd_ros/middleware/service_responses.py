@@ -30,7 +30,8 @@ from robotd_ros.middleware.release_gil import RequestId, ResponseSender, request
 
 log = get_logger("ros")
 
-_READER_TIMEOUT_S = 0.5  # rmw_fastrtps: 0.1, but it holds up others meanwhile
+_READER_TIMEOUT_S = 10.0  # discovery on a busy computer; rmw_fastrtps: 0.1, and holds up others
+_MAX_WAITING = 512  # responses; beyond that the oldest is dropped
 _CHECK_PERIOD_S = 0.01
 _GRAPH_VALIDITY_S = 0.002  # one look-up serves a burst
 _READER = 0x04  # bit of the last byte of a GUID: RTPS 2.5, table 9.1
@@ -69,7 +70,7 @@ class ServiceResponses:
     def send(self, response: Any, header: Any) -> None:
         """Send now, or from a thread as soon as the client's reader is discovered.
 
-        A client whose reader does not come within half a second has gone, its response is dropped.
+        A client whose reader does not come within ten seconds has gone, its response is dropped.
         For a node that is gone there is a warning. Any thread.
 
         Args:
@@ -85,8 +86,8 @@ class ServiceResponses:
             self._send(waiting)
             return
         with self._lock:
-            self._waiting.append(waiting)
-            is_first = len(self._waiting) == 1
+            is_first = not self._waiting
+            self._waiting = [*self._waiting[1 - _MAX_WAITING :], waiting]
         if is_first:
             threading.Thread(target=self._deliver, name="robotd-responses").start()
 
