@@ -213,6 +213,8 @@ def test_a_lost_link_is_shown_and_resumed(fresh: Harness) -> None:
     limit_s = connection.settings.stale_after_s + 2 * fresh.feedback_s
     fresh.until(lambda: device.state() in lost, "the lost link is shown", limit_s)
     fresh.until(lambda: not connection.ready, "the engine is not ready", limit_s)
+    fresh.pass_time(COASTS_S)
+    stood = read_shafts(fresh, fresh.injector)
     if device.state() is ConnectionState.RUNNING:
         connection.start_communication()
     else:
@@ -220,6 +222,9 @@ def test_a_lost_link_is_shown_and_resumed(fresh: Harness) -> None:
     fresh.until(lambda: connection.ready, "the engine is ready again")
     fresh.rest()
     fresh.enable()
+    fresh.pass_time(LOOK_S)
+    went = np.abs(read_shafts(fresh, fresh.injector) - stood)
+    assert went.max() <= SETTLED_RAD, "an axis moves without a command when the link returns"
     fresh.return_to_start()
 
 

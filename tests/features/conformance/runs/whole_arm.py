@@ -162,6 +162,11 @@ class ArmFaultInjector(FaultInjector):
     def freeze(self, frozen: bool) -> None:
         self.controller.frozen = frozen
 
+    def drop_communication(self) -> None:
+        """The cable is pulled: the servos stay on, at the last target."""
+        with self.controller.lock:
+            self.controller.talking = False
+
 
 class WholeArm:
     """The plugin object."""

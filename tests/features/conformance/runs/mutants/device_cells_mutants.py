@@ -178,6 +178,22 @@ class CannotResume(Mutant):
             super().start_communication(timeout_s)
 
 
+class MovesWhenTheLinkReturns(Mutant):
+    breaks = ("DeviceDriver.start_communication/resumes", "side effect")
+    found_by = "test_reopening.py::test_a_lost_link_is_shown_and_resumed"
+    says = "an axis moves without a command when the link returns"
+
+    class Device(SimDevice):
+        def start_communication(self, timeout_s: float) -> None:
+            super().start_communication(timeout_s)
+            simulation = self.simulation
+            if simulation.network.packet_loss:
+                with simulation.world.lock:
+                    axis = simulation.axes - 1
+                    position = float(simulation.servo.position[axis]) + 0.01
+                    simulation.servo.place(axis, position, position, 0.0)
+
+
 class FaultWhileAllIsWell(Mutant):
     breaks = ("DeviceDriver.fault/reason", "wrong value")
     found_by = "test_ageing.py::test_the_device_says_at_once_why_it_is_silent"
