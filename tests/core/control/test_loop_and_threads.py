@@ -85,7 +85,7 @@ def reach_a_soft_limit(robot: Robot) -> None:
     until(lambda: idle(robot, AXIS) and float(robot.image.position[AXIS]) > limit - 0.15)
     start_jog(robot)
     until(lambda: idle(robot, AXIS))
-    assert limit - 0.05 < robot.image.position[AXIS] <= limit
+    assert robot.image.position[AXIS] == pytest.approx(limit, abs=0.05)
 
 
 def end_a_goal(robot: Robot, end: Callable[[Any], None], outcome: Outcome) -> None:

@@ -179,7 +179,7 @@ class CannotResume(Mutant):
 
 
 class MovesWhenTheLinkReturns(Mutant):
-    breaks = ("DeviceDriver.start_communication/resumes", "side effect")
+    breaks = ("DeviceDriver.start_communication/nothing-moves", "survives close")
     found_by = "test_reopening.py::test_a_lost_link_is_shown_and_resumed"
     says = "an axis moves without a command when the link returns"
 
