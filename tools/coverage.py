@@ -37,6 +37,7 @@ ELSEWHERE = (
     "ros/robotd_ros",
     "features/scenario/robotd_scenario",
     "features/tool_space/robotd_tool_space",
+    "features/shared/robotd_shared",
     "features/testing/robotd_testing",
     "plugins/canopen",
     "plugins/ethercat",

@@ -9,8 +9,8 @@ from typing import Any
 
 from robotd.errors import PluginError, RobotdError
 from robotd.feature import installed_features
-from robotd.local_ports import reserve_files
 from robotd.observation.tap import Tap
+from robotd.open_files import reserve_files
 from robotd.robot import Robot
 
 FRAMES_S = 30.0  # time that the frames of the tap are held for, where nothing else is asked for

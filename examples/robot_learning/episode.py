@@ -18,8 +18,8 @@ import gymnasium
 import numpy as np
 
 from robotd import open_robot
-from robotd.clock import NANOSECONDS, Clock, MonotonicClock
-from robotd.motion import TrajectoryRequest
+from robotd.api import NANOSECONDS, Clock, MonotonicClock
+from robotd.api.robots import TrajectoryRequest
 from robotd_gym import JOINT_REACH, SteppedRobot
 
 GAIN = 4.0  # 1/s, of the policy

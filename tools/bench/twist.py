@@ -12,8 +12,8 @@ from pathlib import Path
 import click
 import numpy as np
 
-from robotd.api import FloatArray
-from robotd.api.features import JointLimits, read_urdf
+from robotd.api import FloatArray, read_urdf
+from robotd.api.robots import JointLimits
 from robotd.motion import MotionState
 from robotd.motion.limiter import SetpointLimiter
 from robotd_tool_space import Kinematics

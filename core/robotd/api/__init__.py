@@ -5,78 +5,82 @@ A backend is a module with hooks (``hookimpl``); it makes drivers (``DeviceDrive
 checks of the core, thread rules and errors of drivers: ``help("robotd.device.drivers")``. Hooks:
 ``help("robotd.plugin.hookspecs")``. Features: ``help(Capability)``. Names for ROS nodes of a
 backend are in ``robotd_ros.api``.
+
+What all authors need is here, too: errors, arrays, clock, log. Further names, by reader:
+``robotd.api.features``, ``.robots``, ``.models``, ``.commands`` and ``.bases``. In each of these
+modules a name is imported when it is first read, so that importing the module costs nothing.
 """
 
-from robotd.arrays import BoolArray, FloatArray
-from robotd.clock import NANOSECONDS, Clock, MonotonicClock, wait_until
-from robotd.clock.simulated import held, ticks
-from robotd.descriptor import (
-    RobotDescriptor,
-    load_robot_descriptor,
-    validate_section,
-)
-from robotd.descriptor.files import read_limited
-from robotd.descriptor.urdf import UrdfJoint, UrdfLink, UrdfRobot, read_urdf, read_urdf_text
-from robotd.descriptor.urdf.package_files import find_mesh
-from robotd.device.bus_status import BusNode, BusState, BusStatus
-from robotd.device.capabilities import Capability
-from robotd.device.drivers import (
-    AxisDriver,
-    DeviceDriver,
-    FieldbusDriver,
-    IoDriver,
-)
-from robotd.device.fault_injector import FaultInjector
-from robotd.device.fieldbus import object_bytes, object_text
-from robotd.device.passive_joints import PassiveJoints
-from robotd.device.process_image import ProcessImage
-from robotd.device.profiled_axes import ProfiledAxes
-from robotd.device.state import CommandMode, ConnectionState, Operation, Underrun
-from robotd.device.world import Shape, World, WorldCamera, WorldObject
-from robotd.errors import (
-    ConnectError,
-    DescriptorError,
-    DeviceTimeout,
-    InvalidArgument,
-    LateSetpoint,
-    NotReady,
-    OperationError,
-    PluginError,
-    RobotdError,
-    Unsupported,
-    did_you_mean,
-    unknown_name,
-)
-from robotd.log import get_logger
-from robotd.motion.limits import AxisLimits
-from robotd.motion.profile import (
-    Profile,
-    Segment,
-    profile_to_position,
-    profile_to_rest,
-    profile_to_velocity,
-)
-from robotd.number_argument import IntegerRange, NumberRange, ObjectNumber
-from robotd.observation.frame_ring import Frames
-from robotd.plugin.code_table import CodeTable
-from robotd.plugin.hookspecs import (
-    API_VERSION,
-    AxisKeys,
-    BackendInfo,
-    BackendOptions,
-    DeviceContext,
-    hookimpl,
-)
-from robotd.plugin.machine_checks import (
-    Finding,
-    MachineContext,
-    diagnose,
-    doctors,
-    scan_network,
-)
-from robotd.plugin.parameter_reader import ParameterReader, no_parameters
-from robotd.plugin.registry import NodeRegistry, RobotRegistry
-from robotd.realtime import request_realtime
+from typing import TYPE_CHECKING
+
+from robotd.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from robotd.arrays import BoolArray, FloatArray, IntArray
+    from robotd.clock import NANOSECONDS, Clock, MonotonicClock, wait_until
+    from robotd.clock.simulated import held, ticks
+    from robotd.descriptor import RobotDescriptor, load_robot_descriptor, validate_section
+    from robotd.descriptor.files import read_limited
+    from robotd.descriptor.urdf import UrdfJoint, UrdfLink, UrdfRobot, read_urdf, read_urdf_text
+    from robotd.descriptor.urdf.package_files import find_mesh
+    from robotd.device.bus_status import BusNode, BusState, BusStatus
+    from robotd.device.capabilities import Capability
+    from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
+    from robotd.device.fault_injector import FaultInjector
+    from robotd.device.fieldbus import object_bytes, object_text
+    from robotd.device.passive_joints import PassiveJoints
+    from robotd.device.process_image import ProcessImage
+    from robotd.device.profiled_axes import ProfiledAxes
+    from robotd.device.state import CommandMode, ConnectionState, Operation, Underrun
+    from robotd.device.world import Shape, World, WorldCamera, WorldObject
+    from robotd.errors import (
+        ConnectError,
+        DescriptorError,
+        DeviceTimeout,
+        InvalidArgument,
+        LateSetpoint,
+        NotReady,
+        OperationError,
+        PluginError,
+        RecordingError,
+        RobotdError,
+        Unsupported,
+        did_you_mean,
+        reason_of,
+        unknown_name,
+    )
+    from robotd.log import get_logger
+    from robotd.motion.limits import AxisLimits
+    from robotd.motion.profile import (
+        Profile,
+        Segment,
+        profile_to_position,
+        profile_to_rest,
+        profile_to_velocity,
+    )
+    from robotd.number_argument import IntegerRange, NumberRange, ObjectNumber
+    from robotd.observation.frame_ring import Frames
+    from robotd.plugin.code_table import CodeTable
+    from robotd.plugin.hookspecs import (
+        API_VERSION,
+        AxisKeys,
+        BackendInfo,
+        BackendOptions,
+        DeviceContext,
+        hookimpl,
+    )
+    from robotd.plugin.machine_checks import (
+        Finding,
+        MachineContext,
+        diagnose,
+        doctors,
+        scan_network,
+    )
+    from robotd.plugin.parameter_reader import ParameterReader, no_parameters
+    from robotd.plugin.registry import NodeRegistry, RobotRegistry
+    from robotd.realtime import request_realtime
+else:
+    __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
     "API_VERSION",
@@ -105,6 +109,7 @@ __all__ = [
     "Finding",
     "FloatArray",
     "Frames",
+    "IntArray",
     "IntegerRange",
     "InvalidArgument",
     "IoDriver",
@@ -123,6 +128,7 @@ __all__ = [
     "ProcessImage",
     "Profile",
     "ProfiledAxes",
+    "RecordingError",
     "RobotDescriptor",
     "RobotRegistry",
     "RobotdError",
@@ -143,6 +149,7 @@ __all__ = [
     "get_logger",
     "held",
     "hookimpl",
+    "lazy_names",
     "load_robot_descriptor",
     "no_parameters",
     "object_bytes",
@@ -153,6 +160,7 @@ __all__ = [
     "read_limited",
     "read_urdf",
     "read_urdf_text",
+    "reason_of",
     "request_realtime",
     "scan_network",
     "ticks",

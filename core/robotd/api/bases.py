@@ -5,10 +5,17 @@ the robot's ``drive``, which names the function that makes its kinematics. ``exa
 a whole one.
 """
 
-from robotd.descriptor import DriveSettings, OmnidirectionalDrive
-from robotd.descriptor.section import Axis, Name, Positive
-from robotd.motion.planar import PlanarTwist
-from robotd.motion.wheels import BaseKinematics
+from typing import TYPE_CHECKING
+
+from robotd.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from robotd.descriptor import DriveSettings, OmnidirectionalDrive
+    from robotd.descriptor.section import Axis, Name, Positive
+    from robotd.motion.planar import PlanarTwist
+    from robotd.motion.wheels import BaseKinematics
+else:
+    __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
     "Axis",

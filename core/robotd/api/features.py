@@ -1,68 +1,86 @@
-"""Names for authors of features, which run beside a robot.
+"""Names for authors of features, which run beside a robot and observe it.
 
 A feature, such as a page or a recorder, is a ``Feature`` in the entry-point group
 ``robotd.features``. It observes the robot through ``FeatureHost.tap``, the last seconds of its
-frames and events, and may command it as any program does. ``examples/csv_feature`` is a whole one.
+frames, samples and events. It may command the robot as any program does: ``robotd.api.robots``.
+``examples/csv_feature`` is a whole one.
 """
 
-from robotd.control.completion import Outcome
-from robotd.control.joint_group import JointGroup
-from robotd.control.problem import Problem, ProblemKind
-from robotd.control.stream_setpoints import MovingReference
-from robotd.control.trajectory_execution import TrajectoryExecution
-from robotd.descriptor.section import Name, NotNegative, Positive, Section
-from robotd.descriptor.section import Problem as SectionProblem
-from robotd.descriptor.urdf import UrdfJoint, UrdfRobot, read_urdf, transform_numbers
-from robotd.descriptor.urdf.urdf_model import frame
-from robotd.device.motion_limits import MotionLimits
-from robotd.device.process_image import FLAGS, NUMBERS, VALUES, ProcessImage
-from robotd.device.tool_pose import tool_link
-from robotd.errors import InvalidArgument, OperationError, RobotdError
-from robotd.events import Event, EventKind, Level
-from robotd.feature import Feature, FeatureOption
-from robotd.feature_host import FeatureHost
-from robotd.health.robot_health import Health
-from robotd.motion import JointLimits, TrajectoryRequest
-from robotd.observation.frame_ring import Frames
-from robotd.observation.tap import Tap
-from robotd.robot import Robot
+from typing import TYPE_CHECKING
+
+from robotd.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from robotd.descriptor.section import File, Name, NotNegative, Positive, Section
+    from robotd.descriptor.section import Problem as SectionProblem
+    from robotd.device.process_image import FLAGS, NUMBERS, VALUES, ProcessImage
+    from robotd.events import OWN_PROCESS, Event, EventKind, Level, noted, sent_by
+    from robotd.feature import Feature, FeatureOption, feature_failures, installed_features
+    from robotd.feature_host import FeatureHost
+    from robotd.folders import why_unwritable
+    from robotd.observation.frame_ring import (
+        FrameMemory,
+        FrameRing,
+        Frames,
+        frame_type,
+        measured_joints,
+    )
+    from robotd.observation.io_sampler import (
+        FIELDBUS,
+        INPUTS,
+        MAX_IO_BYTES,
+        OBJECTS,
+        OUTPUTS,
+        IoSampler,
+        Sample,
+    )
+    from robotd.observation.period_writer import period_writer
+    from robotd.observation.plot_history import HISTORY_COLUMNS, HISTORY_S
+    from robotd.observation.robot_identity import identity
+    from robotd.observation.tap import Tap
+    from robotd.realtime import request_niceness
+else:
+    __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
+    "FIELDBUS",
     "FLAGS",
+    "HISTORY_COLUMNS",
+    "HISTORY_S",
+    "INPUTS",
+    "MAX_IO_BYTES",
     "NUMBERS",
+    "OBJECTS",
+    "OUTPUTS",
+    "OWN_PROCESS",
     "VALUES",
     "Event",
     "EventKind",
     "Feature",
     "FeatureHost",
     "FeatureOption",
+    "File",
+    "FrameMemory",
+    "FrameRing",
     "Frames",
-    "Health",
-    "InvalidArgument",
-    "JointGroup",
-    "JointLimits",
+    "IoSampler",
     "Level",
-    "MotionLimits",
-    "MovingReference",
     "Name",
     "NotNegative",
-    "OperationError",
-    "Outcome",
     "Positive",
-    "Problem",
-    "ProblemKind",
     "ProcessImage",
-    "Robot",
-    "RobotdError",
+    "Sample",
     "Section",
     "SectionProblem",
     "Tap",
-    "TrajectoryExecution",
-    "TrajectoryRequest",
-    "UrdfJoint",
-    "UrdfRobot",
-    "frame",
-    "read_urdf",
-    "tool_link",
-    "transform_numbers",
+    "feature_failures",
+    "frame_type",
+    "identity",
+    "installed_features",
+    "measured_joints",
+    "noted",
+    "period_writer",
+    "request_niceness",
+    "sent_by",
+    "why_unwritable",
 ]

@@ -23,7 +23,7 @@ FOLDER = click.Path(file_okay=False, path_type=Path)
 PORT = IntegerRange(0, 65535)  # 0: any free one
 
 
-def names(ctx: click.Context, option: click.Parameter, value: str | None) -> list[str] | None:
+def parse_names(ctx: click.Context, option: click.Parameter, value: str | None) -> list[str] | None:
     """Parse ``a,b`` into ``[a, b]``; None when the option is absent."""
     if value is None:
         return None
@@ -44,7 +44,7 @@ def overrides(
     return tuple(parse_override(value) for value in values)
 
 
-def configure_logging() -> None:
+def apply_log_options() -> None:
     """Configure logging from the options of ``log_options``."""
     options = click.get_current_context().meta
     log.configure_logging(options["log_level"], log.LogFormat(options["log_format"]))
@@ -96,7 +96,7 @@ def log_options(command: Command) -> Command:
     @option("--log-format", type=formats, default="console", help="Lines for people, or JSON.")
     @wraps(command)
     def configured(*args: Any, **options: Any) -> Any:
-        configure_logging()
+        apply_log_options()
         return command(*args, **options)
 
     return configured

@@ -17,7 +17,7 @@ from robotd.realtime import request_realtime
 
 ROS_DISTRO = "jazzy"
 INTERFACES = ("robotd_msgs", "wmx_ros2_message", "wmx_r2_message")  # built by the user
-WHEELS = find_spec("ros_wheels_bootstrapper") is not None  # it comes with every ROS wheel
+HAS_ROS_WHEELS = find_spec("ros_wheels_bootstrapper") is not None  # it comes with every ROS wheel
 
 
 def import_ros(name: str) -> ModuleType:
@@ -27,7 +27,7 @@ def import_ros(name: str) -> ModuleType:
     when there are two of them.
     """
     distro = os.environ.get("ROS_DISTRO")
-    if WHEELS and (source := sourced_ros()):
+    if HAS_ROS_WHEELS and (source := sourced_ros()):
         raise RosUnavailable(
             f"two ROS would be mixed: {source}, but this Python has its own ROS from wheels; use a"
             " shell in which no ROS is sourced, or make .venv anew in this one (make clean venv)"

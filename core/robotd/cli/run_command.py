@@ -19,7 +19,7 @@ from robotd.cli.layout import warn
 from robotd.cli.options import (
     FILE,
     log_options,
-    names,
+    parse_names,
     robot_options,
 )
 from robotd.cli.preflight import import_ros, process_age_s
@@ -119,7 +119,9 @@ class RunOptions:
     "run", cls=RunCommand, epilog="What follows --ros-args goes to ROS: remaps, -p, --params-file."
 )
 @robot_options
-@click.option("--nodes", metavar="A,B", callback=names, help="Only these of the robot's nodes.")
+@click.option(
+    "--nodes", metavar="A,B", callback=parse_names, help="Only these of the robot's nodes."
+)
 @click.option(
     "--rate",
     "rate_hz",

@@ -6,7 +6,7 @@ from robotd.descriptor.model import RobotDescriptor
 
 GROUPS = "joint_groups"  # parameter that lists the groups
 JOINTS = "joints"  # of a group
-ACTION = "joint_trajectory_action"  # of a group
+ACTION_PARAMETER = "joint_trajectory_action"  # of a group
 
 
 def group_prefixes(descriptor: RobotDescriptor) -> dict[str, str]:

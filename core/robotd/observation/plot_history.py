@@ -14,7 +14,7 @@ from robotd.observation.frame_ring import Frames
 HISTORY_S = 60.0
 RATE_HZ = 30.0  # lower where the rows would not fit into ``HISTORY_BYTES``
 HISTORY_BYTES = 2 * 2**20
-COLUMNS = 2  # before the values: time, lateness
+HISTORY_COLUMNS = 2  # before the values: time, lateness
 PIECE_ROWS = 256  # copied at once, which holds the interpreter: 30 us
 
 
@@ -32,7 +32,7 @@ class PlotHistory:
     """
 
     def __init__(self, axes: int, rate_hz: float) -> None:
-        width = COLUMNS + len(VALUES) * axes
+        width = HISTORY_COLUMNS + len(VALUES) * axes
         affordable = HISTORY_BYTES // (8 * width)
         self.step = max(1, round(rate_hz / RATE_HZ), -(-round(HISTORY_S * rate_hz) // affordable))
         capacity = max(2, min(affordable, round(HISTORY_S * rate_hz) // self.step))
@@ -60,7 +60,7 @@ class PlotHistory:
         rows = np.empty((len(ends), self._rows.shape[1]))
         rows[:, 0] = frames["start_ns"][ends] / NANOSECONDS
         rows[:, 1] = largest_ns / NANOSECONDS
-        rows[:, COLUMNS:] = frames["values"][ends].reshape(len(ends), -1)
+        rows[:, HISTORY_COLUMNS:] = frames["values"][ends].reshape(len(ends), -1)
         self._periods = len(frames) - begun
         self._late_ns = int(late_ns[begun:].max(initial=0))
         self._keep(rows)

@@ -24,6 +24,7 @@ LIBRARIES = {
     "robotd_messages",
     "robotd_recording",
     "robotd_servo_model",
+    "robotd_shared",
     "robotd_wmx_parameters",
 }
 CORE = "robotd"

@@ -13,9 +13,8 @@ import pytest
 from dobot_tcp_fake.backend import FakeFaultInjector
 
 from robotd import open_robot
-from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
-from robotd.errors import ConnectError
-from robotd.motion import TrajectoryRejected, TrajectoryRequest
+from robotd.api import ConnectError
+from robotd.api.robots import Outcome, TrajectoryExecution, TrajectoryRejected, TrajectoryRequest
 from robotd.robot import Robot
 
 ROBOT = Path(__file__).parent / "robot.yaml"

@@ -12,12 +12,17 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from robotd.cli.exit_codes import ExitCode
-from robotd.cli.installed import check_backend_overrides, load_installed
-from robotd.cli.options import configure_logging, log_options, robot_options
-from robotd.descriptor import Override, RobotDescriptor, load_robot_descriptor
-from robotd.errors import DescriptorError
-from robotd.plugin.manager import load_backend
+from robotd.api import DescriptorError
+from robotd.api.commands import (
+    ExitCode,
+    apply_log_options,
+    check_backend_overrides,
+    load_installed,
+    log_options,
+    robot_options,
+)
+from robotd.api.models import Override, RobotDescriptor, load_robot_descriptor
+from robotd.api.robots import load_backend
 from robotd_commissioning.commission_record import CommissionRecord
 from robotd_commissioning.commission_terminal import CommissionTerminal, Left
 from robotd_commissioning.session import Commissioning
@@ -42,7 +47,7 @@ def commission(**options: Any) -> ExitCode:
     ctx = click.get_current_context()
     if ctx.get_parameter_source("log_level") is ParameterSource.DEFAULT:
         ctx.meta["log_level"] = "warning"  # the log would run into the questions
-        configure_logging()
+        apply_log_options()
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise click.UsageError("commissioning needs a terminal")
     with _hangup_interrupts():

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from robotd.descriptor.files import is_file, read_limited
-from robotd.errors import DescriptorError
+from robotd.api import DescriptorError
+from robotd.api.models import is_file, read_limited
 
 MAX_BYTES = 1_000_000
 

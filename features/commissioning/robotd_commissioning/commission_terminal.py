@@ -13,9 +13,8 @@ from contextlib import suppress
 
 import click
 
-from robotd.errors import OperationError, RobotdError
-from robotd.number_argument import parse_number
-from robotd.stop_signals import Interrupt
+from robotd.api import OperationError, RobotdError
+from robotd.api.commands import Interrupt, parse_number
 from robotd_commissioning.commissioned_axis import CommissionedAxis
 from robotd_commissioning.findings import in_words
 from robotd_ros.commands.jog_keys import JogKeys

@@ -5,13 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-from robotd.clock import wait_until
-from robotd.control.joint_stream import JointStream
-from robotd.descriptor.joint_settings import JointSettings
-from robotd.device.bus_status import BusNode
-from robotd.device.process_image import ProcessImage
-from robotd.errors import OperationError, RobotdError
-from robotd.robot import Robot
+from robotd.api import BusNode, OperationError, ProcessImage, RobotdError, wait_until
+from robotd.api.models import JointSettings
+from robotd.api.robots import JointStream, Robot
 from robotd_commissioning.findings import in_words
 
 SILENCE_S = 0.2  # without a command of the held key the axis slows to rest

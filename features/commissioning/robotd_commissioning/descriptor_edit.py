@@ -11,10 +11,8 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
-from robotd.descriptor import RobotDescriptor
-from robotd.descriptor.joint_settings import JointSettings
-from robotd.errors import DescriptorError
-from robotd.plugin.hookspecs import AxisKeys
+from robotd.api import AxisKeys, DescriptorError
+from robotd.api.models import JointSettings, RobotDescriptor
 from robotd_commissioning.findings import Change, Place
 
 MAX_LINE = 10_000  # flow mappings stay on their line

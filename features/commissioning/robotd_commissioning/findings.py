@@ -12,9 +12,8 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Any
 
-from robotd.descriptor.joint_settings import JointSettings
-from robotd.device.bus_status import BusNode
-from robotd.errors import OperationError
+from robotd.api import BusNode, OperationError
+from robotd.api.models import JointSettings
 
 MIN_MOVE = {"rad": math.radians(0.5), "m": 0.5e-3}  # of a joint that was moved on purpose
 MIN_SCALE_MOVE = {"rad": math.radians(5.0), "m": 5e-3}  # below it, reading errors dominate

@@ -7,13 +7,16 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from robotd.clock import MonotonicClock
-from robotd.descriptor import RobotDescriptor, validate_section
-from robotd.descriptor.joint_settings import JointSettings
-from robotd.errors import DescriptorError, InvalidArgument, PluginError, unknown_name
-from robotd.plugin.hookspecs import AxisKeys
-from robotd.plugin.manager import Backend
-from robotd.robot import Robot
+from robotd.api import (
+    AxisKeys,
+    DescriptorError,
+    InvalidArgument,
+    MonotonicClock,
+    PluginError,
+    unknown_name,
+)
+from robotd.api.models import JointSettings, RobotDescriptor, validate_section
+from robotd.api.robots import Backend, Robot
 from robotd_commissioning.commission_record import CommissionRecord
 from robotd_commissioning.commissioned_axis import CommissionedAxis
 from robotd_commissioning.descriptor_edit import DescriptorEdit

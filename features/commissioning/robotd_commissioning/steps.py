@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol
 
-from robotd.errors import OperationError
-from robotd.plugin.hookspecs import AxisKeys
+from robotd.api import AxisKeys, OperationError
 from robotd_commissioning.commissioned_axis import CommissionedAxis
 from robotd_commissioning.findings import (
     Finding,

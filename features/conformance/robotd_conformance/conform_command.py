@@ -10,14 +10,13 @@ from pathlib import Path
 
 import click
 
-from robotd.cli.exit_codes import ExitCode
-from robotd.cli.installed import load_robot
-from robotd.cli.options import FILE, log_options
-from robotd.descriptor import parse_override
-from robotd.errors import InvalidArgument, PluginError
-from robotd.folders import why_unwritable
+from robotd.api import InvalidArgument, PluginError
+from robotd.api.commands import FILE, ExitCode, load_robot, log_options
+from robotd.api.features import why_unwritable
+from robotd.api.models import parse_override
+from robotd.api.robots import load_backend
 from robotd.plugin.foreign_process import death_of, is_foreign, probe_backend, run_noted
-from robotd.plugin.manager import find_backend, load_backend
+from robotd.plugin.manager import find_backend
 
 PACKAGE = "robotd_conformance.checks"
 GRACE_S = 30.0  # for axes to come to rest and the device to be closed, after Ctrl-C

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import click
 
-from robotd.cli.options import FOLDER, log_options
-from robotd.cli.package_templates import package_files, package_words, write_folder
-from robotd.errors import InvalidArgument
-from robotd.plugin.manager import discover
+from robotd.api import InvalidArgument
+from robotd.api.commands import FOLDER, log_options
+from robotd.api.robots import discover
+from robotd_shared.package_templates import package_files, package_words, write_folder
 
 TEMPLATES = Path(__file__).parent / "templates"
 

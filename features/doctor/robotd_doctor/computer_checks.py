@@ -11,8 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from robotd.api import Finding, MachineContext
-from robotd.cli.preflight import realtime_permitted
-from robotd.local_ports import MAX_FILES
+from robotd.api.commands import MAX_OPEN_FILES, realtime_permitted
 
 KERNEL, CPUS, IRQS = Path("/sys/kernel"), Path("/sys/devices/system/cpu"), Path("/proc/irq")
 RUNTIME = Path("/proc/sys/kernel/sched_rt_runtime_us")
@@ -110,9 +109,9 @@ def _interrupts() -> Iterator[Finding]:
 
 def _limits() -> Iterator[Finding]:
     files = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
-    if files != resource.RLIM_INFINITY and files < MAX_FILES:
+    if files != resource.RLIM_INFINITY and files < MAX_OPEN_FILES:
         advice = "echo '* - nofile 4096' | sudo tee -a /etc/security/limits.d/robotd.conf"
-        yield Finding("warning", f"{files} open files are allowed, {MAX_FILES} needed", advice)
+        yield Finding("warning", f"{files} open files are allowed, {MAX_OPEN_FILES} needed", advice)
     else:
         yield Finding("ok", "enough open files are allowed")
     locked = resource.getrlimit(resource.RLIMIT_MEMLOCK)[1]

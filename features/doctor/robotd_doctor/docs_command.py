@@ -13,8 +13,8 @@ from rich.console import Console
 from rich.markdown import Markdown
 
 import robotd
-from robotd.cli.layout import columns, heading
-from robotd.errors import InvalidArgument, unknown_name
+from robotd.api import InvalidArgument, unknown_name
+from robotd.api.commands import columns, heading
 from robotd_doctor.model_tables import model_keys
 
 PARTS = ("tutorial", "how-to", "reference", "explanation")

@@ -8,12 +8,8 @@ from dataclasses import asdict
 
 import click
 
-from robotd.api import Finding, MachineContext, diagnose, doctors
-from robotd.cli.exit_codes import ExitCode
-from robotd.cli.installed import load_robot
-from robotd.cli.layout import heading
-from robotd.cli.options import as_json
-from robotd.errors import InvalidArgument, unknown_name
+from robotd.api import Finding, InvalidArgument, MachineContext, diagnose, doctors, unknown_name
+from robotd.api.commands import ExitCode, as_json, heading, load_robot
 
 OWN = ("computer", "network", "installation")
 

@@ -7,11 +7,10 @@ import sys
 from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 
-from robotd.api import Finding, MachineContext
-from robotd.cli.preflight import WHEELS, import_ros, sourced_ros
-from robotd.errors import RobotdError
-from robotd.feature import feature_failures, installed_features
-from robotd.plugin.manager import discover, load_backend, load_plugins
+from robotd.api import Finding, MachineContext, RobotdError
+from robotd.api.commands import HAS_ROS_WHEELS, import_ros, sourced_ros
+from robotd.api.features import feature_failures, installed_features
+from robotd.api.robots import discover, load_backend, load_plugins
 
 SUPPORTED = ((3, 11), (3, 13))  # of the ROS wheels
 EXTRAS = {"page": "aiohttp", "metrics": "prometheus_client", "foxglove": "foxglove-sdk"}
@@ -38,7 +37,7 @@ def check_installation(context: MachineContext) -> Iterator[Finding]:
 def _python() -> Finding:
     first, last = SUPPORTED
     text = f"Python {platform.python_version()} on {platform.machine()}"
-    if WHEELS and not first <= sys.version_info[:2] <= last:
+    if HAS_ROS_WHEELS and not first <= sys.version_info[:2] <= last:
         advice = "there are ROS wheels for Python 3.11 to 3.13: make an environment of one of them"
         return Finding("failed", text, advice)
     return Finding("ok", text)
@@ -50,7 +49,9 @@ def _ros() -> Finding:
         import_ros("wmx_ros2_message.srv")
     except RobotdError as error:
         return Finding("failed", str(error))
-    return Finding("ok", f"ROS 2 from {'wheels' if WHEELS else sourced_ros() or 'the system'}")
+    return Finding(
+        "ok", f"ROS 2 from {'wheels' if HAS_ROS_WHEELS else sourced_ros() or 'the system'}"
+    )
 
 
 def _backends() -> Iterator[Finding]:

@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from robotd.arrays import FloatArray
-from robotd.descriptor.urdf.shapes import mesh_triangles, numbers, shape_pose
-from robotd.descriptor.urdf.urdf_text import xml_root
-from robotd.errors import DescriptorError
+from robotd.api import DescriptorError, FloatArray
+from robotd.api.models import xml_root
+from robotd_shared.mesh_shapes import mesh_triangles, numbers, shape_pose
 
 MAX_SLICES = 6  # of a shape, along its longest side
 

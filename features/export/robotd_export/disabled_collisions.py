@@ -7,8 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
-from robotd.arrays import FloatArray
-from robotd.descriptor.urdf import UrdfJoint, UrdfRobot
+from robotd.api import FloatArray, UrdfJoint, UrdfRobot
 from robotd_export.collision_shapes import Cover
 
 MARGIN_M = 1e-3  # between shapes that never touch

@@ -8,12 +8,11 @@ from pathlib import Path
 
 import click
 
-from robotd.cli.installed import load_installed
-from robotd.cli.options import log_options, which_robot
-from robotd.cli.package_templates import write_folder
-from robotd.descriptor import Override, load_robot_descriptor
+from robotd.api.commands import load_installed, log_options, which_robot
+from robotd.api.models import Override, load_robot_descriptor
 from robotd_export.export_input import ExportInput
 from robotd_export.targets import export_function, export_targets
+from robotd_shared.package_templates import write_folder
 
 
 def namespace(ctx: click.Context, option: click.Parameter, value: str) -> str:

@@ -10,9 +10,7 @@ from typing import Any
 
 import yaml
 
-from robotd.descriptor import RobotDescriptor
-from robotd.descriptor.urdf import read_urdf_text
-from robotd.errors import DescriptorError
+from robotd.api import DescriptorError, RobotDescriptor, read_urdf_text
 
 
 @dataclass(frozen=True)

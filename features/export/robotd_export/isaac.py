@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from robotd.descriptor import TwoSidedDrive
+from robotd.api.models import TwoSidedDrive
 from robotd_export.export_input import ExportInput
 
 STATE = "manipulator_state"

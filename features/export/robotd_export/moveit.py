@@ -10,8 +10,14 @@ import posixpath
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from robotd.descriptor import JointSettings, JointType, RobotDescriptor
-from robotd.descriptor.group_parameters import ACTION, default_action, group_prefixes
+from robotd.api.models import (
+    ACTION_PARAMETER,
+    JointSettings,
+    JointType,
+    RobotDescriptor,
+    default_action,
+    group_prefixes,
+)
 from robotd_export.export_input import ExportInput
 
 SERVER = "follow_joint_trajectory_server"
@@ -62,7 +68,7 @@ def _actions(source: ExportInput) -> dict[str, Sequence[str]]:
     groups = source.descriptor.joint_groups
     return {
         source.needed_topic(
-            SERVER, f"{prefix}{ACTION}", default_action(source.descriptor, group)
+            SERVER, f"{prefix}{ACTION_PARAMETER}", default_action(source.descriptor, group)
         ): [joint.name for joint in groups[group]]
         for group, prefix in group_prefixes(source.descriptor).items()
     }

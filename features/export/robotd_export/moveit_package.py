@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from robotd.descriptor.urdf import parse_urdf
-from robotd.descriptor.urdf.package_files import mesh_files, moved_mesh_names, with_mesh_names
+from robotd.api.models import mesh_files, parse_urdf
 from robotd_export.export_input import ExportInput
 from robotd_export.moveit import move_group_content
 from robotd_export.srdf import chain_groups, semantic_description
+from robotd_shared.moved_meshes import moved_mesh_names, with_mesh_names
 
 PLANNER = "RRTConnectkConfigDefault"
 OMPL = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from robotd.descriptor import DriveSettings, MecanumDrive, TricycleDrive
+from robotd.api.models import DriveSettings, MecanumDrive, TricycleDrive
 from robotd_export.export_input import ExportInput
 
 DIFFERENTIAL = "diff_drive_controller"

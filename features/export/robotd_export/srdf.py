@@ -7,9 +7,7 @@ from typing import Any
 
 from lxml import etree
 
-from robotd.descriptor import RobotDescriptor
-from robotd.descriptor.group_settings import ALL_JOINTS
-from robotd.descriptor.urdf import UrdfJoint, UrdfRobot
+from robotd.api.models import ALL_JOINTS, RobotDescriptor, UrdfJoint, UrdfRobot
 from robotd_export.collision_shapes import collision_covers
 from robotd_export.disabled_collisions import disabled_collisions
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
 
-from robotd.cli.plugin_commands import load_entry
+from robotd.api.commands import load_entry
 from robotd_export.export_input import ExportInput
 
 EXPORTS = "robotd.exports"

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from robotd.cli.options import PORT
-from robotd.descriptor.section import Section
-from robotd.errors import OperationError
-from robotd.feature import Feature, FeatureOption
+from robotd.api import OperationError
+from robotd.api.commands import PORT
+from robotd.api.features import Feature, FeatureOption, Section
 
 if TYPE_CHECKING:
-    from robotd.feature_host import FeatureHost
+    from robotd.api.features import FeatureHost
     from robotd_foxglove.foxglove_server import FoxgloveServer
 
 

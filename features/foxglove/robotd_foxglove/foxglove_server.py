@@ -11,19 +11,15 @@ import foxglove
 from foxglove.channels import FrameTransformsChannel
 from foxglove.messages import FrameTransform, FrameTransforms, Quaternion, Timestamp, Vector3
 
-from robotd.arrays import FloatArray
-from robotd.clock import NANOSECONDS
-from robotd.descriptor.urdf import JointFrames, UrdfJoint, parse_urdf
-from robotd.descriptor.urdf.mesh_files import mesh_files
-from robotd.errors import OperationError
-from robotd.log import get_logger
-from robotd.observation.frame_ring import measured_joints
-from robotd.observation.robot_state import Goals, state_of
-from robotd.observation.tap import Tap
+from robotd.api import NANOSECONDS, FloatArray, OperationError, get_logger
+from robotd.api.features import Tap, measured_joints
+from robotd.api.models import JointFrames, UrdfJoint, parse_urdf
 from robotd_foxglove.limited_port import LimitedPort
 from robotd_foxglove.state_schema import STATE_SCHEMA
 from robotd_messages.message_encoders import joint_state, log_message, string_message
 from robotd_messages.message_types import JOINT_STATE, LOG, SCHEMAS, STRING
+from robotd_shared.mesh_files import drawable_meshes
+from robotd_shared.robot_state import Goals, state_of
 
 log = get_logger("foxglove")
 
@@ -52,7 +48,7 @@ class FoxgloveServer:
 
     def __init__(self, tap: Tap, port: int) -> None:
         self._tap, self._robot = tap, tap.robot
-        meshes = mesh_files(tap.urdf, tap.robot.descriptor.urdf)
+        meshes = drawable_meshes(tap.urdf, tap.robot.descriptor.urdf)
 
         def read_mesh(name: str) -> bytes | None:
             return meshes[name].read_bytes() if name in meshes else None

@@ -7,8 +7,8 @@ import socket
 import threading
 from contextlib import suppress
 
-from robotd.local_ports import MAX_CONNECTIONS
-from robotd.log import get_logger
+from robotd.api import get_logger
+from robotd_shared.local_ports import MAX_CONNECTIONS
 
 log = get_logger("foxglove")
 

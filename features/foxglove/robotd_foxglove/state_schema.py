@@ -1,4 +1,4 @@
-"""JSON schema of ``/robotd/state``: what ``robotd.observation.robot_state.state_of`` returns."""
+"""JSON schema of ``/robotd/state``: what ``robotd_shared.robot_state.state_of`` returns."""
 
 from __future__ import annotations
 

@@ -10,8 +10,7 @@ import numpy as np
 from gymnasium.spaces import Box, Dict
 from numpy.typing import NDArray
 
-from robotd.arrays import FloatArray
-from robotd.errors import InvalidArgument
+from robotd.api import FloatArray, InvalidArgument
 from robotd_gym.stepped_robot import SteppedRobot
 
 SPEED = 0.8  # share of the velocity limits at an action of 1: room to catch up

@@ -10,10 +10,8 @@ import numpy as np
 from gymnasium.spaces import Box, Dict
 from numpy.typing import NDArray
 
-from robotd.arrays import FloatArray
-from robotd.device.gripper import Gripper
-from robotd.device.world import World
-from robotd.errors import InvalidArgument
+from robotd.api import FloatArray, InvalidArgument, World
+from robotd.api.robots import Gripper
 from robotd_gym.joint_reach import FAST, ROOM, SPEED, Observation
 from robotd_gym.stepped_robot import SteppedRobot
 

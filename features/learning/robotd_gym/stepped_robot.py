@@ -8,14 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from robotd.arrays import FloatArray
-from robotd.clock.simulated import SteppedClock
-from robotd.control.joint_stream import JointStream
-from robotd.control.stream_setpoints import StreamMode
-from robotd.descriptor import load_robot_descriptor, parse_override
-from robotd.errors import InvalidArgument, NotReady
-from robotd.plugin.manager import load_backend
-from robotd.robot import Robot
+from robotd.api import FloatArray, InvalidArgument, NotReady
+from robotd.api.models import load_robot_descriptor, parse_override
+from robotd.api.robots import JointStream, Robot, SteppedClock, StreamMode, load_backend
 
 BACKEND = "sim"
 SILENT_PERIODS = 10  # without a target, after which the joints slow to rest

@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from robotd.cli.options import PORT
-from robotd.descriptor.section import Section
-from robotd.errors import OperationError
-from robotd.feature import Feature, FeatureOption
-from robotd.log import get_logger
+from robotd.api import OperationError, get_logger
+from robotd.api.commands import PORT
+from robotd.api.features import Feature, FeatureOption, Section
 
 if TYPE_CHECKING:
-    from robotd.feature_host import FeatureHost
+    from robotd.api.features import FeatureHost
 
 log = get_logger("metrics")
 

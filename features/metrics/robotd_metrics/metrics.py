@@ -20,11 +20,9 @@ from prometheus_client.core import (
     Metric,
 )
 
-from robotd.arrays import IntArray
-from robotd.clock import NANOSECONDS
-from robotd.events import OWN_PROCESS, EventKind
-from robotd.local_http import serve_http
-from robotd.observation.tap import Tap
+from robotd.api import NANOSECONDS, IntArray
+from robotd.api.features import OWN_PROCESS, EventKind, Tap
+from robotd_shared.local_http import serve_http
 
 BUCKETS_S = (10e-6, 30e-6, 100e-6, 300e-6, 1e-3, 3e-3, 10e-3, 30e-3, 100e-3)
 MAX_LABELS = 64  # different values of a label; further ones are counted as "other"

@@ -9,9 +9,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from robotd.descriptor.section import NAME
-from robotd.descriptor.urdf import UrdfJoint, UrdfRobot
-from robotd.errors import DescriptorError, did_you_mean
+from robotd.api import DescriptorError, did_you_mean
+from robotd.api.models import NAME, UrdfJoint, UrdfRobot
 
 ASSUMED_SPEED = {"prismatic": 0.05}  # m/s
 ASSUMED_SPEED_RAD_S = 0.5

@@ -11,10 +11,8 @@ import numpy as np
 import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from robotd.descriptor.files import read_limited
-from robotd.descriptor.section import MAX_AXES
-from robotd.descriptor.urdf import UrdfJoint
-from robotd.errors import DescriptorError
+from robotd.api import DescriptorError
+from robotd.api.models import MAX_AXES, UrdfJoint, read_limited
 
 MAX_BYTES = 1_000_000
 DRIVE_NUMBERS = ("node", "slave")  # keys of a scanned axis that name its drive

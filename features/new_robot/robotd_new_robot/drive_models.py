@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from robotd.descriptor.urdf import UrdfJoint, UrdfRobot
+from robotd.api.models import UrdfJoint, UrdfRobot
 
 COULOMB_SHARE = 0.02  # of the effort limit
 VISCOUS_SHARE = 0.03  # of the effort limit, at full speed

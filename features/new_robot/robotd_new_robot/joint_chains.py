@@ -6,8 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from itertools import takewhile
 
-from robotd.descriptor.section import NAME
-from robotd.descriptor.urdf import UrdfJoint, UrdfRobot
+from robotd.api.models import NAME, UrdfJoint, UrdfRobot
 from robotd_new_robot.answers import legal_name
 
 _GENERIC = re.compile(r"_*(joint|axis|link)?_*[0-9]*$", re.IGNORECASE)

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
 
-from robotd.descriptor.urdf import UrdfJoint, UrdfRobot
-from robotd.errors import DescriptorError
+from robotd.api import DescriptorError, UrdfJoint, UrdfRobot
 from robotd_new_robot.answers import check_joint_names, check_mimics, check_ranges
 from robotd_new_robot.wheel_base import WheelBase, left_first, wheel_base
 

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from robotd.descriptor.urdf.mesh_files import gltf_parts
-from robotd.descriptor.urdf.package_files import mesh_files, moved_mesh_names, with_mesh_names
+from robotd.api.models import mesh_files
+from robotd_shared.mesh_files import gltf_parts
+from robotd_shared.moved_meshes import moved_mesh_names, with_mesh_names
 
 FOLDER = "meshes"  # of a robot
 

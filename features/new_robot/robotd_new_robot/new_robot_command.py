@@ -10,22 +10,24 @@ from typing import Any
 
 import click
 
-from robotd.cli.check_command import check_robot
-from robotd.cli.exit_codes import ExitCode
-from robotd.cli.installed import load_robot
-from robotd.cli.options import FOLDER, names
-from robotd.cli.package_templates import package_files, package_words, write_folder
-from robotd.cli.preflight import import_ros
-from robotd.descriptor.urdf import read_urdf_text, urdf_text
-from robotd.descriptor.urdf.urdf_text import is_xacro, xml_root
-from robotd.errors import InvalidArgument, OperationError
-from robotd.number_argument import NumberRange
+from robotd.api import InvalidArgument, OperationError
+from robotd.api.commands import (
+    FOLDER,
+    ExitCode,
+    NumberRange,
+    check_robot,
+    import_ros,
+    load_robot,
+    parse_names,
+)
+from robotd.api.models import is_xacro, read_urdf_text, urdf_text, xml_root
 from robotd_new_robot import Choices, bus_robot_files, robot_files
 from robotd_new_robot.answers import ALL
 from robotd_new_robot.joint_roles import GripperDrive
 from robotd_new_robot.mesh_places import place_meshes
 from robotd_new_robot.xacro_file import expand_xacro
 from robotd_ros.commands.robot_client import client_options, robot_client
+from robotd_shared.package_templates import package_files, package_words, write_folder
 
 TEMPLATES = Path(__file__).parent / "templates" / "robot"
 EPILOG = """\b
@@ -134,7 +136,7 @@ def _xacro_arguments(
 @click.option(
     "--wheels",
     metavar="LEFT,...,RIGHT,...",
-    callback=names,
+    callback=parse_names,
     help="Joints of the driven wheels, all left ones first; by default the two continuous joints"
     " named like wheels. Several wheels a side make a skid-steer base.",
 )
@@ -176,7 +178,7 @@ def _xacro_arguments(
 @click.option(
     "--passive",
     metavar="JOINT,...",
-    callback=names,
+    callback=parse_names,
     help="Joints that no axis moves: caster forks, suspensions, rockers.",
 )
 @click.option(

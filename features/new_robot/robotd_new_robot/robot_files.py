@@ -10,10 +10,8 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from robotd.descriptor.section import MAX_AXES
-from robotd.descriptor.urdf import UrdfJoint, UrdfRobot, parse_urdf
-from robotd.errors import DescriptorError
-from robotd.log import get_logger
+from robotd.api import DescriptorError, get_logger
+from robotd.api.models import MAX_AXES, UrdfJoint, UrdfRobot, parse_urdf
 from robotd_new_robot.answers import (
     check_joint_names,
     legal_names,

@@ -7,11 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from robotd.descriptor.files import read_limited
-from robotd.descriptor.urdf import UrdfRobot
-from robotd.descriptor.urdf.urdf_text import MAX_BYTES, xml_root
-from robotd.errors import DescriptorError
-from robotd.log import get_logger
+from robotd.api import DescriptorError, get_logger
+from robotd.api.models import MAX_URDF_BYTES, UrdfRobot, read_limited, xml_root
 
 log = get_logger("new-robot")
 
@@ -37,7 +34,7 @@ def read_srdf(path: Path, urdf: UrdfRobot) -> Srdf:
 
     Raises DescriptorError: not readable, no SRDF, or no group has a joint of this robot.
     """
-    root = xml_root(read_limited(path, MAX_BYTES), path)
+    root = xml_root(read_limited(path, MAX_URDF_BYTES), path)
     if root.tag != "robot" or root.find("link") is not None:
         raise DescriptorError("is no SRDF: a <robot> with <group> elements", path=path)
     members = _Members(root, urdf)

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from robotd.descriptor.urdf import UrdfJoint, UrdfRobot
-from robotd.errors import DescriptorError
+from robotd.api import DescriptorError, UrdfJoint, UrdfRobot
 
 DEFAULT_WHEEL_VELOCITY_RAD_S = 10.0
 SAME_RADIUS = 0.01  # part by which the wheels may differ

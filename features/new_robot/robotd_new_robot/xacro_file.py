@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from robotd.descriptor.urdf.package_files import package_folders
-from robotd.errors import DescriptorError
+from robotd.api import DescriptorError
+from robotd.api.models import package_folders
 
 
 def expand_xacro(path: Path, arguments: Mapping[str, str], folders: Sequence[Path]) -> str:

@@ -8,9 +8,8 @@ from typing import Annotated, Any, Literal, Protocol
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from robotd.device.axes import each
-from robotd.errors import ConnectError, Unsupported, reason_of
-from robotd.robot import Robot
+from robotd.api import ConnectError, Unsupported, reason_of
+from robotd.api.robots import Robot, each
 
 STOP_REASON = "by the stop button of the page"
 

@@ -6,12 +6,9 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from robotd.control.axis_limits import twist_limits
-from robotd.control.mobile_base import MobileBase
-from robotd.errors import NotReady, RobotdError, Unsupported
-from robotd.events import sent_by
-from robotd.motion.planar import ZERO_TWIST, PlanarTwist
-from robotd.robot import Robot
+from robotd.api import NotReady, RobotdError, Unsupported
+from robotd.api.features import sent_by
+from robotd.api.robots import ZERO_TWIST, MobileBase, PlanarTwist, Robot, twist_limits
 from robotd_page.control_commands import Finite
 from robotd_page.control_jog import LATE_PERIODS
 from robotd_page.held_motion import RELEASED, TIMEOUT_S, Heartbeat, JogEnd

@@ -9,13 +9,9 @@ from typing import Literal
 
 import numpy as np
 
-from robotd.control.joint_group import JointGroup
-from robotd.control.joint_stream import JointStream
-from robotd.device.process_image import ProcessImage
-from robotd.errors import InvalidArgument, unknown_name
-from robotd.events import noted
-from robotd.motion.stopping import stoppable_velocity
-from robotd.robot import Robot
+from robotd.api import InvalidArgument, unknown_name
+from robotd.api.features import ProcessImage, noted
+from robotd.api.robots import JointGroup, JointStream, Robot, stoppable_velocity
 from robotd_page.control_commands import Finite
 from robotd_page.held_motion import (
     REACHED,

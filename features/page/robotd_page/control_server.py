@@ -13,10 +13,9 @@ from typing import Annotated, Any
 from aiohttp import WSCloseCode, WSMsgType, web
 from pydantic import Field, TypeAdapter, ValidationError
 
-from robotd.errors import RobotdError
-from robotd.events import sent_by
-from robotd.log import get_logger
-from robotd.robot import Robot
+from robotd.api import RobotdError, get_logger
+from robotd.api.features import sent_by
+from robotd.api.robots import Robot
 from robotd_page import control_commands as commands
 from robotd_page.control_drive import Drive, HeldDrive, drive_limits, drive_motions
 from robotd_page.control_jog import HeldJog, Jog, jog_velocities

@@ -9,12 +9,8 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field
 
-from robotd.arrays import FloatArray
-from robotd.clock import NANOSECONDS
-from robotd.control.completion import Outcome
-from robotd.control.trajectory_execution import TrajectoryExecution
-from robotd.errors import InvalidArgument, NotReady
-from robotd.robot import Robot
+from robotd.api import NANOSECONDS, FloatArray, InvalidArgument, NotReady
+from robotd.api.robots import Outcome, Robot, TrajectoryExecution
 from robotd_page.control_commands import Finite, Message
 from robotd_page.control_tool import MAX_LINEAR_M_S, Tool, tool_of
 from robotd_page.held_motion import REACHED, RELEASED, Heartbeat, HeldMotion, Hold, Motion

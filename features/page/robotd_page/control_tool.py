@@ -8,13 +8,9 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 
-from robotd.arrays import FloatArray
-from robotd.control.joint_group import JointGroup
-from robotd.control.joint_stream import JointStream
-from robotd.control.trajectory_execution import TrajectoryExecution
-from robotd.errors import DescriptorError, InvalidArgument, Unsupported, unknown_name
-from robotd.events import noted
-from robotd.robot import Robot
+from robotd.api import DescriptorError, FloatArray, InvalidArgument, Unsupported, unknown_name
+from robotd.api.features import noted
+from robotd.api.robots import JointGroup, JointStream, Robot, TrajectoryExecution
 from robotd_page.control_commands import Finite
 from robotd_page.control_jog import jog_velocities, require_stoppable
 from robotd_page.held_motion import Heartbeat, HeldMotion, Hold, StreamedMotion

@@ -11,10 +11,9 @@ from typing import Annotated, Generic, Literal, Self, TypeVar
 
 from pydantic import Field
 
-from robotd.control.joint_stream import JointStream
-from robotd.errors import NotReady, RobotdError
-from robotd.events import sent_by
-from robotd.robot import Robot
+from robotd.api import NotReady, RobotdError
+from robotd.api.features import sent_by
+from robotd.api.robots import JointStream, Robot
 from robotd_page.control_commands import Message, Seen
 
 HEARTBEAT_S = 0.02  # interval at which a page repeats the message of a button that is held

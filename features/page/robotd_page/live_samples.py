@@ -7,13 +7,9 @@ import struct
 
 import numpy as np
 
-from robotd.arrays import FloatArray
-from robotd.clock import NANOSECONDS
-from robotd.control.joint_group import JointGroup
-from robotd.control.trajectory_execution import TrajectoryExecution
-from robotd.device.process_image import VALUES
-from robotd.observation.plot_history import COLUMNS
-from robotd.observation.tap import Tap
+from robotd.api import NANOSECONDS, FloatArray
+from robotd.api.features import HISTORY_COLUMNS, VALUES, Tap
+from robotd.api.robots import JointGroup, TrajectoryExecution
 
 RATE_HZ = 30.0
 HEADER = ("time_s", "late_s", "closed", "x", "y", "heading")
@@ -61,8 +57,8 @@ class LiveSamples:
         """Return samples of the last minute, one behind the other."""
         past = self._tap.history.rows()
         rows: FloatArray = np.full((len(past), self.width), np.nan)
-        rows[:, :COLUMNS] = past[:, :COLUMNS]  # the first two of ``HEADER``
-        rows[:, self._values :] = past[:, COLUMNS:]
+        rows[:, :HISTORY_COLUMNS] = past[:, :HISTORY_COLUMNS]  # the first two of ``HEADER``
+        rows[:, self._values :] = past[:, HISTORY_COLUMNS:]
         return rows.astype("<f8", copy=False).tobytes()
 
     def _finger_position(self) -> float:

@@ -6,10 +6,8 @@ import os
 
 import click
 
-from robotd.cli.options import PORT, log_options
-from robotd.cli.preflight import import_ros
-from robotd.errors import OperationError
-from robotd.stop_signals import Interrupt
+from robotd.api import OperationError
+from robotd.api.commands import PORT, Interrupt, import_ros, log_options
 from robotd_ros.commands.robot_client import ROS_EPILOG, robot_client
 
 DEFAULT_PORT = 8080

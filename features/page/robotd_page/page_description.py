@@ -6,13 +6,9 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from robotd.clock.simulated import PacedClock
-from robotd.descriptor import RobotDescriptor
-from robotd.device.gripper import Gripper
-from robotd.observation.io_sampler import MAX_IO_BYTES
-from robotd.observation.robot_identity import identity
-from robotd.observation.tap import Tap
-from robotd.robot import Robot
+from robotd.api.features import MAX_IO_BYTES, Tap, identity
+from robotd.api.models import RobotDescriptor
+from robotd.api.robots import Gripper, PacedClock, Robot
 
 PROTOCOL = 2  # of the messages; the page asks to be loaded again when it has another one
 

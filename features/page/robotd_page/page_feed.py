@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from robotd.observation.robot_state import Goals, event_of, state_of
-from robotd.observation.tap import Tap
+from robotd.api.features import Tap
 from robotd_page.live_samples import LiveSamples
 from robotd_page.page_description import describe
 from robotd_page.page_message import Message, json_text
 from robotd_page.seen_state import reduces_motion
 from robotd_page.world_objects import WorldObjects
+from robotd_shared.robot_state import Goals, event_of, state_of
 
 FIRST_EVENTS = 300  # of the log that a new viewer gets
 STATE_LOOKS = 2  # calls of ``PageFeed.changes`` for one state

@@ -12,15 +12,14 @@ from typing import Self
 
 from aiohttp import WSCloseCode, web
 
-from robotd.errors import OperationError
-from robotd.local_ports import MAX_CONNECTIONS
-from robotd.log import get_logger
+from robotd.api import OperationError, get_logger
 from robotd_page.channel import Channel, PageSource
 from robotd_page.connection_guard import ConnectionGuard
 from robotd_page.control_server import PageControl
 from robotd_page.live_samples import RATE_HZ
 from robotd_page.request_checks import add_headers, check_request
 from robotd_page.viewers import MAX_MESSAGE_BYTES, SEND_BUFFER_BYTES, Viewer, accept
+from robotd_shared.local_ports import MAX_CONNECTIONS
 
 log = get_logger("page")
 

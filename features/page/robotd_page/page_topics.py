@@ -11,8 +11,8 @@ from typing import Self
 from rclpy.node import Node
 from std_msgs.msg import String, UInt8MultiArray
 
-from robotd.log import get_logger
-from robotd.observation.tap import Tap
+from robotd.api import get_logger
+from robotd.api.features import Tap
 from robotd_messages.message_encoders import octets_message, string_message
 from robotd_page.page_feed import PageFeed
 from robotd_page.page_messages import (

@@ -14,7 +14,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import String, UInt8MultiArray
 
-from robotd.log import get_logger
+from robotd.api import get_logger
 from robotd_page.page_message import json_text
 from robotd_page.page_messages import ALL, CHANGES, FIRST, NEWEST, SAMPLES
 from robotd_page.remote_feed import RemoteFeed

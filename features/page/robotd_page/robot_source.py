@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from robotd.descriptor.urdf.mesh_files import MeshFiles
-from robotd.observation.tap import Tap
+from robotd.api.features import Tap
 from robotd_page.page_feed import PageFeed
+from robotd_shared.mesh_files import MeshFiles
 
 
 class RobotSource:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from robotd.clock import NANOSECONDS
-from robotd.clock.simulated import PacedClock
-from robotd.events import OWN_PROCESS, Event, EventKind, Level
-from robotd.robot import Robot
+from robotd.api import NANOSECONDS
+from robotd.api.features import OWN_PROCESS, Event, EventKind, Level
+from robotd.api.robots import PacedClock, Robot
 
 if TYPE_CHECKING:  # a page that only reads does without the commands
     from robotd_page.control_commands import Seen

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
-from robotd.log import get_logger
+from robotd.api import get_logger
 
 log = get_logger("page")
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from robotd.arrays import FloatArray
-from robotd.robot import Robot
+from robotd.api import FloatArray
+from robotd.api.robots import Robot
 from robotd_page.page_message import Message, json_text
 
 DIGITS = 5  # of poses: 0.01 mm

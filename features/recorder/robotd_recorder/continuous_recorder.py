@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import threading
 
-from robotd.errors import OperationError
-from robotd.log import get_logger
-from robotd.observation.tap import Tap
+from robotd.api import OperationError, get_logger
+from robotd.api.features import Tap
 from robotd_recorder.recorder_process import RecorderProcess
 from robotd_recording.recording_folder import CONTINUOUS, RecordingFolder
 from robotd_recording.writer_process import Report

@@ -8,12 +8,16 @@ from typing import TYPE_CHECKING
 
 import click
 
-from robotd.cli.exit_codes import ExitCode
-from robotd.cli.options import FILE, log_options
-from robotd.errors import OperationError
-from robotd.log import escaped
-from robotd.number_argument import parse_integer
-from robotd.plugin.code_table import GOAL_RESULTS, CodeTable, load_code_tables
+from robotd.api import CodeTable, OperationError
+from robotd.api.commands import (
+    FILE,
+    GOAL_RESULTS,
+    ExitCode,
+    escaped,
+    load_code_tables,
+    log_options,
+    parse_integer,
+)
 
 if TYPE_CHECKING:  # it needs NumPy
     from robotd_recording.recording_reader import Recording

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotd.clock import NANOSECONDS
-from robotd.device.process_image import VALUES
-from robotd.events import Event, EventKind, Level
+from robotd.api import NANOSECONDS
+from robotd.api.features import VALUES, Event, EventKind, Level
 from robotd_recording.recording_reader import Recording
 
 CAUSE_WINDOW_S = 1.0  # before the symptom: its cause is the first bad event in it

@@ -2,9 +2,8 @@
 
 from pydantic import Field
 
-from robotd.cli.options import FOLDER
-from robotd.descriptor.section import File, Section
-from robotd.feature import Feature, FeatureOption
+from robotd.api.commands import FOLDER
+from robotd.api.features import Feature, FeatureOption, File, Section
 
 
 class RecorderSettings(Section):

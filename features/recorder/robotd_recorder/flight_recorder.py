@@ -5,11 +5,8 @@ from __future__ import annotations
 import threading
 from pathlib import Path
 
-from robotd.clock import NANOSECONDS
-from robotd.errors import OperationError
-from robotd.events import Event, EventKind
-from robotd.log import get_logger
-from robotd.observation.tap import Tap
+from robotd.api import NANOSECONDS, OperationError, get_logger
+from robotd.api.features import Event, EventKind, Tap
 from robotd_recorder.recorder_process import RecorderProcess
 from robotd_recording.recording_folder import RecordingFolder
 

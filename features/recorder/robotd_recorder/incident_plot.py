@@ -7,10 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from robotd.clock import NANOSECONDS
-from robotd.errors import OperationError
-from robotd.events import EventKind
-from robotd.observation.frame_ring import Frames
+from robotd.api import NANOSECONDS, OperationError
+from robotd.api.features import EventKind, Frames
 from robotd_recorder.explanation import Incident, find_incident
 from robotd_recording.recording_reader import Recording
 

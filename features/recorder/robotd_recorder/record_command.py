@@ -7,10 +7,7 @@ from pathlib import Path
 
 import click
 
-from robotd.cli.options import FILE
-from robotd.cli.preflight import import_ros
-from robotd.number_argument import NumberRange
-from robotd.stop_signals import Interrupt
+from robotd.api.commands import FILE, Interrupt, NumberRange, import_ros
 from robotd_ros.commands.robot_client import ROS_EPILOG, client_options, robot_client
 
 SAVE_TIMEOUT_S = 30.0

@@ -7,12 +7,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from robotd.errors import OperationError
-from robotd.feature_host import FeatureHost
-from robotd.folders import MIB, why_unwritable
-from robotd.log import get_logger
-from robotd.observation.tap import Tap
-from robotd.robot import Robot
+from robotd.api import OperationError, get_logger
+from robotd.api.features import FeatureHost, Tap, why_unwritable
+from robotd.api.robots import Robot
 from robotd_recorder.continuous_recorder import ContinuousRecorder
 from robotd_recorder.feature import RecorderKeys, RecorderSettings
 from robotd_recorder.flight_recorder import FlightRecorder
@@ -20,6 +17,7 @@ from robotd_recording.recording_folder import RecordingFolder, default_folder
 
 log = get_logger("recorder")
 
+MIB = 2**20
 ROOM_BYTES = 16 * MIB  # less is of no use to a recording that begins
 
 

@@ -10,9 +10,7 @@ from importlib.metadata import version
 from multiprocessing.connection import Pipe
 from typing import Self
 
-from robotd.events import Event
-from robotd.observation.io_sampler import Sample
-from robotd.observation.tap import Tap
+from robotd.api.features import Event, Sample, Tap
 from robotd_recording import writer_process
 from robotd_recording.recording_folder import RecordingFolder
 from robotd_recording.recording_writer import RecordingInfo

@@ -16,7 +16,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Message, Schema
 from mcap.stream_reader import CRCValidationError, StreamReader
 
-from robotd.errors import RecordingError
+from robotd.api import RecordingError
 
 MIB = 2**20
 MAX_RECORD_BYTES = 64 * MIB  # of a record in the file, and of a chunk when it is decompressed

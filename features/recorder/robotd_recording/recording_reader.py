@@ -11,13 +11,8 @@ from typing import IO, Any
 
 import numpy as np
 
-from robotd.arrays import FloatArray, IntArray
-from robotd.clock import NANOSECONDS
-from robotd.device.process_image import NUMBERS
-from robotd.errors import RecordingError
-from robotd.events import Event
-from robotd.observation.frame_ring import Frames, frame_type
-from robotd.observation.io_sampler import INPUTS, OUTPUTS
+from robotd.api import NANOSECONDS, FloatArray, IntArray, RecordingError
+from robotd.api.features import INPUTS, NUMBERS, OUTPUTS, Event, Frames, frame_type
 from robotd_messages.message_encoders import (
     LOOP_VALUES,
     MessageTemplate,

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
-from robotd.clock import NANOSECONDS
-from robotd.errors import RecordingError
+from robotd.api import NANOSECONDS, RecordingError
 from robotd_recording.recording_folder import PARTIAL
 from robotd_recording.recording_writer import CHUNK_BYTES
 

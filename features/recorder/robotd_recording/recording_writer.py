@@ -10,11 +10,19 @@ from typing import IO, TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from robotd.arrays import IntArray
-from robotd.descriptor.section import MAX_AXES
-from robotd.events import Event, EventKind
-from robotd.observation.frame_ring import Frames, measured_joints
-from robotd.observation.io_sampler import FIELDBUS, INPUTS, OBJECTS, OUTPUTS, Sample
+from robotd.api import IntArray
+from robotd.api.features import (
+    FIELDBUS,
+    INPUTS,
+    OBJECTS,
+    OUTPUTS,
+    Event,
+    EventKind,
+    Frames,
+    Sample,
+    measured_joints,
+)
+from robotd.api.models import MAX_AXES
 from robotd_messages import message_types as types
 from robotd_messages.message_encoders import (
     AXIS_VALUES,

@@ -15,10 +15,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from time import monotonic
 
-from robotd.events import Event, EventKind
-from robotd.observation.frame_ring import FrameMemory
-from robotd.observation.io_sampler import Sample
-from robotd.realtime import request_niceness
+from robotd.api.features import Event, EventKind, FrameMemory, Sample, request_niceness
 from robotd_recording.recording_folder import PARTIAL, RecordingFolder
 from robotd_recording.recording_writer import RecordingInfo, RecordingWriter, create_recording
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from robotd.device.state import Operation
-from robotd.robot import Robot
+from robotd.api import Operation
+from robotd.api.robots import Robot
 from robotd_scenario.program import Axes, Check, Fingers
 
 STANDSTILL = 1e-2  # rad/s or m/s

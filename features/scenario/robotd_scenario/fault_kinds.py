@@ -8,9 +8,9 @@ from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from robotd.descriptor.problems import validate
-from robotd.errors import InvalidArgument
-from robotd.robot import Robot
+from robotd.api import InvalidArgument
+from robotd.api.models import validate
+from robotd.api.robots import Robot
 
 AxisNumber = Annotated[int, Field(ge=0, le=127)]
 Seconds = Annotated[float, Field(gt=0, allow_inf_nan=False)]

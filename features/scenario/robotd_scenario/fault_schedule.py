@@ -6,11 +6,8 @@ import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from robotd.clock import NANOSECONDS
-from robotd.device.process_image import ProcessImage
-from robotd.errors import RobotdError
-from robotd.log import get_logger
-from robotd.robot import Robot
+from robotd.api import NANOSECONDS, ProcessImage, RobotdError, get_logger
+from robotd.api.robots import Robot
 from robotd_scenario.fault_kinds import Fault, LateCycles
 
 log = get_logger("scenario")

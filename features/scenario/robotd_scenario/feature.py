@@ -9,18 +9,14 @@ from typing import TYPE_CHECKING
 import click
 from pydantic import Field
 
-from robotd.cli.options import FILE
-from robotd.clock import MonotonicClock
-from robotd.descriptor import RobotDescriptor
-from robotd.descriptor.section import File, Section
-from robotd.device.capabilities import Capability
-from robotd.errors import Unsupported
-from robotd.feature import Feature, FeatureOption
-from robotd.plugin.manager import Backend
+from robotd.api import Capability, MonotonicClock, Unsupported
+from robotd.api.commands import FILE
+from robotd.api.features import Feature, FeatureOption, File, Section
 
 if TYPE_CHECKING:
-    from robotd.feature_host import FeatureHost
-    from robotd.robot import Robot
+    from robotd.api.features import FeatureHost
+    from robotd.api.models import RobotDescriptor
+    from robotd.api.robots import Backend, Robot
     from robotd_scenario.fault_schedule import FaultSchedule
     from robotd_scenario.requested_faults import RequestedFaults
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotd.clock import NANOSECONDS
+from robotd.api import NANOSECONDS
 from robotd_scenario.recorded_commands import POSITION, Repetition
 
 

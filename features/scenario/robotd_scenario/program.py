@@ -7,7 +7,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from robotd.device.state import ConnectionState
+from robotd.api import ConnectionState
 from robotd_scenario.fault_kinds import AxisNumber, Finite, Part, Seconds
 
 Axes = tuple[AxisNumber, ...]

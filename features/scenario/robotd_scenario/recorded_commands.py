@@ -9,21 +9,25 @@ from typing import Any
 
 import numpy as np
 
-from robotd.clock import NANOSECONDS
-from robotd.clock.simulated import SteppedClock
-from robotd.control.trajectory_execution import TrajectoryExecution
-from robotd.descriptor import RobotDescriptor
-from robotd.device.axes import Jog, Move
-from robotd.device.process_image import FLAGS, VALUES
-from robotd.errors import RobotdError
-from robotd.events import EventKind
-from robotd.motion import TrajectoryRequest
-from robotd.motion.profile import Profile
-from robotd.observation.frame_ring import FrameRing, Frames
-from robotd.observation.io_sampler import IoSampler
-from robotd.observation.period_writer import period_writer
-from robotd.plugin.manager import Backend
-from robotd.robot import Robot
+from robotd.api import NANOSECONDS, Profile, RobotdError, RobotDescriptor
+from robotd.api.features import (
+    FLAGS,
+    VALUES,
+    EventKind,
+    FrameRing,
+    Frames,
+    IoSampler,
+    period_writer,
+)
+from robotd.api.robots import (
+    Backend,
+    Jog,
+    Move,
+    Robot,
+    SteppedClock,
+    TrajectoryExecution,
+    TrajectoryRequest,
+)
 from robotd_recording.recording_reader import Recording
 
 MEMORY_BYTES = 2**31  # of the simulated frames

@@ -6,12 +6,9 @@ from pathlib import Path
 
 import click
 
-from robotd.cli.exit_codes import ExitCode
-from robotd.cli.installed import load_robot
-from robotd.cli.layout import columns
-from robotd.errors import RecordingError
-from robotd.log import escaped
-from robotd.plugin.manager import load_backend
+from robotd.api import RecordingError
+from robotd.api.commands import ExitCode, columns, escaped, load_robot
+from robotd.api.robots import load_backend
 from robotd_recording.recording_reader import read_recording
 from robotd_scenario.motion_comparison import Difference, compare
 from robotd_scenario.recorded_commands import CommandRepeater

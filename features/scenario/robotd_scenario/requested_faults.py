@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from robotd.device.capabilities import Capability
-from robotd.errors import Unsupported
-from robotd.robot import Robot
+from robotd.api import Capability, Unsupported
+from robotd.api.robots import Robot
 from robotd_scenario.fault_kinds import FAULTS, Fault, validate_fault
 from robotd_scenario.fault_schedule import FaultSchedule
 

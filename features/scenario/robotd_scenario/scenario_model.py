@@ -7,10 +7,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from robotd.descriptor import RobotDescriptor
-from robotd.descriptor.files import beside
-from robotd.descriptor.problems import validate
-from robotd.descriptor.source import read_yaml
+from robotd.api.models import RobotDescriptor, beside, read_yaml, validate
 from robotd_scenario.fault_kinds import Fault, Part
 from robotd_scenario.program import Step
 

@@ -12,15 +12,8 @@ from functools import partial
 
 import numpy as np
 
-from robotd.clock import NANOSECONDS, wait_until
-from robotd.clock.simulated import SteppedClock
-from robotd.control.trajectory_execution import Outcome
-from robotd.descriptor import RobotDescriptor
-from robotd.device.process_image import ProcessImage
-from robotd.errors import NotReady, RobotdError
-from robotd.motion import TrajectoryRequest
-from robotd.plugin.manager import Backend
-from robotd.robot import Robot
+from robotd.api import NANOSECONDS, NotReady, ProcessImage, RobotdError, RobotDescriptor, wait_until
+from robotd.api.robots import Backend, Outcome, Robot, SteppedClock, TrajectoryRequest
 from robotd_scenario.expectations import unmet
 from robotd_scenario.fault_schedule import FaultSchedule, Happened
 from robotd_scenario.program import Check, Expected, Fingers, Move, Step, Switch, Trajectory

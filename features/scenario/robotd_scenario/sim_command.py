@@ -11,14 +11,19 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.shell_completion import CompletionItem
 
-from robotd.cli.exit_codes import ExitCode
-from robotd.cli.installed import load_robot
-from robotd.cli.options import FILE, log_options
-from robotd.cli.preflight import import_ros
-from robotd.cli.time_scale import time_scale
-from robotd.errors import DescriptorError
-from robotd.number_argument import IntegerRange, parse_integer, parse_number
-from robotd.plugin.manager import load_backend
+from robotd.api import DescriptorError
+from robotd.api.commands import (
+    FILE,
+    ExitCode,
+    IntegerRange,
+    import_ros,
+    load_robot,
+    log_options,
+    parse_integer,
+    parse_number,
+    time_scale,
+)
+from robotd.api.robots import load_backend
 from robotd_ros.commands.robot_client import (
     ROS_EPILOG,
     asks_robot,

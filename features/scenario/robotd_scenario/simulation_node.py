@@ -17,11 +17,8 @@ from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
-from robotd.clock import NANOSECONDS
-from robotd.clock.simulated import PacedClock
-from robotd.device.process_image import ProcessImage
-from robotd.errors import InvalidArgument
-from robotd.robot import Robot
+from robotd.api import NANOSECONDS, InvalidArgument, ProcessImage
+from robotd.api.robots import PacedClock, Robot
 from robotd_ros.host import RosHost
 from robotd_ros.middleware import HotPublisher
 from robotd_ros.run_nodes import NodeContext

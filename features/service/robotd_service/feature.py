@@ -10,15 +10,14 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from robotd.cli.options import PORT
-from robotd.descriptor.section import Section
-from robotd.feature import Feature, FeatureOption
-from robotd.log import get_logger
+from robotd.api import get_logger
+from robotd.api.commands import PORT
+from robotd.api.features import Feature, FeatureOption, Section
 
 if TYPE_CHECKING:
     from wsgiref.types import StartResponse, WSGIEnvironment
 
-    from robotd.feature_host import FeatureHost
+    from robotd.api.features import FeatureHost
     from robotd_service.robot_probe import RobotProbe
 
 log = get_logger("service")
@@ -72,7 +71,7 @@ def open_service(host: FeatureHost) -> Iterator[RobotProbe | None]:
     probe = RobotProbe(host.robot, host.namespace)
     with ExitStack() as stack:
         if port is not None:
-            from robotd.local_http import serve_http
+            from robotd_shared.local_http import serve_http
 
             served = stack.enter_context(serve_http(partial(answer, probe), port, "health"))
             log.info("health", url=f"http://127.0.0.1:{served}/healthz")

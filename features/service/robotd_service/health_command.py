@@ -8,11 +8,8 @@ from typing import Any
 
 import click
 
-from robotd.cli.exit_codes import ExitCode
-from robotd.cli.layout import field
-from robotd.cli.options import as_json, log_options
-from robotd.errors import DeviceTimeout
-from robotd.number_argument import IntegerRange, NumberRange
+from robotd.api import DeviceTimeout
+from robotd.api.commands import ExitCode, IntegerRange, NumberRange, as_json, field, log_options
 
 HEALTH_PORT = 8090  # of `robotd service install`
 ADDRESS = "127.0.0.1"

@@ -7,7 +7,7 @@ import socket
 from collections.abc import Mapping
 from typing import Self
 
-from robotd.log import get_logger
+from robotd.api import get_logger
 
 log = get_logger("service")
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import time
 from dataclasses import asdict, dataclass
 
-from robotd.clock import NANOSECONDS
-from robotd.clock.simulated import SimulatedClock
-from robotd.observation.robot_identity import identity
-from robotd.robot import Robot
+from robotd.api import NANOSECONDS
+from robotd.api.features import identity
+from robotd.api.robots import Robot, SimulatedClock
 
 LOOP_TIMEOUT_S = 3.0  # the loop's own watchdog stops the axes after 1 s; a busy computer needs less
 

@@ -11,15 +11,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from robotd.cli.layout import warn
-from robotd.cli.options import log_options, robot_options
-from robotd.errors import InvalidArgument, OperationError
-from robotd.number_argument import IntegerRange
+from robotd.api import InvalidArgument, OperationError
+from robotd.api.commands import IntegerRange, log_options, robot_options, warn
 from robotd_service.health_command import HEALTH_PORT
 from robotd_service.unit_file import ETC, ServiceUnit, environment_text, is_in_home
 
 if TYPE_CHECKING:  # it needs NumPy and pydantic
-    from robotd.descriptor import Override
+    from robotd.api.models import Override
 
 UNITS = "/etc/systemd/system"
 # Of the shell that installs: where ROS is, and how its processes find each other.
@@ -107,8 +105,8 @@ def _unit(
     health: int,
 ) -> ServiceUnit:
     """Return the unit. Raises RobotdError where robot or backend are wrong."""
-    from robotd.cli.installed import check_backend_overrides, load_robot
-    from robotd.plugin.manager import load_backend
+    from robotd.api.commands import check_backend_overrides, load_robot
+    from robotd.api.robots import load_backend
 
     descriptor = load_robot(robot, variant, overrides)
     chosen = load_backend(backend or descriptor.backend)

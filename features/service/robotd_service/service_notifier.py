@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from typing import Self
 
-from robotd.log import get_logger
+from robotd.api import get_logger
 from robotd_service.notify_socket import NotifySocket
 from robotd_service.robot_probe import RobotProbe
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 import structlog
 
-from robotd.log import configure_logging
+from robotd.api.robots import configure_logging
 from robotd_testing.domain import own_domain
 
 if TYPE_CHECKING:

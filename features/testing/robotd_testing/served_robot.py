@@ -9,13 +9,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from robotd.clock import NANOSECONDS
-from robotd.clock.simulated import PacedClock
-from robotd.descriptor import load_robot_descriptor
-from robotd.descriptor.group_parameters import ACTION, default_action, group_prefixes
-from robotd.errors import InvalidArgument
-from robotd.plugin.manager import load_backend
-from robotd.robot import Robot
+from robotd.api import NANOSECONDS, InvalidArgument
+from robotd.api.models import (
+    ACTION_PARAMETER,
+    default_action,
+    group_prefixes,
+    load_robot_descriptor,
+)
+from robotd.api.robots import PacedClock, Robot, load_backend
 from robotd_ros.client.motion_client import Arm, Ending, move
 from robotd_ros.client.ros_client import RosClient
 from robotd_ros.host import RosHost
@@ -92,7 +93,7 @@ class RobotUnderTest:
         """
         descriptor, group = self.robot.descriptor, self.robot.groups.of(targets)
         parameters = descriptor.ros_parameters.get(_FOLLOWER, {})
-        parameter = f"{group_prefixes(descriptor)[group.name]}{ACTION}"
+        parameter = f"{group_prefixes(descriptor)[group.name]}{ACTION_PARAMETER}"
         name = parameters.get(parameter) or default_action(descriptor, group.name)
         positions = self.joint_positions
         arm = Arm(

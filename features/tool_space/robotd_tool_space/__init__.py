@@ -3,18 +3,25 @@
 The names below are for authors of features and programs.
 """
 
-from robotd_tool_space.chain import Chain
-from robotd_tool_space.kinematics import Kinematics, Obstacle, Unreachable
-from robotd_tool_space.rotations import (
-    inverse_pose,
-    pose_differences,
-    pose_of,
-    quaternion_pose,
-    rotation_matrices,
-    rotation_vectors,
-    rpy_of,
-)
-from robotd_tool_space.task import Task
+from typing import TYPE_CHECKING
+
+from robotd.api import lazy_names
+
+if TYPE_CHECKING:
+    from robotd_tool_space.chain import Chain
+    from robotd_tool_space.kinematics import Kinematics, Obstacle, Unreachable
+    from robotd_tool_space.rotations import (
+        inverse_pose,
+        pose_differences,
+        pose_of,
+        quaternion_pose,
+        rotation_matrices,
+        rotation_vectors,
+        rpy_of,
+    )
+    from robotd_tool_space.task import Task
+else:  # commands that read a robot's file need the keys of the feature only
+    __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
     "Chain",

@@ -10,8 +10,7 @@ from wmx_r2_message.srv import SetAxisPosition, StartAxesPose, StartAxesVelocity
 from wmx_ros2_message.msg import AxisPose, AxisVelocity
 
 from robotd.api import InvalidArgument
-from robotd.api.features import Robot
-from robotd.device.axes import each
+from robotd.api.robots import Robot, each
 from robotd_ros.api import RosHost, add_service, no_parameters, read_settings
 from robotd_ros.nodes import axis_conversions
 from robotd_ros.nodes.axis_motion import AxisMotion

@@ -9,11 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from robotd.api import DescriptorError, FloatArray, UrdfRobot, read_limited
-from robotd.arrays import IntArray
-from robotd.descriptor.urdf.mesh_files import MAX_BYTES
-from robotd.descriptor.urdf.shapes import mesh_triangles, numbers, shape_pose
-from robotd.descriptor.urdf.urdf_text import xml_root
+from robotd.api import DescriptorError, FloatArray, IntArray
+from robotd.api.models import UrdfRobot, read_limited, xml_root
+from robotd_shared.mesh_files import MAX_MESH_BYTES
+from robotd_shared.mesh_shapes import mesh_triangles, numbers, shape_pose
 from robotd_tool_space.chain import Chain
 
 FIXED = -1  # carrier of what does not move in the base
@@ -46,7 +45,7 @@ class Capsules:
 
         Raises DescriptorError: a mesh cannot be read, or there is no shape.
         """
-        root = xml_root(read_limited(path, MAX_BYTES).decode(), path)
+        root = xml_root(read_limited(path, MAX_MESH_BYTES).decode(), path)
         found: list[tuple[str, int, FloatArray, float]] = []
         for link in root.iterfind("link"):
             name = link.get("name", "")

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robotd.api import BoolArray, DescriptorError, FloatArray
-from robotd.api.features import UrdfJoint, UrdfRobot
+from robotd.api import BoolArray, DescriptorError, FloatArray, UrdfJoint, UrdfRobot
 from robotd_tool_space.rotations import skew
 
 SPEED_STEP_S = 1e-3  # off by 1 µm/s at 3 rad/s

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from robotd.api import NANOSECONDS, FloatArray, get_logger
-from robotd.api.features import ProcessImage, Robot
+from robotd.api import NANOSECONDS, FloatArray, ProcessImage, get_logger
+from robotd.api.robots import Robot
 from robotd_tool_space.collisions import Collisions
 from robotd_tool_space.robot_tool import RobotTool, moved_by_device
 from robotd_tool_space.settings import ToolSpaceKeys

@@ -7,11 +7,16 @@ from functools import cached_property
 
 import numpy as np
 
-from robotd.api import DescriptorError, FloatArray, get_logger, read_urdf
-from robotd.arrays import BoolArray, IntArray
-from robotd.descriptor import RobotDescriptor
-from robotd.motion import Trajectory
-from robotd.motion.rejection import distinct, reject
+from robotd.api import (
+    BoolArray,
+    DescriptorError,
+    FloatArray,
+    IntArray,
+    RobotDescriptor,
+    get_logger,
+    read_urdf,
+)
+from robotd.api.robots import Trajectory, distinct, reject
 from robotd_tool_space.capsules import FIXED, Capsules
 from robotd_tool_space.chain import Chain
 from robotd_tool_space.distances import box_distances, plane_distances, segment_distances

@@ -7,8 +7,7 @@ from typing import Any
 
 import click
 
-from robotd.cli.exit_codes import ExitCode
-from robotd.cli.preflight import import_ros
+from robotd.api.commands import ExitCode, import_ros
 from robotd_ros.commands.robot_client import ROS_EPILOG, client_options, robot_client
 
 GROUP = click.option(

@@ -7,10 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
-from robotd.api import NodeRegistry, hookimpl
-from robotd.api.features import Feature, FeatureHost
+from robotd.api import hookimpl
+from robotd.api.features import Feature
 from robotd_tool_space.settings import ToolSpaceKeys
+
+if TYPE_CHECKING:  # every command that reads a robot's file imports this module
+    from robotd.api import NodeRegistry
+    from robotd.api.features import FeatureHost
 
 FEATURE = Feature(
     summary="motion of the tool: poses, straight lines, kinematics, tool and work frames",

@@ -9,8 +9,16 @@ from functools import cached_property
 
 import numpy as np
 
-from robotd.api import BoolArray, FloatArray, InvalidArgument, RobotDescriptor, Unsupported
-from robotd.api.features import JointLimits, UrdfRobot, read_urdf, tool_link
+from robotd.api import (
+    BoolArray,
+    FloatArray,
+    InvalidArgument,
+    RobotDescriptor,
+    Unsupported,
+    UrdfRobot,
+    read_urdf,
+)
+from robotd.api.robots import JointLimits, tool_link
 from robotd_tool_space.chain import Chain
 from robotd_tool_space.inverse import Problem, pose_weights
 from robotd_tool_space.rotations import checked_pose, pose_differences

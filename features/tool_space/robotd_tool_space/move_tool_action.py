@@ -9,7 +9,7 @@ from rclpy.action import CancelResponse, GoalResponse
 from robotd_msgs.action import MoveTool
 
 from robotd.api import InvalidArgument, RobotdError, get_logger
-from robotd.api.features import Outcome, TrajectoryExecution
+from robotd.api.robots import Outcome, TrajectoryExecution
 from robotd_ros.middleware import WorkerActionServer
 from robotd_ros.run_nodes import NodeContext
 from robotd_tool_space.robot_tool import BASE, TOOL, RobotTool

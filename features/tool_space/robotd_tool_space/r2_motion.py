@@ -7,9 +7,8 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from typing import Any, NamedTuple
 
-from robotd.api import InvalidArgument, NotReady, RobotdError, get_logger, wait_until
-from robotd.api.features import ProcessImage, Robot, TrajectoryExecution
-from robotd.control.interruptions import Interruption
+from robotd.api import InvalidArgument, NotReady, ProcessImage, RobotdError, get_logger, wait_until
+from robotd.api.robots import Interruption, Robot, TrajectoryExecution
 from robotd_tool_space.r2_state import (
     NO_FAULT,
     R2Error,

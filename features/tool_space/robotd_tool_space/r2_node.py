@@ -16,7 +16,7 @@ from wmx_r2_message.srv import (
 )
 
 from robotd.api import FloatArray, InvalidArgument, NotReady
-from robotd.api.features import Robot
+from robotd.api.robots import Robot
 from robotd_ros.api import RosHost, add_service, read_settings
 from robotd_tool_space.r2_motion import Arrival, R2Motion
 from robotd_tool_space.r2_settings import read_robot_option

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from enum import IntEnum
 from typing import NamedTuple
 
-from robotd.api import Operation
-from robotd.api.features import Outcome, ProcessImage, TrajectoryExecution
+from robotd.api import Operation, ProcessImage
+from robotd.api.robots import Outcome, TrajectoryExecution
 
 FAILED = frozenset({Outcome.FAULT, Outcome.PATH_TOLERANCE, Outcome.GOAL_TOLERANCE})
 

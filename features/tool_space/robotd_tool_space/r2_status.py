@@ -8,7 +8,8 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from wmx_r2_message.msg import RobotStatus
 
-from robotd.api.features import ProcessImage, Robot
+from robotd.api import ProcessImage
+from robotd.api.robots import Robot
 from robotd_ros.nodes.latched_topics import publish_if_alive
 from robotd_tool_space.r2_motion import R2Motion
 from robotd_tool_space.r2_settings import RobotOptionSettings

@@ -15,7 +15,8 @@ from robotd.api import (
     get_logger,
     unknown_name,
 )
-from robotd.api.features import EventKind, ProcessImage, Robot
+from robotd.api.features import EventKind, ProcessImage
+from robotd.api.robots import Robot
 from robotd_tool_space.robot_tool import RobotTool, moved_by_device
 from robotd_tool_space.settings import ToolSpaceKeys
 from robotd_tool_space.tool_groups import ToolGroups

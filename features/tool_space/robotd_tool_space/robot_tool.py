@@ -16,20 +16,13 @@ from robotd.api import (
     NotReady,
     Operation,
     OperationError,
+    RobotdError,
     did_you_mean,
     get_logger,
     wait_until,
 )
-from robotd.api.features import (
-    EventKind,
-    JointGroup,
-    Level,
-    Outcome,
-    ProcessImage,
-    Robot,
-    RobotdError,
-    TrajectoryExecution,
-)
+from robotd.api.features import EventKind, Level, ProcessImage
+from robotd.api.robots import JointGroup, Outcome, Robot, TrajectoryExecution
 from robotd_tool_space.kinematics import Kinematics
 from robotd_tool_space.rotations import (
     COMPONENTS,

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from robotd.api import FloatArray
-from robotd.api.features import transform_numbers
+from robotd.api.models import transform_numbers
 from robotd_tool_space.rotations import quaternion_pose
 
 

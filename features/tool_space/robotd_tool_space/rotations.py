@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from robotd.api import FloatArray, InvalidArgument, did_you_mean
-from robotd.api.features import frame
+from robotd.api.models import frame
 
 HALF_TURN_COSINE = -0.9999  # beyond it the skew part of a matrix has no direction left
 COMPONENTS = ("x", "y", "z", "roll", "pitch", "yaw")

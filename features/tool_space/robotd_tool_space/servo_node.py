@@ -14,7 +14,7 @@ from rclpy.node import Node
 from std_msgs.msg import Int8, String
 
 from robotd.api import FloatArray, InvalidArgument, unknown_name
-from robotd.api.features import Robot
+from robotd.api.robots import Robot
 from robotd_ros.api import STREAM, RosHost, TopicStream, add_command_subscription, read_settings
 from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.ros_poses import pose_of_message

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from robotd.api import DescriptorError, InvalidArgument, Unsupported, get_logger
-from robotd.api.features import Robot, RobotdError
+from robotd.api import DescriptorError, InvalidArgument, RobotdError, Unsupported, get_logger
+from robotd.api.robots import Robot
 from robotd_tool_space.robot_tool import RobotTool
 
 log = get_logger("tool")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotd.api import FloatArray, InvalidArgument
-from robotd.api.features import JointLimits, TrajectoryRequest
+from robotd.api.robots import JointLimits, TrajectoryRequest
 from robotd_tool_space.joint_path import JointPath, follow_path, hermite
 from robotd_tool_space.kinematics import Kinematics, Obstacle, Unreachable
 from robotd_tool_space.rotations import pose_differences

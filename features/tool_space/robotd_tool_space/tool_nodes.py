@@ -9,7 +9,7 @@ from geometry_msgs.msg import TransformStamped
 from tf2_msgs.msg import TFMessage
 
 from robotd.api import FloatArray, get_logger
-from robotd.api.features import transform_numbers
+from robotd.api.models import transform_numbers
 from robotd_ros.nodes.latched_topics import publish_if_alive
 from robotd_ros.nodes.tool_pose_topic import fill_transform
 from robotd_ros.qos import LATCHED

@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 
 from robotd.api import FloatArray, InvalidArgument
-from robotd.control.joint_stream import JointStream
+from robotd.api.robots import JointStream
 from robotd_tool_space.twist import TwistCommand, TwistStage
 
 

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotd.api import FloatArray
-from robotd.api.features import JointLimits, MotionLimits
+from robotd.api.robots import JointLimits, MotionLimits
 from robotd_tool_space.differential import Differential, Rates
 from robotd_tool_space.kinematics import Kinematics
 from robotd_tool_space.rotations import pose_differences, rotation_matrices

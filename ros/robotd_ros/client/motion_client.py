@@ -22,7 +22,7 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 from unique_identifier_msgs.msg import UUID
 
 from robotd.clock import NANOSECONDS
-from robotd.descriptor.group_parameters import ACTION, GROUPS, JOINTS
+from robotd.descriptor.group_parameters import ACTION_PARAMETER, GROUPS, JOINTS
 from robotd.errors import DeviceTimeout, InvalidArgument, OperationError, unknown_name
 from robotd_ros.client.ros_client import RosClient
 
@@ -299,7 +299,7 @@ def _groups(client: RosClient, node: str) -> Groups:
     names = client.parameters(node, [GROUPS])
     if not names or not names[0]:
         return {}
-    keys = [f"{group}.{key}" for group in names[0] for key in (ACTION, JOINTS)]
+    keys = [f"{group}.{key}" for group in names[0] for key in (ACTION_PARAMETER, JOINTS)]
     values = client.parameters(node, keys)
     namespace = posixpath.dirname(node)
     actions = [posixpath.join(namespace, action) for action in values[::2]]

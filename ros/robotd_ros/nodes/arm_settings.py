@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from robotd.descriptor import RobotDescriptor
 from robotd.descriptor.group_parameters import (
-    ACTION,
+    ACTION_PARAMETER,
     GROUPS,
     JOINTS,
     default_action,
@@ -101,7 +101,7 @@ def read_trajectory_server(
     _declare_groups(parameters, descriptor)
     actions = {
         group: parameters.action(
-            f"{prefix}{ACTION}", "name of the action", default_action(descriptor, group)
+            f"{prefix}{ACTION_PARAMETER}", "name of the action", default_action(descriptor, group)
         )
         for group, prefix in group_prefixes(descriptor).items()
     }

@@ -16,7 +16,7 @@ VARIABLES = ("ROS_DISTRO", "AMENT_PREFIX_PATH", "LD_LIBRARY_PATH", "PYTHONPATH")
 
 @pytest.fixture(autouse=True)
 def wheels_and_a_clean_shell(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(preflight, "WHEELS", True)
+    monkeypatch.setattr(preflight, "HAS_ROS_WHEELS", True)
     for name in VARIABLES:
         monkeypatch.delenv(name, raising=False)
 
@@ -66,7 +66,7 @@ def test_the_prefix_of_the_wheels_is_no_second_ros(
 
 
 def test_a_sourced_ros_alone_is_the_one_to_use(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(preflight, "WHEELS", False)
+    monkeypatch.setattr(preflight, "HAS_ROS_WHEELS", False)
     monkeypatch.setenv("ROS_DISTRO", "jazzy")
     assert (
         preflight.import_ros("robotd_ros.middleware.message_fields").__name__
@@ -84,7 +84,7 @@ def test_a_sourced_ros_alone_is_the_one_to_use(monkeypatch: pytest.MonkeyPatch) 
 def test_what_a_sourced_ros_lacks_is_named_with_its_remedy(
     monkeypatch: pytest.MonkeyPatch, missing: str, remedy: str
 ) -> None:
-    monkeypatch.setattr(preflight, "WHEELS", False)
+    monkeypatch.setattr(preflight, "HAS_ROS_WHEELS", False)
     monkeypatch.setenv("ROS_DISTRO", "jazzy")
     monkeypatch.setitem(sys.modules, missing, None)  # importing it raises ModuleNotFoundError
     with pytest.raises(RosUnavailable, match=re.escape(remedy)):

@@ -304,7 +304,7 @@ def run_without_ros(**environment: str) -> subprocess.CompletedProcess[str]:
         "import sys\n"
         "sys.modules['rclpy'] = None\n"
         "from robotd.cli import main, preflight\n"
-        "preflight.WHEELS = False\n"
+        "preflight.HAS_ROS_WHEELS = False\n"
         "main(['--robot', 'cr3a'])"
     )
     return subprocess.run(

@@ -8,7 +8,6 @@ import pytest
 from lxml import etree
 
 from robotd.descriptor.urdf import parse_urdf, read_urdf, read_urdf_text
-from robotd.descriptor.urdf.package_files import mesh_files, moved_mesh_names
 from robotd.errors import DescriptorError
 
 URDFS = Path(__file__).parents[2] / "urdf"
@@ -289,20 +288,3 @@ def test_a_mimic_joint_follows_its_leader() -> None:
     arm = read_urdf(URDFS / "six_axis.urdf")
     opposite = arm.position(arm.joint["right_finger_joint"], {"left_finger_joint": 0.3})
     assert opposite == -0.3
-
-
-def test_meshes_that_are_lost_in_another_place_get_urls(tmp_path: Path) -> None:
-    (tmp_path / "arm_meshes").mkdir()
-    for name in ("a.stl", "arm_meshes/b.stl"):
-        (tmp_path / name).write_bytes(b"solid")
-    names = ("a.stl", "package://arm_meshes/b.stl", "gone.stl")
-    meshes = "".join(
-        f'<visual><geometry><mesh filename="{name}"/></geometry></visual>' for name in names
-    )
-    path = tmp_path / "arm.urdf"
-    files = mesh_files(f'<robot><link name="base">{meshes}</link></robot>', path)
-    assert moved_mesh_names(files, tmp_path / "other.urdf") == {}
-    assert moved_mesh_names(files, None) == {
-        names[0]: (tmp_path / "a.stl").as_uri(),
-        names[1]: (tmp_path / "arm_meshes" / "b.stl").as_uri(),
-    }

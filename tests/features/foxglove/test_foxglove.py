@@ -19,7 +19,7 @@ from tests.features.page.server.viewer import TIMEOUT_S
 
 from robotd.errors import OperationError
 from robotd.events import EventKind
-from robotd.observation.robot_state import Goals, state_of
+from robotd_shared.robot_state import Goals, state_of
 
 pytest.importorskip("foxglove", reason="no foxglove-sdk: pip install 'robotd[foxglove]'")
 

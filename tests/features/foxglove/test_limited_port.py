@@ -11,9 +11,9 @@ from contextlib import ExitStack
 import pytest
 
 from robotd.clock import MonotonicClock, wait_until
-from robotd.local_ports import MAX_CONNECTIONS
 from robotd_foxglove import limited_port
 from robotd_foxglove.limited_port import LimitedPort
+from robotd_shared.local_ports import MAX_CONNECTIONS
 
 BLOCK = bytes(range(256)) * 1000
 

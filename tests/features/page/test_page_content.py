@@ -14,15 +14,15 @@ from tests.world_backend import START, cube_backend
 from robotd.clock.simulated import SteppedClock
 from robotd.control.problem import ProblemKind
 from robotd.descriptor import load_robot_descriptor
-from robotd.descriptor.urdf.mesh_files import MeshFiles, mesh_files
 from robotd.events import sent_by
 from robotd.observation.frame_ring import frame_type
-from robotd.observation.plot_history import COLUMNS, HISTORY_BYTES, PlotHistory
-from robotd.observation.robot_state import Goals, state_of
+from robotd.observation.plot_history import HISTORY_BYTES, HISTORY_COLUMNS, PlotHistory
 from robotd.robot import Robot
 from robotd_page.live_samples import HEADER, LiveSamples
 from robotd_page.page_description import describe
 from robotd_page.world_objects import WorldObjects
+from robotd_shared.mesh_files import MeshFiles, drawable_meshes
+from robotd_shared.robot_state import Goals, state_of
 
 AXES = 6
 VALUES = len(HEADER) + 1  # one group
@@ -152,7 +152,7 @@ def test_the_latest_period_of_an_interval_is_kept_with_its_largest_lateness() ->
     past = history.rows()
     np.testing.assert_array_equal(past[:, 0], [2.0, 5.0])
     np.testing.assert_allclose(past[:, 1], [9e-6, 2e-6])
-    np.testing.assert_array_equal(past[:, COLUMNS + 2], [2.0, 5.0])
+    np.testing.assert_array_equal(past[:, HISTORY_COLUMNS + 2], [2.0, 5.0])
     history.add(frames[:1])
     assert history.rows()[2, 1] == pytest.approx(4e-6)
 
@@ -161,7 +161,7 @@ def test_the_latest_period_of_an_interval_is_kept_with_its_largest_lateness() ->
 def test_the_history_is_bounded_and_holds_a_minute(axes: int, rate_hz: float) -> None:
     history = PlotHistory(axes, rate_hz)
     assert history.nbytes <= HISTORY_BYTES
-    assert history.nbytes / (8 * (COLUMNS + 5 * axes)) * history.step / rate_hz >= 59.0
+    assert history.nbytes / (8 * (HISTORY_COLUMNS + 5 * axes)) * history.step / rate_hz >= 59.0
 
 
 def mesh(name: str) -> str:
@@ -183,13 +183,13 @@ def test_only_meshes_of_the_urdf_are_found(tmp_path: Path) -> None:
         "http://example.com/x.stl",
     )
     text = f"<robot><link>{''.join(map(mesh, names))}</link></robot>"
-    found = mesh_files(text, urdf)
+    found = drawable_meshes(text, urdf)
     assert {name: path.resolve() for name, path in found.items()} == {
         "package://acme_arm/meshes/base.stl": meshes / "base.stl",
         "../meshes/hand.STL": meshes / "hand.STL",
     }
-    assert mesh_files("", None) == {}
-    assert mesh_files("no xml", urdf) == {}
+    assert drawable_meshes("", None) == {}
+    assert drawable_meshes("no xml", urdf) == {}
 
 
 def test_a_gltf_brings_the_files_beside_it_and_no_others(tmp_path: Path) -> None:

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robotd.api import FloatArray
-from robotd.api.features import read_urdf
+from robotd.api import FloatArray, read_urdf
 from robotd_tool_space import Kinematics
 from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.tool_motion import plan_joint_motion

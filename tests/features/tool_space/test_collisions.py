@@ -13,7 +13,7 @@ from tests.features.tool_space.arms import go
 
 from robotd import Robot, open_robot
 from robotd.api import DescriptorError, FloatArray, Operation, Profile, read_urdf
-from robotd.api.features import TrajectoryRequest
+from robotd.api.robots import TrajectoryRequest
 from robotd.clock.simulated import SteppedClock
 from robotd.control.completion import Outcome
 from robotd.device.axes import Jog, Move

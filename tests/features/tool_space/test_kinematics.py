@@ -7,8 +7,7 @@ import optik
 import pytest
 from tests.features.tool_space.arms import FILES, file_of, kinematics_of, random_positions
 
-from robotd.api import DescriptorError, InvalidArgument, load_robot_descriptor
-from robotd.api.features import read_urdf
+from robotd.api import DescriptorError, InvalidArgument, load_robot_descriptor, read_urdf
 from robotd_tool_space import (
     Chain,
     Kinematics,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
 
-from robotd.api import FloatArray, load_robot_descriptor
-from robotd.api.features import JointLimits, read_urdf
+from robotd.api import FloatArray, load_robot_descriptor, read_urdf
+from robotd.api.robots import JointLimits
 from robotd_tool_space import Kinematics, Obstacle, Unreachable, pose_differences, pose_of
 from robotd_tool_space.tool_motion import (
     LINE_TOLERANCE_M,

@@ -11,7 +11,7 @@ from tests.features.tool_space.arms import go
 
 from robotd import Robot, open_robot
 from robotd.api import DescriptorError, FloatArray, NotReady, Operation, Profile
-from robotd.api.features import ProblemKind, TrajectoryRequest
+from robotd.api.robots import ProblemKind, TrajectoryRequest
 from robotd.clock.simulated import SteppedClock
 from robotd.control.completion import Outcome
 from robotd.device.axes import Jog, Move

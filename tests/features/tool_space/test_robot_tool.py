@@ -16,7 +16,7 @@ from robotd.api import (
     OperationError,
     RobotDescriptor,
 )
-from robotd.api.features import JointLimits
+from robotd.api.robots import JointLimits
 from robotd.clock.simulated import SteppedClock
 from robotd.robot import build_robot
 from robotd_tool_space import Kinematics, Unreachable, pose_differences, pose_of

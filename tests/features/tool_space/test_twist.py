@@ -10,7 +10,7 @@ import pytest
 from tests.features.tool_space.arms import kinematics_of
 
 from robotd.api import FloatArray
-from robotd.api.features import JointLimits
+from robotd.api.robots import JointLimits
 from robotd.motion import MotionState
 from robotd.motion.limiter import SetpointLimiter
 from robotd_tool_space.kinematics import Kinematics

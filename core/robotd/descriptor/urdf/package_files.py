@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import html
 import os
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlparse
@@ -13,24 +11,11 @@ from urllib.parse import unquote, urlparse
 from robotd.descriptor.files import is_file
 from robotd.descriptor.urdf.urdf_text import xml_root
 
-_FILENAME = re.compile(r"""(<mesh\b[^>]*?\bfilename\s*=\s*)(["'])(.*?)\2""")
-
 
 def mesh_names(root: Any, kinds: Sequence[str] = ("visual", "collision")) -> list[str]:
     """Return the names of the meshes below the root element of a URDF, each once."""
     found = [mesh for kind in kinds for mesh in root.iterfind(f".//{kind}/geometry/mesh")]
     return list(dict.fromkeys(mesh.get("filename", "") for mesh in found))
-
-
-def with_mesh_names(text: str, renamed: Mapping[str, str]) -> str:
-    """Return the text of a URDF with other names of meshes."""
-
-    def attribute(match: re.Match[str]) -> str:
-        head, quote, written = match.groups()
-        name = renamed.get(html.unescape(written))
-        return match[0] if name is None else f"{head}{quote}{html.escape(name)}{quote}"
-
-    return _FILENAME.sub(attribute, text) if renamed else text
 
 
 def mesh_files(text: str, path: Path, folders: Sequence[Path] = ()) -> dict[str, Path | None]:
@@ -42,20 +27,6 @@ def mesh_files(text: str, path: Path, folders: Sequence[Path] = ()) -> dict[str,
         folders: see ``find_mesh``.
     """
     return {name: find_mesh(name, path, folders) for name in mesh_names(xml_root(text, path))}
-
-
-def moved_mesh_names(files: Mapping[str, Path | None], place: Path | None) -> dict[str, str]:
-    """Return ``file`` URLs for the meshes that would be lost in another place.
-
-    Args:
-        files: see ``mesh_files``.
-        place: new path of the URDF; None: it has none, as for MoveIt, which gets the text.
-    """
-    return {
-        name: file.absolute().as_uri()
-        for name, file in files.items()
-        if file is not None and find_mesh(name, place) != file
-    }
 
 
 def find_mesh(name: str, path: Path | None, folders: Sequence[Path] = ()) -> Path | None:

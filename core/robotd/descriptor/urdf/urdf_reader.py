@@ -22,7 +22,7 @@ from robotd.descriptor.urdf.urdf_model import (
     UrdfRobot,
     frame,
 )
-from robotd.descriptor.urdf.urdf_text import MAX_BYTES, is_xacro, xml_root
+from robotd.descriptor.urdf.urdf_text import MAX_URDF_BYTES, is_xacro, xml_root
 from robotd.descriptor.urdf.urdf_tree import check_tree, depth_first
 from robotd.errors import DescriptorError, did_you_mean
 
@@ -41,7 +41,7 @@ _INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 def read_urdf(path: Path) -> UrdfRobot:
     """Read and check a file. Raises DescriptorError with every problem."""
-    return parse_urdf(read_limited(path, MAX_BYTES), path)
+    return parse_urdf(read_limited(path, MAX_URDF_BYTES), path)
 
 
 def parse_urdf(data: bytes | str, path: Path) -> UrdfRobot:

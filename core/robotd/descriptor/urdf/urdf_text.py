@@ -13,7 +13,7 @@ from lxml import etree
 from robotd.descriptor.files import read_limited
 from robotd.errors import DescriptorError
 
-MAX_BYTES = 8_000_000
+MAX_URDF_BYTES = 8_000_000
 
 _DECLARATION = re.compile(r"\s*<\?xml\s[^>]*\?>")
 _VERSION_1 = re.compile(r"""<\?xml\s+version\s*=\s*(["'])1\.\d+\1""")
@@ -34,7 +34,7 @@ _MARKS = {
 
 def read_urdf_text(path: Path) -> str:
     """Return the text of a file, see ``urdf_text``. Raises DescriptorError also if unreadable."""
-    return urdf_text(read_limited(path, MAX_BYTES), path)
+    return urdf_text(read_limited(path, MAX_URDF_BYTES), path)
 
 
 def urdf_text(data: bytes | str, path: Path) -> str:

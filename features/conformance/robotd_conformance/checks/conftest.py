@@ -8,9 +8,7 @@ from typing import Any
 
 import pytest
 
-from robotd.device.capabilities import Capability
-from robotd.device.fault_injector import FaultInjector
-from robotd.errors import RobotdError
+from robotd.api import Capability, FaultInjector, RobotdError
 from robotd.plugin.foreign_process import note_step
 from robotd_conformance.checks.harness import Harness, MakeHarness
 from robotd_conformance.checks.inconclusive import Repeats

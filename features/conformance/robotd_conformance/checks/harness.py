@@ -9,21 +9,32 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from robotd.arrays import FloatArray
-from robotd.clock import Clock, MonotonicClock, wait_until
-from robotd.clock.simulated import SteppedClock
-from robotd.control.trajectory_execution import TrajectoryExecution
-from robotd.descriptor import RobotDescriptor
-from robotd.device.axes import Move
-from robotd.device.capabilities import Capability
-from robotd.device.fault_injector import FaultInjector
-from robotd.device.process_image import ProcessImage
-from robotd.device.state import CommandMode, Operation
-from robotd.errors import LateSetpoint, OperationError, RobotdError, Unsupported
-from robotd.motion import JointTolerance, TrajectoryRequest
-from robotd.motion.profile import Profile
-from robotd.plugin.manager import Backend
-from robotd.robot import Robot
+from robotd.api import (
+    Capability,
+    Clock,
+    CommandMode,
+    FaultInjector,
+    FloatArray,
+    LateSetpoint,
+    MonotonicClock,
+    Operation,
+    OperationError,
+    ProcessImage,
+    Profile,
+    RobotdError,
+    RobotDescriptor,
+    Unsupported,
+    wait_until,
+)
+from robotd.api.robots import (
+    Backend,
+    JointTolerance,
+    Move,
+    Robot,
+    SteppedClock,
+    TrajectoryExecution,
+    TrajectoryRequest,
+)
 from robotd_conformance.checks.interruption import INTERRUPTION
 from robotd_conformance.checks.recording import Recorder, Recording
 from robotd_conformance.checks.start_pose import StartPose

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-from robotd.stop_signals import stop_signals
+from robotd.api.commands import stop_signals
 
 
 class Interruption:

@@ -13,8 +13,7 @@ import sys
 
 import numpy as np
 
-from robotd.device.capabilities import Capability
-from robotd.motion.profile import Profile
+from robotd.api import Capability, Profile
 from robotd_conformance.checks.harness import Harness
 from robotd_conformance.checks.kit_target import KitTarget
 from robotd_conformance.checks.recorded_motion import jog

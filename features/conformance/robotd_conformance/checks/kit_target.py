@@ -8,15 +8,15 @@ from typing import Any
 
 import pytest
 
-from robotd.descriptor import (
+from robotd.api import Capability, RobotdError
+from robotd.api.models import (
     RobotDescriptor,
     default_search_path,
     load_robot_descriptor,
     parse_override,
 )
-from robotd.device.capabilities import Capability
-from robotd.errors import RobotdError
-from robotd.plugin.manager import Backend, load_backend, load_plugins, register_all
+from robotd.api.robots import Backend, load_backend, load_plugins
+from robotd.plugin.manager import register_all
 from robotd_conformance.checks.harness import Harness
 from robotd_conformance.checks.interruption import INTERRUPTION
 from robotd_conformance.checks.start_pose import StartPose

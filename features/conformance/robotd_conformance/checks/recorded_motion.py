@@ -9,10 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robotd.arrays import FloatArray
-from robotd.device.axes import Jog
-from robotd.device.process_image import ProcessImage
-from robotd.motion.profile import Profile
+from robotd.api import FloatArray, ProcessImage, Profile
+from robotd.api.robots import Jog
 from robotd_conformance.checks.harness import Harness
 from robotd_conformance.checks.inconclusive import UNDECIDED
 from robotd_conformance.checks.recording import Recording

@@ -8,8 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from robotd.arrays import FloatArray
-from robotd.device.process_image import ProcessImage
+from robotd.api import FloatArray, ProcessImage
 
 LATE_PERIODS = 1.4  # from one sample to the next
 RECORDED = ("position", "velocity", "position_command", "velocity_command", "servo_on")

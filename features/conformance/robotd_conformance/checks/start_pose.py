@@ -9,10 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from robotd.arrays import FloatArray
-from robotd.device.process_image import ProcessImage
-from robotd.errors import InvalidArgument
-from robotd.motion.limits import AxisLimits
+from robotd.api import AxisLimits, FloatArray, InvalidArgument, ProcessImage
 
 TRAVEL_RAD = 0.3  # the farthest that a check moves an axis; m for a linear one
 MAX_EXCURSION_RAD = 0.45  # at which a run ends, by default: checks that stop a move overshoot

@@ -8,12 +8,8 @@ from contextlib import suppress
 import numpy as np
 import pytest
 
-from robotd.control.trajectory_execution import Outcome
-from robotd.device.drivers import DeviceDriver
-from robotd.device.fault_injector import FaultInjector
-from robotd.device.process_image import ProcessImage
-from robotd.device.state import ConnectionState
-from robotd.errors import Unsupported
+from robotd.api import ConnectionState, DeviceDriver, FaultInjector, ProcessImage, Unsupported
+from robotd.api.robots import Outcome
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.recorded_motion import judge, record_move
 

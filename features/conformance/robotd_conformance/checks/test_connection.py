@@ -9,10 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotd.device.capabilities import Capability
-from robotd.device.process_image import ProcessImage
-from robotd.device.state import ConnectionState
-from robotd.errors import NotReady, RobotdError
+from robotd.api import Capability, ConnectionState, NotReady, ProcessImage, RobotdError
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_wmx_parameters import (
     WmxParameters,

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from robotd.device.process_image import ProcessImage
+from robotd.api import ProcessImage
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness, MakeHarness
 from robotd_conformance.checks.stopwatch import timed
 

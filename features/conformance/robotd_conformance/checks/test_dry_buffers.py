@@ -7,10 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from robotd.api import LateSetpoint
-from robotd.arrays import FloatArray
-from robotd.device.process_image import ProcessImage
-from robotd.errors import RobotdError
+from robotd.api import FloatArray, LateSetpoint, ProcessImage, RobotdError
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.recorded_motion import judge, ramped, record_stream
 from robotd_conformance.checks.recording import Recording

@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotd.device.fault_injector import FaultInjector
-from robotd.device.process_image import ProcessImage
-from robotd.errors import NotReady, OperationError
-from robotd.motion.profile import Profile
+from robotd.api import FaultInjector, NotReady, OperationError, ProcessImage, Profile
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 
 MORE = 1.3

@@ -7,12 +7,8 @@ import re
 import numpy as np
 import pytest
 
-from robotd.control.trajectory_execution import Outcome
-from robotd.device.capabilities import Capability
-from robotd.device.fault_injector import FaultInjector
-from robotd.device.state import Operation
-from robotd.errors import NotReady
-from robotd.motion import JointTolerance
+from robotd.api import Capability, FaultInjector, NotReady, Operation
+from robotd.api.robots import JointTolerance, Outcome
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 
 ALARM = 0x32

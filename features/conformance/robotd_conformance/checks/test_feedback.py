@@ -8,9 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robotd.device.capabilities import Capability
-from robotd.device.fault_injector import FaultInjector
-from robotd.device.process_image import ProcessImage
+from robotd.api import Capability, FaultInjector, ProcessImage
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 
 LONG_S, LONG_STEPPED_S = 5.0, 20.0  # stepped time costs little

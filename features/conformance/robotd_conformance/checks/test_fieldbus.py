@@ -8,11 +8,15 @@ from functools import partial
 import numpy as np
 import pytest
 
-from robotd.device.bus_status import BusState, BusStatus
-from robotd.device.capabilities import Capability
-from robotd.device.drivers import DeviceDriver, FieldbusDriver
-from robotd.device.fault_injector import FaultInjector
-from robotd.errors import OperationError
+from robotd.api import (
+    BusState,
+    BusStatus,
+    Capability,
+    DeviceDriver,
+    FaultInjector,
+    FieldbusDriver,
+    OperationError,
+)
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness, MakeHarness
 
 pytestmark = pytest.mark.needs(Capability.FIELDBUS)

@@ -12,11 +12,15 @@ from statistics import median
 
 import pytest
 
-from robotd.device.capabilities import Capability
-from robotd.device.drivers import IoDriver
-from robotd.device.fault_injector import FaultInjector
-from robotd.errors import InvalidArgument, OperationError, Unsupported
-from robotd.observation.io_sampler import MAX_IO_BYTES
+from robotd.api import (
+    Capability,
+    FaultInjector,
+    InvalidArgument,
+    IoDriver,
+    OperationError,
+    Unsupported,
+)
+from robotd.api.features import MAX_IO_BYTES
 from robotd_conformance.checks.harness import Harness
 from robotd_conformance.checks.stopwatch import timed
 

@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotd.device.capabilities import Capability
-from robotd.device.fault_injector import FaultInjector
-from robotd.device.state import Operation
-from robotd.errors import RobotdError
+from robotd.api import Capability, FaultInjector, Operation, RobotdError
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 
 ALARM = 0x2310

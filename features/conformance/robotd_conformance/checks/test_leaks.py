@@ -13,8 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotd.clock import MonotonicClock, wait_until
-from robotd.device.drivers import AxisDriver
+from robotd.api import AxisDriver, MonotonicClock, wait_until
 from robotd_conformance.checks.harness import Harness, MakeHarness
 
 ROUNDS = 3

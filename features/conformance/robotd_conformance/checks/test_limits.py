@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotd.control.trajectory_execution import Outcome
-from robotd.device.capabilities import Capability
+from robotd.api import Capability
+from robotd.api.robots import Outcome
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.recorded_motion import judge
 

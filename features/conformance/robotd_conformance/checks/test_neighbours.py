@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotd.device.capabilities import Capability
-from robotd.device.fault_injector import FaultInjector
-from robotd.device.state import CommandMode
+from robotd.api import Capability, CommandMode, FaultInjector
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 
 

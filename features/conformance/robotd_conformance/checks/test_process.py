@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotd.device.process_image import ProcessImage
+from robotd.api import ProcessImage
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness, MakeHarness
 from robotd_conformance.checks.surroundings import surroundings
 from robotd_conformance.checks.test_leaks import allocated_bytes

@@ -9,10 +9,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from robotd.device.capabilities import Capability
-from robotd.device.drivers import FieldbusDriver
-from robotd.device.fault_injector import FaultInjector
-from robotd.errors import RobotdError
+from robotd.api import Capability, FaultInjector, FieldbusDriver, RobotdError
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.recorded_motion import judge
 from robotd_conformance.checks.test_fieldbus import HARMLESS

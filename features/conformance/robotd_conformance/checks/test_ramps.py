@@ -8,10 +8,8 @@ from math import isfinite
 import numpy as np
 import pytest
 
-from robotd.control.trajectory_execution import Outcome
-from robotd.device.capabilities import Capability
-from robotd.device.drivers import AxisDriver
-from robotd.motion.profile import Profile
+from robotd.api import AxisDriver, Capability, Profile
+from robotd.api.robots import Outcome
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.recorded_motion import jog, judge
 from robotd_conformance.checks.recording import Recording

@@ -7,13 +7,16 @@ from types import MappingProxyType
 
 import pytest
 
-from robotd.device.axes import Jog
-from robotd.device.capabilities import Capability
-from robotd.device.state import CommandMode
-from robotd.errors import DescriptorError, OperationError, Unsupported
-from robotd.motion.profile import Profile
-from robotd.plugin.hookspecs import BackendInfo
-from robotd.robot import Robot
+from robotd.api import (
+    BackendInfo,
+    Capability,
+    CommandMode,
+    DescriptorError,
+    OperationError,
+    Profile,
+    Unsupported,
+)
+from robotd.api.robots import Jog, Robot
 from robotd_conformance.checks.harness import Harness
 from robotd_conformance.checks.kit_target import KitTarget
 

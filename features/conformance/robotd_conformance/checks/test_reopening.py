@@ -7,12 +7,16 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from robotd.arrays import FloatArray
-from robotd.device.capabilities import Capability
-from robotd.device.fault_injector import FaultInjector
-from robotd.device.state import CommandMode, ConnectionState, Operation
-from robotd.errors import RobotdError
-from robotd.motion.profile import Profile
+from robotd.api import (
+    Capability,
+    CommandMode,
+    ConnectionState,
+    FaultInjector,
+    FloatArray,
+    Operation,
+    Profile,
+    RobotdError,
+)
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.recorded_motion import jog, mean_velocity
 from robotd_conformance.checks.test_units import stream_ramp

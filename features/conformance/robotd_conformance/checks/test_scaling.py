@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotd.device.capabilities import Capability
-from robotd.errors import OperationError
+from robotd.api import Capability, OperationError
 from robotd_conformance.checks.harness import SETTLED_RAD, STANDSTILL_RAD_S, Harness
 
 COUNTS = 2.0**18

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robotd.device.capabilities import Capability
-from robotd.motion.profile import Profile
+from robotd.api import Capability, Profile
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.recorded_motion import jog, judge
 from robotd_conformance.checks.test_ramps import ramp_problems

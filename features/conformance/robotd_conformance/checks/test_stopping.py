@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pytest
 
-from robotd.device.state import Operation
+from robotd.api import Operation
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 
 REACTION_S = 0.05  # until a stop begins, on any fieldbus

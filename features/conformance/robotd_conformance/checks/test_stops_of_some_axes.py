@@ -7,11 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pytest
 
-from robotd.arrays import FloatArray
-from robotd.device.capabilities import Capability
-from robotd.device.drivers import AxisDriver
-from robotd.device.process_image import ProcessImage
-from robotd.device.state import CommandMode
+from robotd.api import AxisDriver, Capability, CommandMode, FloatArray, ProcessImage
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.recorded_motion import jog, judge, ramped
 from robotd_conformance.checks.test_stopping import MORE, REACTION_S, stop_moving

@@ -7,9 +7,7 @@ from contextlib import ExitStack
 import numpy as np
 import pytest
 
-from robotd.arrays import FloatArray
-from robotd.device.process_image import ProcessImage
-from robotd.device.state import Operation
+from robotd.api import FloatArray, Operation, ProcessImage
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.recorded_motion import judge, ramped, record_stream
 from robotd_conformance.checks.test_units import stream_ramp

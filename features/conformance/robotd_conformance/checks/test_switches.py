@@ -7,9 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from robotd.arrays import BoolArray
-from robotd.device.fault_injector import FaultInjector
-from robotd.device.process_image import ProcessImage
+from robotd.api import BoolArray, FaultInjector, ProcessImage
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 
 SWITCHES = ("negative_limit", "positive_limit", "home_switch")

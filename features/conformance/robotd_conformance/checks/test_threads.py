@@ -9,9 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from robotd.device.capabilities import Capability
-from robotd.device.state import Operation
-from robotd.errors import OperationError
+from robotd.api import Capability, Operation, OperationError
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness, MakeHarness
 from robotd_conformance.checks.stopwatch import timed
 

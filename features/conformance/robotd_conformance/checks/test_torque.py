@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotd.device.capabilities import Capability
-from robotd.device.state import CommandMode
+from robotd.api import Capability, CommandMode
 from robotd_conformance.checks.harness import STANDSTILL_RAD_S, Harness
 
 SHARE = 0.5  # of a joint's torque limit

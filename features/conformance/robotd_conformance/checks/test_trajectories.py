@@ -7,8 +7,8 @@ from itertools import count
 import numpy as np
 import pytest
 
-from robotd.control.trajectory_execution import Outcome
-from robotd.device.process_image import ProcessImage
+from robotd.api import ProcessImage
+from robotd.api.robots import Outcome
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.recorded_motion import judge, sample_span_s
 from robotd_conformance.checks.recording import Recording

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotd.api import Underrun
-from robotd.arrays import FloatArray
-from robotd.device.process_image import ProcessImage
+from robotd.api import FloatArray, ProcessImage, Underrun
 from robotd_conformance.checks.harness import Harness
 from robotd_conformance.checks.recorded_motion import judge, ramped, record_stream
 

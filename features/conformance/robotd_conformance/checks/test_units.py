@@ -7,10 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from robotd.device.capabilities import Capability
-from robotd.device.fault_injector import FaultInjector
-from robotd.device.process_image import ProcessImage
-from robotd.device.state import CommandMode
+from robotd.api import Capability, CommandMode, FaultInjector, ProcessImage
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.recorded_motion import (
     jog,

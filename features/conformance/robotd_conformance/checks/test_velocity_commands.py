@@ -8,10 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robotd.arrays import FloatArray
-from robotd.device.capabilities import Capability
-from robotd.device.process_image import ProcessImage
-from robotd.device.state import CommandMode, Operation
+from robotd.api import Capability, CommandMode, FloatArray, Operation, ProcessImage
 from robotd_conformance.checks.harness import SETTLED_RAD, STANDSTILL_RAD_S, Harness
 from robotd_conformance.checks.recorded_motion import (
     jog,

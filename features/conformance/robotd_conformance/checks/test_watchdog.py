@@ -11,7 +11,7 @@ import time
 import numpy as np
 import pytest
 
-from robotd.device.capabilities import Capability
+from robotd.api import Capability
 from robotd_conformance.checks import killed_process
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness, MakeHarness
 from robotd_conformance.checks.kit_target import KitTarget

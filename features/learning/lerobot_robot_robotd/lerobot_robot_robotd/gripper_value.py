@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robotd.device.gripper import Gripper
+from robotd.api.robots import Gripper
 
 
 class GripperValue:

@@ -17,8 +17,8 @@ from lerobot_robot_robotd.config_robotd_robot import RobotdRobotConfig
 from lerobot_robot_robotd.gripper_value import GripperValue
 from lerobot_robot_robotd.world_camera import WorldCamera, WorldCameraConfig
 from robotd import InvalidArgument, Robot, open_robot
-from robotd.control.joint_stream import JointStream
-from robotd.descriptor import load_robot_descriptor
+from robotd.api.models import load_robot_descriptor
+from robotd.api.robots import JointStream
 
 OWNER = "lerobot"
 GRIPPER = "gripper.pos"

@@ -8,8 +8,7 @@ from lerobot.cameras import CameraConfig
 from lerobot.utils.errors import DeviceNotConnectedError
 
 from robotd import InvalidArgument, Robot
-from robotd.api import World
-from robotd.errors import unknown_name
+from robotd.api import World, unknown_name
 
 
 @CameraConfig.register_subclass("robotd_world")

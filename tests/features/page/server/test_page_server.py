@@ -24,13 +24,13 @@ from tests.features.page.server.viewer import (
 )
 
 from robotd.errors import OperationError
-from robotd.local_ports import rejection
 from robotd_metrics.metrics import registry
 from robotd_page.page_message import websocket_frames
 from robotd_page.page_server import PageServer
 from robotd_page.robot_source import RobotSource
 from robotd_page.viewers import MAX_WAITING_BYTES
 from robotd_page.viewers import Viewer as ServedViewer
+from robotd_shared.local_ports import rejection
 
 pytestmark = pytest.mark.daily
 

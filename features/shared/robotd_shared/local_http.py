@@ -11,8 +11,8 @@ from socketserver import ThreadingMixIn
 from typing import TYPE_CHECKING, Any
 from wsgiref.simple_server import WSGIRequestHandler, WSGIServer, make_server
 
-from robotd.errors import OperationError
-from robotd.local_ports import MAX_CONNECTIONS, rejection
+from robotd.api import OperationError
+from robotd_shared.local_ports import MAX_CONNECTIONS, rejection
 
 if TYPE_CHECKING:
     from wsgiref.types import StartResponse, WSGIApplication, WSGIEnvironment

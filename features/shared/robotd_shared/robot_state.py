@@ -6,16 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
-from robotd.control.joint_group import JointGroup
-from robotd.control.problem import Problem
-from robotd.control.trajectory_execution import TrajectoryExecution
-from robotd.device.bus_status import BusStatus
-from robotd.device.state import CommandMode, Operation
-from robotd.errors import RobotdError
-from robotd.events import Event, EventKind
-from robotd.observation.io_sampler import MAX_IO_BYTES
-from robotd.observation.tap import Tap
-from robotd.robot import Robot
+from robotd.api import BusStatus, CommandMode, Operation, RobotdError
+from robotd.api.features import MAX_IO_BYTES, Event, EventKind, Tap
+from robotd.api.robots import JointGroup, Problem, Robot, TrajectoryExecution
 
 MAX_GOALS = 64  # accepted goals whose sender is remembered
 MODES = {int(mode): mode.name.lower() for mode in CommandMode}

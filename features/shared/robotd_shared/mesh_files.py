@@ -8,17 +8,14 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote, unquote
 
-from robotd.descriptor.files import is_file
-from robotd.descriptor.urdf.package_files import find_mesh, mesh_names
-from robotd.descriptor.urdf.urdf_text import xml_root
-from robotd.errors import DescriptorError
-from robotd.log import get_logger
+from robotd.api import DescriptorError, get_logger
+from robotd.api.models import find_mesh, is_file, mesh_names, xml_root
 
 log = get_logger("page")
 
 SUFFIXES = (".stl", ".dae", ".glb", ".gltf")
 PART_SUFFIXES = (".bin", ".png", ".jpg", ".jpeg", ".webp")  # of a glTF in several files
-MAX_BYTES = 64 * 2**20
+MAX_MESH_BYTES = 64 * 2**20
 FOLDER = "/mesh/"  # of the server
 
 
@@ -42,7 +39,7 @@ class MeshFiles:
             path: file of the URDF, which relative names start from.
         """
         urls = {}
-        for name, file in mesh_files(urdf, path).items():
+        for name, file in drawable_meshes(urdf, path).items():
             folder = f"{self._folder}{self._count}/"
             self._count += 1
             self._files[folder + file.name] = file
@@ -56,7 +53,7 @@ class MeshFiles:
         return self._files.get(url)
 
 
-def mesh_files(urdf: str, path: Path | None) -> dict[str, Path]:
+def drawable_meshes(urdf: str, path: Path | None) -> dict[str, Path]:
     """Return the file of each visual mesh, by its name in the URDF.
 
     A mesh that is not found or has another format is logged and left out.
@@ -70,7 +67,7 @@ def mesh_files(urdf: str, path: Path | None) -> dict[str, Path]:
         file = find_mesh(name, path)
         if file is None:
             log.warning("mesh not found: the link is not drawn", mesh=name)
-        elif file.suffix.lower() not in SUFFIXES or file.stat().st_size > MAX_BYTES:
+        elif file.suffix.lower() not in SUFFIXES or file.stat().st_size > MAX_MESH_BYTES:
             log.warning("mesh not drawn: STL, DAE and glTF up to 64 MiB are", mesh=name)
         else:
             found[name] = file

@@ -2,33 +2,8 @@
 
 from __future__ import annotations
 
-import resource
-
-from robotd.log import get_logger
-
-log = get_logger("serve")
-
 MAX_CONNECTIONS = 64  # of each port: page, metrics, Foxglove, health
-MAX_FILES = 512  # of a process with every port full, its recorder and its bus included
 LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "[::1]"})
-
-
-def reserve_files() -> None:
-    """Raise the limit of open files to what a recording needs beside full ports.
-
-    Logs a warning where the system does not allow as many.
-    """
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if soft != resource.RLIM_INFINITY and soft < MAX_FILES:
-        allowed = MAX_FILES if hard == resource.RLIM_INFINITY else min(MAX_FILES, hard)
-        resource.setrlimit(resource.RLIMIT_NOFILE, (allowed, hard))
-        if allowed < MAX_FILES:
-            log.warning(
-                "few open files are allowed: clients of the ports could end a recording",
-                limit=allowed,
-                needed=MAX_FILES,
-                advice=f"ulimit -n {MAX_FILES}",
-            )
 
 
 def rejection(host: str, origin: str | None) -> str:

@@ -9,12 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from robotd.arrays import FloatArray
-from robotd.descriptor.files import read_limited
-from robotd.descriptor.urdf.mesh_files import MAX_BYTES
-from robotd.descriptor.urdf.package_files import find_mesh
-from robotd.descriptor.urdf.urdf_model import frame
-from robotd.errors import DescriptorError
+from robotd.api import DescriptorError, FloatArray
+from robotd.api.models import find_mesh, frame, read_limited
+from robotd_shared.mesh_files import MAX_MESH_BYTES
 
 _HEADER, _FACET = 84, 50  # bytes
 _NUMBERS = np.dtype([("normal", "<f4", 3), ("points", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -49,7 +46,7 @@ def mesh_triangles(mesh: Any, path: Path) -> FloatArray:
         what = f"{mesh.tag} {name} cannot be read: boxes, cylinders, spheres and STL files can"
         raise DescriptorError(f"{link}: {what}", path=path)
     try:
-        triangles = _stl_triangles(read_limited(file, MAX_BYTES))
+        triangles = _stl_triangles(read_limited(file, MAX_MESH_BYTES))
     except ValueError as error:
         raise DescriptorError(f"{link}: {error}", path=file) from error
     if not len(triangles) or not np.isfinite(triangles).all():

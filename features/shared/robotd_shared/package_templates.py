@@ -9,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 from string import Template
 
-from robotd.errors import RobotdError
+from robotd.api import RobotdError
 
 SUFFIX = ".in"  # so that no tool treats a template as source code
 

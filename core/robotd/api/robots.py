@@ -1,0 +1,85 @@
+"""Names for programs that make robots, run them and command them.
+
+``open_robot`` gives a started robot. A program that needs more makes it from a descriptor
+(``robotd.api.models``), a backend (``load_backend``) and a clock: a ``SteppedClock`` runs a
+simulation step by step, a ``PacedClock`` at any speed. Axes, joint groups, streams, the gripper and
+the base of a robot take commands; all values are SI. ``robotd_gym`` is a short example.
+"""
+
+from typing import TYPE_CHECKING
+
+from robotd.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from robotd.clock.simulated import PacedClock, SimulatedClock, SteppedClock
+    from robotd.control.axis_limits import twist_limits
+    from robotd.control.completion import Outcome
+    from robotd.control.interruptions import Interruption
+    from robotd.control.joint_group import JointGroup
+    from robotd.control.joint_stream import JointStream
+    from robotd.control.mobile_base import MobileBase
+    from robotd.control.problem import Problem, ProblemKind
+    from robotd.control.stream_setpoints import MovingReference, StreamMode
+    from robotd.control.trajectory_execution import TrajectoryExecution
+    from robotd.device.axes import Jog, Move, each
+    from robotd.device.gripper import Gripper
+    from robotd.device.motion_limits import MotionLimits
+    from robotd.device.tool_pose import tool_link
+    from robotd.health.robot_health import Health
+    from robotd.log import configure_logging
+    from robotd.motion import (
+        JointLimits,
+        JointTolerance,
+        Trajectory,
+        TrajectoryRejected,
+        TrajectoryRequest,
+    )
+    from robotd.motion.planar import ZERO_TWIST, PlanarTwist
+    from robotd.motion.rejection import distinct, reject
+    from robotd.motion.stopping import stoppable_velocity
+    from robotd.plugin.manager import Backend, discover, load_backend, load_plugins
+    from robotd.robot import Robot, build_robot, open_robot
+else:
+    __getattr__, __dir__ = lazy_names(__name__)
+
+__all__ = [
+    "ZERO_TWIST",
+    "Backend",
+    "Gripper",
+    "Health",
+    "Interruption",
+    "Jog",
+    "JointGroup",
+    "JointLimits",
+    "JointStream",
+    "JointTolerance",
+    "MobileBase",
+    "MotionLimits",
+    "Move",
+    "MovingReference",
+    "Outcome",
+    "PacedClock",
+    "PlanarTwist",
+    "Problem",
+    "ProblemKind",
+    "Robot",
+    "SimulatedClock",
+    "SteppedClock",
+    "StreamMode",
+    "Trajectory",
+    "TrajectoryExecution",
+    "TrajectoryRejected",
+    "TrajectoryRequest",
+    "build_robot",
+    "configure_logging",
+    "discover",
+    "distinct",
+    "each",
+    "load_backend",
+    "load_plugins",
+    "open_robot",
+    "reject",
+    "stoppable_velocity",
+    "tool_link",
+    "twist_limits",
+]

@@ -1,0 +1,1 @@
+"""Modules that several features use, and the core does not: each has one subject."""
