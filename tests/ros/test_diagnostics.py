@@ -14,9 +14,9 @@ from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
 from wmx_ros2_message.srv import SetAxis
 
 from robotd.descriptor import load_robot_descriptor
-from robotd.health.part_status import Level
 from robotd.robot import build_robot
 from robotd_ros.diagnostics.diagnostics_publisher import CHECK_PERIOD_S, Diagnostics
+from robotd_ros.diagnostics.part_status import Level
 from robotd_ros.host import RosHost
 from robotd_ros.nodes.operator_node import OperatorNode
 

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from robotd.device.gripper import Gripper
     from robotd.device.motion_limits import MotionLimits
     from robotd.device.tool_pose import tool_link
-    from robotd.health.robot_health import Health
     from robotd.log import configure_logging
     from robotd.motion import (
         JointLimits,
@@ -46,7 +45,6 @@ __all__ = [
     "ZERO_TWIST",
     "Backend",
     "Gripper",
-    "Health",
     "Interruption",
     "Jog",
     "JointGroup",

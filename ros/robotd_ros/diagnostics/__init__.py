@@ -1,1 +1,1 @@
-"""Publisher of /diagnostics."""
+"""Health of a robot, part by part, and its publisher on /diagnostics."""

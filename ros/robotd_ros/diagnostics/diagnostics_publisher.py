@@ -12,11 +12,11 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 
 from robotd.clock import NANOSECONDS, MonotonicClock
-from robotd.health.part_status import Status
-from robotd.health.robot_health import Health
 from robotd.log import get_logger
 from robotd.robot import Robot
 from robotd_ros.diagnostics.name_clash import NameClash
+from robotd_ros.diagnostics.part_status import Status
+from robotd_ros.diagnostics.robot_health import Health
 from robotd_ros.nodes.operator_node import OperatorNode
 
 log = get_logger("diagnostics")

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 from rclpy.node import Node
 
-from robotd.health.part_status import Level, Status
 from robotd.log import get_logger
+from robotd_ros.diagnostics.part_status import Level, Status
 from robotd_ros.middleware import Participant
 
 log = get_logger("ros")

@@ -11,12 +11,12 @@ import pytest
 from robotd.clock import MonotonicClock, wait_until
 from robotd.control.problem import ProblemKind
 from robotd.descriptor import load_robot_descriptor
-from robotd.health.part_status import Level
-from robotd.health.robot_health import Health
 from robotd.motion import TrajectoryRequest
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
 from robotd_ethercat.bus_namespace import missing_rights
+from robotd_ros.diagnostics.part_status import Level
+from robotd_ros.diagnostics.robot_health import Health
 
 RANGES = ((-2.0, 2.0), (-3.0, -1.0), (0.5, 1.5), (-1.0, 1.0), (0.0, 2.0), (-1.5, -0.1))
 INITIAL = (0.0, -1.2, 0.6, 0.0, 0.0, -0.24)  # a tenth of the range inside

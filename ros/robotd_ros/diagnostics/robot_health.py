@@ -7,7 +7,8 @@ from collections.abc import Hashable
 from robotd.clock import NANOSECONDS
 from robotd.device.state import ConnectionState
 from robotd.errors import RobotdError
-from robotd.health.part_status import (
+from robotd.robot import Robot
+from robotd_ros.diagnostics.part_status import (
     Level,
     Status,
     axis_status,
@@ -18,7 +19,6 @@ from robotd.health.part_status import (
     motion_status,
     unknown_status,
 )
-from robotd.robot import Robot
 
 RECENT_S = 2.0  # for how long something that happened is worth a warning
 

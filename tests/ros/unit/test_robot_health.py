@@ -12,7 +12,8 @@ from robotd.control.period_timing import LoopReport
 from robotd.device.bus_status import BusNode, BusState, BusStatus
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, ConnectionState
-from robotd.health.part_status import (
+from robotd.robot import Robot, build_robot
+from robotd_ros.diagnostics.part_status import (
     Level,
     Status,
     axis_status,
@@ -21,8 +22,7 @@ from robotd.health.part_status import (
     fieldbus_status,
     gripper_status,
 )
-from robotd.health.robot_health import RECENT_S, Growth, Health
-from robotd.robot import Robot, build_robot
+from robotd_ros.diagnostics.robot_health import RECENT_S, Growth, Health
 
 UP = ConnectionState.COMMUNICATING
 ON_TIME = LoopReport(1000, 3, 1000, 500.0, 40.0, 130.0, 900.0, 100.0, 200.0, 300.0)

@@ -1,1 +1,0 @@
-"""Health of a robot, part by part, independent of ROS."""
