@@ -81,6 +81,20 @@ def names_in(row: str) -> list[str]:
     return re.findall(r"`(\w+)`", row.strip("|").partition("|")[2])
 
 
+def test_what_others_copy_imports_nothing_deeper() -> None:
+    """Examples, templates of packages, and the code on the pages."""
+    deeper = re.compile(r"^\s*(?:from|import) (robotd\.(?!api\b)\w+)", re.MULTILINE)
+    files = [
+        *(path for path in (ROOT / "examples").rglob("*.py") if "build" not in path.parts),
+        *(ROOT / "features").rglob("*.in"),
+        *(path for path in (ROOT / "docs").rglob("*.md") if "decisions" not in path.parts),
+        ROOT / "README.md",
+    ]
+    found = {path.name: deeper.findall(path.read_text(encoding="utf-8")) for path in files}
+    assert len(files) > 100
+    assert {name: modules for name, modules in found.items() if modules} == {}
+
+
 def test_importing_the_modules_imports_nothing_else() -> None:
     code = f"import sys, {', '.join(PAGES)}; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

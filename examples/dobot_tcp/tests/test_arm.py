@@ -14,8 +14,13 @@ from dobot_tcp_fake.backend import FakeFaultInjector
 
 from robotd import open_robot
 from robotd.api import ConnectError
-from robotd.api.robots import Outcome, TrajectoryExecution, TrajectoryRejected, TrajectoryRequest
-from robotd.robot import Robot
+from robotd.api.robots import (
+    Outcome,
+    Robot,
+    TrajectoryExecution,
+    TrajectoryRejected,
+    TrajectoryRequest,
+)
 
 ROBOT = Path(__file__).parent / "robot.yaml"
 WAIT_S = 30.0
