@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -60,6 +61,14 @@ def commands_of(folder: str) -> list[str]:
     packages = packages_of(folder)
     entries = entry_points(group="robotd.commands")
     return sorted(each.name for each in entries if each.module.partition(".")[0] in packages)
+
+
+def test_each_folder_of_features_is_taken_away_once() -> None:
+    project = tomllib.loads((FEATURES.parent / "pyproject.toml").read_text(encoding="utf-8"))
+    folders: dict[str, str] = project["tool"]["setuptools"]["package-dir"]
+    assert {each.split("/")[1] for each in folders.values() if each.startswith("features/")} == {
+        *FOLDERS
+    }
 
 
 @pytest.mark.parametrize("without", FOLDERS, indirect=True)
