@@ -78,7 +78,7 @@ def test_nearly_every_reachable_pose_is_reached(name: str) -> None:
 def test_solutions_agree_with_an_independent_library() -> None:
     arm = kinematics_of("cr3a")
     other = optik.Robot.from_urdf_file(str(file_of("cr3a")), "base_link", "link6")
-    config = optik.SolverConfig(tol_f=1e-16)
+    config = optik.SolverConfig(max_time=60.0, tol_f=1e-16)
     for row, start in zip(random_positions(arm, 15), random_positions(arm, 15, 2), strict=True):
         found = other.ik(config, arm.forward(row), start)
         assert found is not None
