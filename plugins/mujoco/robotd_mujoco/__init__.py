@@ -43,11 +43,11 @@ def robotd_backend() -> BackendInfo:
 
 @hookimpl
 def robotd_register_nodes(registry: NodeRegistry) -> None:
-    """Add the node of the cameras and the wrist."""
+    """Add the node of the cameras, the wrist and the true pose of a base."""
     registry.add(
         "mujoco",
         "robotd_mujoco.node:MujocoNode",
-        summary="cameras of the scene, force and torque at the wrist",
+        summary="cameras of the scene, force at the wrist, true pose of a base",
         parameters="robotd.plugin.parameter_reader:no_parameters",
     )
 

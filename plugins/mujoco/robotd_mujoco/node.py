@@ -1,4 +1,4 @@
-"""Node of the backend mujoco: cameras of the scene, force and torque at the wrist."""
+"""Node of the backend mujoco: cameras, force at the wrist, and true pose of a base."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
+from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
@@ -21,6 +22,9 @@ from robotd_ros.api import HotPublisher, Robot, RosHost, StampClock, ticks
 NAME = "mujoco"
 WRENCH = "force_torque_sensor_broadcaster/wrench"
 WRENCH_RATE_HZ = 100.0
+GROUND_TRUTH = "base_pose_ground_truth"
+GROUND_TRUTH_RATE_HZ = 50.0
+SCENE_FRAME = "world"
 JPEG_QUALITY = 90
 THREAD_END_S = 2.0
 
@@ -45,6 +49,8 @@ class MujocoNode(Node):
             rate_hz = min(WRENCH_RATE_HZ, robot.descriptor.cycle.rate_hz)
             robot.control_loop.every(rate_hz, "wrench", self._publish_wrench)
             self.rates_hz |= {each.topic: rate_hz for each in self._wrenches}
+        if physics.robot_model.is_free:
+            self._add_ground_truth()
         self._cameras = [CameraTopics(self, each) for each in physics.robot_model.cameras]
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._render, name="robotd-cameras", daemon=True)
@@ -57,6 +63,26 @@ class MujocoNode(Node):
         if self._thread.is_alive():
             self._thread.join(THREAD_END_S)
         super().destroy_node()
+
+    def _add_ground_truth(self) -> None:
+        """Publish where a base is, in the scene, which its odometry does not know."""
+        root = self._physics.robot_model.root
+        template = Odometry(header=_header(SCENE_FRAME), child_frame_id=root)
+        paths = ["pose.pose", "twist.twist"]
+        self._truth = HotPublisher(self, GROUND_TRUTH, 10, template, paths)
+        self._pose, self._twist = (self._truth.view(path) for path in paths)
+        rate_hz = min(GROUND_TRUTH_RATE_HZ, self._robot.descriptor.cycle.rate_hz)
+        self._robot.control_loop.every(rate_hz, "ground truth", self._publish_ground_truth)
+        self.rates_hz[self._truth.topic] = rate_hz
+
+    def _publish_ground_truth(self, image: ProcessImage) -> None:
+        """Control loop."""
+        if not self._robot.connection.ready or not self._truth.has_readers:
+            return
+        with self._physics.lock:
+            self._pose[:], self._twist[:] = self._physics.root_pose(), self._physics.root_twist()
+        self._truth.stamp(self._stamps.at_ns(self._robot.control_loop.started_ns))
+        self._truth.publish()
 
     def _publish_wrench(self, image: ProcessImage) -> None:
         """Control loop."""

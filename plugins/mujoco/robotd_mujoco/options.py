@@ -30,6 +30,14 @@ class MujocoOptions(BackendOptions):
     base_m: tuple[Finite, Finite, Finite] = Field(
         (0.0, 0.0, 0.0), description="Position of the robot's root in the scene."
     )
+    fixed_root: bool | None = Field(
+        None,
+        description="The root of the robot stays where it is; null: unless it is a base whose"
+        " wheels are in its URDF. Such a base stands on a floor, at the height of its wheels.",
+    )
+    wheel_friction: Positive = Field(
+        0.8, description="Friction coefficient of the wheels of a base, whatever they touch."
+    )
     step_s: float = Field(0.001, ge=0.000_1, le=0.005, description="Step of the physics.")
     gravity_m_s2: tuple[Finite, Finite, Finite] = Field((0.0, 0.0, -9.81), description="Gravity.")
     bandwidth_hz: Positive = Field(

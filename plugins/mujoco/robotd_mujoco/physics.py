@@ -128,6 +128,8 @@ class Physics:
         self._drive_fingers(due - self.tick)
         for tick in range(self.tick + 1, due + 1):
             self._set_setpoints(tick)
+            if self.robot_model.is_free:
+                self._load_base()
             mujoco.mj_step(self.model, self.data)
         self.tick = due
         self._look_after_steps()
@@ -142,6 +144,13 @@ class Physics:
         else:
             control[self._position] = self._to
             control[self._velocity] = 0.0
+
+    def _load_base(self) -> None:
+        """Set the forces of rollers and weight on a base, for the next step."""
+        # Drives carry the links of an arm, but the base is to carry their weight.
+        self.data.qfrc_applied[:6] = -self.data.qfrc_gravcomp[:6]
+        if self.robot_model.rollers is not None:
+            self.robot_model.rollers.drive(self.model, self.data)
 
     def _look_after_steps(self) -> None:
         if self._warnings.any():
@@ -343,13 +352,27 @@ class Physics:
 
     # Objects
 
+    def root_pose(self) -> FloatArray:
+        """Return x, y, z and quaternion x, y, z, w (7,) of a free root in the scene."""
+        return self.data.qpos[[0, 1, 2, 4, 5, 6, 3]]
+
+    def root_twist(self) -> FloatArray:
+        """Return linear and angular velocity (6,) of the robot's root, in its own frame."""
+        twist = np.empty(6)  # MuJoCo has the angular one first
+        body, root = mujoco.mjtObj.mjOBJ_XBODY.value, self.robot_model.root_body
+        mujoco.mj_objectVelocity(self.model, self.data, body, root, twist, 1)
+        return twist[[3, 4, 5, 0, 1, 2]]
+
     def object_poses(self) -> FloatArray:
-        """Return x, y, z and quaternion x, y, z, w of all objects (n, 7)."""
-        bodies = self.robot_model.bodies
+        """Return x, y, z and quaternion x, y, z, w of all objects (n, 7), seen from the root."""
+        data, root, bodies = self.data, self.robot_model.root_body, self.robot_model.bodies
         poses = np.empty((len(bodies), 7))
-        poses[:, :3] = self.data.xpos[bodies] - self.robot_model.base_m
-        poses[:, 3:6] = self.data.xquat[bodies, 1:]
-        poses[:, 6] = self.data.xquat[bodies, 0]
+        poses[:, :3] = (data.xpos[bodies] - data.xpos[root]) @ data.xmat[root].reshape(3, 3)
+        back, turn = np.empty(4), np.empty(4)
+        mujoco.mju_negQuat(back, data.xquat[root])
+        for pose, body in zip(poses, bodies, strict=True):
+            mujoco.mju_mulQuat(turn, back, data.xquat[body])
+            pose[3:] = turn[[1, 2, 3, 0]]
         return poses
 
     def place_object(self, name: str, pose: FloatArray) -> None:
@@ -364,7 +387,11 @@ class Physics:
         size = float(np.linalg.norm(quaternion))
         if not (np.isfinite(pose).all() and size > 1e-6):
             raise InvalidArgument(f"{name}: {pose.tolist()} is no pose")
-        self._set_object(free, pose[:3] + self.robot_model.base_m, quaternion / size)
+        root = self.robot_model.root_body
+        at = self.data.xpos[root] + self.data.xmat[root].reshape(3, 3) @ pose[:3]
+        turn = np.empty(4)
+        mujoco.mju_mulQuat(turn, self.data.xquat[root], quaternion / size)
+        self._set_object(free, at, turn)
         mujoco.mj_forward(self.model, self.data)
 
     def reset_objects(self) -> None:

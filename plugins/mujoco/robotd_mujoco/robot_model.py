@@ -23,6 +23,14 @@ from robotd.api import (
     WorldObject,
     get_logger,
 )
+from robotd_mujoco.base_model import (
+    Rollers,
+    add_base,
+    carried_inertia,
+    find_rollers,
+    has_free_root,
+    is_free,
+)
 from robotd_mujoco.gripper_model import Finger, add_gripper, find_fingers, make_stiff
 from robotd_mujoco.options import MujocoOptions, robot_file
 from robotd_mujoco.scene import (
@@ -76,7 +84,9 @@ class RobotModel:
         free_qpos: address of the position of each object; -1: it is fixed.
         cameras: of the scene.
         root: name of the frame that poses of objects refer to.
-        base_m: position of that frame.
+        root_body: of that frame.
+        is_free: the root can move: a base on a floor.
+        rollers: of mecanum wheels; None without them.
         wrists: links behind the last joint of each arm, with a force/torque sensor.
         sensors: address of the first value of each one: force and torque.
     """
@@ -89,15 +99,18 @@ class RobotModel:
     free_qpos: list[int]
     cameras: list[WorldCamera]
     root: str
-    base_m: FloatArray
+    root_body: int
+    is_free: bool
+    rollers: Rollers | None
     wrists: list[str]
     sensors: list[int]
 
 
 def build_model(robot: RobotDescriptor, options: MujocoOptions) -> RobotModel:
     """Put the model together. Raises DescriptorError: a file is wrong, or a joint is missing."""
-    scene = Scene(floor=False)
     spec = _robot_spec(robot, options)
+    stands = is_free(robot, options, spec)
+    scene = Scene(floor=stands)
     root = next((body.name for body in spec.worldbody.bodies), "world")
     links = [body.name for body in spec.bodies[1:]]
     joints = _axis_joints(robot, spec)
@@ -113,18 +126,22 @@ def build_model(robot: RobotDescriptor, options: MujocoOptions) -> RobotModel:
                 what = f"objects have names of links: {', '.join(taken)}"
                 raise DescriptorError(what, path=scene_file)
             add_objects(spec, scene, scene_file.parent)
+    elif stands:
+        add_objects(spec, scene, Path())
     objects = describe_objects(spec, links)
     _add_drives(spec, robot, options, joints)
     wrists = _add_wrists(spec, robot)
     add_gripper(spec, robot, options)
     add_cameras(spec, scene.cameras)
+    if stands:
+        add_base(spec, robot, options)
     _set_physics(spec, options)
     model = _compile(spec, robot)
     start = start_positions(robot, options)
     if options.self_collision:
         _exclude_touching(spec, model, links, joints, start)
         model = _compile(spec, robot)
-    _tune(model, joints, options)
+    _tune(model, robot, joints, options)
     return _described(model, robot, objects, wrists, joints, root, options, scene)
 
 
@@ -286,7 +303,9 @@ def _exclude_touching(
             spec.add_exclude(bodyname1=pair[0], bodyname2=pair[1])
 
 
-def _tune(model: mujoco.MjModel, joints: Sequence[str], options: MujocoOptions) -> None:
+def _tune(
+    model: mujoco.MjModel, robot: RobotDescriptor, joints: Sequence[str], options: MujocoOptions
+) -> None:
     """Set the gains of the drives by the largest inertia in a sample of poses."""
     data, random = mujoco.MjData(model), np.random.default_rng(0)
     inertia, full = np.zeros(model.nv), np.zeros((model.nv, model.nv))
@@ -299,8 +318,9 @@ def _tune(model: mujoco.MjModel, joints: Sequence[str], options: MujocoOptions) 
         mujoco.mj_fullM(model, data, full)
         np.maximum(inertia, np.diag(full), out=inertia)
     frequency = 2.0 * np.pi * options.bandwidth_hz
+    carried = carried_inertia(model, robot)
     for name in joints:
-        size = inertia[model.joint(name).dofadr[0]]
+        size = inertia[model.joint(name).dofadr[0]] + carried.get(name, 0.0)
         gains = {
             "position": (size * frequency**2, 1),
             "velocity": (2.0 * size * frequency, 2),
@@ -349,7 +369,9 @@ def _described(
         free_qpos=free,
         cameras=describe_cameras(scene.cameras),
         root=root,
-        base_m=np.array(options.base_m),
+        root_body=model.body(root).id,
+        is_free=has_free_root(model),
+        rollers=find_rollers(model, robot, options),
         wrists=wrists,
         sensors=[int(model.sensor(f"{link}_force").adr[0]) for link in wrists],
     )

@@ -80,7 +80,17 @@ def test_neighbours_do_not_touch_and_other_links_do() -> None:
 
 
 @pytest.mark.parametrize(
-    "robot", ["baymax", "cr5a", "dual_cr3a", "mecanum_base", "mobile_manipulator", "standalone"]
+    "robot",
+    [
+        "baymax",
+        "cr5a",
+        "dual_cr3a",
+        "mecanum_base",
+        "mobile_manipulator",
+        "skid_steer_base",
+        "standalone",
+        "tricycle_base",
+    ],
 )
 def test_every_robot_has_a_model(robot: str) -> None:
     with cell(robot=robot) as arm:
