@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from robotd.descriptor.urdf import UrdfJoint, UrdfLink, UrdfRobot, read_urdf, read_urdf_text
     from robotd.descriptor.urdf.package_files import find_mesh
     from robotd.device.bus_status import BusNode, BusState, BusStatus
+    from robotd.device.camera_picture import jpeg
     from robotd.device.capabilities import Capability
     from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
     from robotd.device.fault_injector import FaultInjector
@@ -149,6 +150,7 @@ __all__ = [
     "get_logger",
     "held",
     "hookimpl",
+    "jpeg",
     "lazy_names",
     "load_robot_descriptor",
     "no_parameters",

@@ -13,6 +13,7 @@ from robotd.lazy_names import lazy_names
 if TYPE_CHECKING:
     from robotd.descriptor.section import File, Name, NotNegative, Positive, Section
     from robotd.descriptor.section import Problem as SectionProblem
+    from robotd.device.camera_picture import CameraPictures
     from robotd.device.process_image import FLAGS, NUMBERS, VALUES, ProcessImage
     from robotd.events import OWN_PROCESS, Event, EventKind, Level, noted, sent_by
     from robotd.feature import Feature, FeatureOption, feature_failures, installed_features
@@ -54,6 +55,7 @@ __all__ = [
     "OUTPUTS",
     "OWN_PROCESS",
     "VALUES",
+    "CameraPictures",
     "Event",
     "EventKind",
     "Feature",

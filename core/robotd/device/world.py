@@ -109,7 +109,7 @@ class World(ABC):
     def image(self, camera: str) -> NDArray[Any]:
         """Return the present picture of ``camera``, uint8 of shape (height, width, 3), RGB.
 
-        Takes milliseconds; one thread for all calls. Raises InvalidArgument for an unknown camera,
+        Takes milliseconds. Raises InvalidArgument for an unknown camera,
         OperationError where pictures cannot be made, with what is missing.
         """
         raise Unsupported("cameras")

@@ -50,6 +50,13 @@ class PageSource(Protocol):
         """Return the mesh at a path of the server; None where there is none."""
         ...
 
+    def picture(self, camera: str) -> bytes:
+        """Return the newest picture as JPEG. Blocks; any thread.
+
+        Raises InvalidArgument for an unknown camera, OperationError without OpenGL or Pillow.
+        """
+        ...
+
     @property
     def yield_to_control_loop(self) -> Callable[[], None]:
         """Called before the server takes the interpreter."""

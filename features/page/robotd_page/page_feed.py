@@ -26,6 +26,7 @@ class PageFeed:
         meshes: URL of each mesh, by its name in the URDF.
         has_control: the page can be unlocked to control the robot.
         namespace: of the ROS nodes.
+        has_pictures: the server has pictures of the cameras.
     """
 
     def __init__(
@@ -36,8 +37,9 @@ class PageFeed:
         *,
         has_control: bool = False,
         namespace: str = "/",
+        has_pictures: bool = False,
     ) -> None:
-        self._tap = tap
+        self._tap, self._has_pictures = tap, has_pictures
         self._nodes, self._meshes, self._has_control = nodes, meshes, has_control
         self._namespace = namespace
         self._live = LiveSamples(tap)
@@ -65,6 +67,7 @@ class PageFeed:
             namespace=self._namespace,
         )
         description["objects"] = self._objects.describe()
+        description["cameras"] = self._cameras() if self._has_pictures else []
         events = self._tap.events.since(0)[0][-FIRST_EVENTS:]
         return [
             json_text(description),
@@ -110,6 +113,13 @@ class PageFeed:
 
     def release(self) -> None:
         """Nothing to do: nothing is computed between the calls."""
+
+    def _cameras(self) -> list[dict[str, Any]]:
+        world = self._tap.robot.world
+        names = ("name", "width", "height", "rate_hz")
+        return (
+            [{key: getattr(each, key) for key in names} for each in world.cameras] if world else []
+        )
 
     def _note(self, events: Sequence[Any], cursor: int) -> None:
         self._cursor = cursor

@@ -12,7 +12,7 @@ from typing import Self
 
 from aiohttp import WSCloseCode, web
 
-from robotd.api import OperationError, get_logger
+from robotd.api import InvalidArgument, OperationError, RobotdError, get_logger
 from robotd_page.channel import Channel, PageSource
 from robotd_page.connection_guard import ConnectionGuard
 from robotd_page.control_server import PageControl
@@ -129,6 +129,7 @@ class PageServer:
         if self._control:
             application.router.add_get("/control", self._control.answer)
         application.router.add_get("/metrics", self._answer_metrics)
+        application.router.add_get("/camera/{name}", self._answer_picture)
         application.router.add_get("/mesh/{path:.+}", self._answer_mesh)
         runner = web.AppRunner(
             application,
@@ -211,6 +212,17 @@ class PageServer:
             return web.Response(status=503, text=text)
         content_type = "text/plain; version=0.0.4; charset=utf-8"
         return web.Response(body=metrics, headers={"Content-Type": content_type})
+
+    async def _answer_picture(self, request: web.Request) -> web.StreamResponse:
+        """Answer one picture; a page asks for the next one when it has shown it."""
+        try:
+            picture = await asyncio.to_thread(self._source.picture, request.match_info["name"])
+        except InvalidArgument as error:
+            return web.Response(status=404, text=f"robotd: {error}\n")
+        except RobotdError as error:
+            log.warning("no picture", reason=str(error))
+            return web.Response(status=503, text=f"robotd: {error}\n")
+        return web.Response(body=picture, content_type="image/jpeg")
 
     async def _answer_mesh(self, request: web.Request) -> web.StreamResponse:
         file = self._source.file(request.path)

@@ -14,7 +14,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import String, UInt8MultiArray
 
-from robotd.api import get_logger
+from robotd.api import InvalidArgument, get_logger
 from robotd_page.page_message import json_text
 from robotd_page.page_messages import ALL, CHANGES, FIRST, NEWEST, SAMPLES
 from robotd_page.remote_feed import RemoteFeed
@@ -66,6 +66,9 @@ class RemoteRobots:
     def file(self, url: str) -> Path | None:
         found = (feed.file(url) for feed in self._feeds.values())
         return next((file for file in found if file), None)
+
+    def picture(self, camera: str) -> bytes:
+        raise InvalidArgument("pictures of other processes are not served")
 
     @property
     def yield_to_control_loop(self) -> Callable[[], None]:

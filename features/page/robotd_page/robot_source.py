@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from robotd.api.features import Tap
+from robotd.api import InvalidArgument
+from robotd.api.features import CameraPictures, Tap
 from robotd_page.page_feed import PageFeed
 from robotd_shared.mesh_files import MeshFiles
 
@@ -30,7 +31,11 @@ class RobotSource:
     ) -> None:
         self._meshes = MeshFiles()
         urls = self._meshes.add(tap.urdf, tap.robot.descriptor.urdf)
-        self._feed = PageFeed(tap, nodes, urls, has_control=has_control, namespace=namespace)
+        self._feed = PageFeed(
+            tap, nodes, urls, has_control=has_control, namespace=namespace, has_pictures=True
+        )
+        world = tap.robot.world
+        self._pictures = CameraPictures(world) if world is not None else None
         self._loop = tap.robot.control_loop
 
     def feed(self, robot: str) -> PageFeed:
@@ -38,6 +43,11 @@ class RobotSource:
 
     def file(self, url: str) -> Path | None:
         return self._meshes.file(url)
+
+    def picture(self, camera: str) -> bytes:
+        if self._pictures is None:
+            raise InvalidArgument("the robot has no cameras")
+        return self._pictures.newest(camera)
 
     @property
     def yield_to_control_loop(self) -> Callable[[], None]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from numpy.typing import NDArray
@@ -131,6 +132,8 @@ class MujocoWorld(World):
         self._physics = physics
         self._model = physics.robot_model
         self._renderer = Renderer(physics)
+        # OpenGL belongs to one thread, and any thread may ask for a picture.
+        self._thread = ThreadPoolExecutor(1, "robotd-pictures")
 
     @property
     def frame(self) -> str:
@@ -159,4 +162,4 @@ class MujocoWorld(World):
         return self._model.cameras
 
     def image(self, camera: str) -> NDArray[Any]:
-        return self._renderer.image(camera)
+        return self._thread.submit(self._renderer.image, camera).result()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import array
-import io
 import threading
 from typing import Any
 
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from robotd.api import NANOSECONDS, ProcessImage, RobotdError, WorldCamera, get_logger
+from robotd.api import NANOSECONDS, ProcessImage, RobotdError, WorldCamera, get_logger, jpeg
 from robotd_mujoco.physics import Physics
 from robotd_mujoco.renderer import Renderer
 from robotd_ros.api import HotPublisher, Robot, RosHost, StampClock, ticks
@@ -25,7 +24,6 @@ WRENCH_RATE_HZ = 100.0
 GROUND_TRUTH = "base_pose_ground_truth"
 GROUND_TRUTH_RATE_HZ = 50.0
 SCENE_FRAME = "world"
-JPEG_QUALITY = 90
 THREAD_END_S = 2.0
 
 log = get_logger("mujoco")
@@ -167,15 +165,6 @@ def camera_info(camera: WorldCamera, header: Any) -> CameraInfo:
     message.r = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
     message.p = [focal, 0.0, middle_x, 0.0, 0.0, focal, middle_y, 0.0, 0.0, 0.0, 1.0, 0.0]
     return message
-
-
-def jpeg(picture: NDArray[np.uint8]) -> bytes:
-    """Return a picture as JPEG."""
-    from PIL import Image as Pillow
-
-    stream = io.BytesIO()
-    Pillow.fromarray(picture).save(stream, "JPEG", quality=JPEG_QUALITY)
-    return stream.getvalue()
 
 
 def wrench_topics(physics: Physics) -> list[tuple[str, str]]:

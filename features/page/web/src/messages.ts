@@ -41,6 +41,14 @@ export interface Description {
   meshes: Record<string, string>;
   has_control: boolean; // the page can be unlocked
   objects?: WorldObjects | null; // of a simulated world
+  cameras?: WorldCamera[]; // whose pictures the server has
+}
+
+export interface WorldCamera {
+  name: string;
+  width: number;
+  height: number;
+  rate_hz: number;
 }
 
 // Of each object; a pose is x, y, z in m and a quaternion x, y, z, w, in the link ``frame``.

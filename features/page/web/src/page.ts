@@ -2,6 +2,7 @@
 
 import { AxesTable } from "./axes";
 import { Banners } from "./banners";
+import { CameraPanel } from "./cameras";
 import { connect } from "./connection";
 import { Control } from "./control";
 import { find, setClass } from "./dom";
@@ -29,6 +30,7 @@ const io = new IoPanel();
 const bus = new BusPanel();
 const events = new EventPanel();
 const robots = new RobotList();
+const cameras = new CameraPanel();
 const tools = new ToolPanel(view, units);
 const control = new Control(units, () => history.newest, view);
 let description: Description | undefined;
@@ -42,7 +44,7 @@ function describe(message: Description): void {
   }
   description = message;
   history.clear();
-  for (const part of [view, axes, tools, plots, banners, head, goals, io, events, control]) part.describe(message);
+  for (const part of [view, cameras, axes, tools, plots, banners, head, goals, io, events, control]) part.describe(message);
   setClass(document.body, "lost", false);
   document.body.dataset["connected"] = "yes";
 }
@@ -73,6 +75,7 @@ function receive(message: Message): void {
 }
 
 function showLost(reason: string): void {
+  cameras.stop();
   banners.showLost(reason);
   setClass(document.body, "lost", true);
   document.body.dataset["connected"] = "no";
