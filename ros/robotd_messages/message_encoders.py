@@ -182,6 +182,16 @@ def string_message(text: str) -> bytes:
     return writer.payload()
 
 
+def jpeg_message(time_ns: int, frame: str, jpeg: bytes) -> bytes:
+    """Return a picture in a frame as sensor_msgs/CompressedImage."""
+    writer = CdrWriter()
+    writer.time(time_ns)
+    writer.string(frame)
+    writer.string("jpeg")
+    writer.octets(jpeg)
+    return writer.payload()
+
+
 def _octets(values: NDArray[Any]) -> NDArray[np.uint8]:
     """Return the bytes of ``values``, shape (rows, values), as (rows, bytes)."""
     shape = len(values), values.shape[1] * values.itemsize

@@ -23,6 +23,7 @@ DYNAMIC_JOINT_STATE = "control_msgs/msg/DynamicJointState"
 LOG = "rcl_interfaces/msg/Log"
 OCTETS = "std_msgs/msg/UInt8MultiArray"
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
+COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
 STRING = "std_msgs/msg/String"
 
 SCHEMAS = {
@@ -54,6 +55,7 @@ SCHEMAS = {
             "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec\n",
         },
     ),
+    COMPRESSED_IMAGE: _schema(f"{_HEADER}string format\nuint8[] data\n", _HEADER_PARTS),
     STRING: "string data\n",
 }
 

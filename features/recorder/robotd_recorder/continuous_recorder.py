@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 
-from robotd.api import OperationError, get_logger
+from robotd.api import OperationError, WorldCamera, get_logger
 from robotd.api.features import Tap
+from robotd_recorder.camera_recorder import CameraRecorder
 from robotd_recorder.recorder_process import RecorderProcess
 from robotd_recording.recording_folder import CONTINUOUS, RecordingFolder
 from robotd_recording.writer_process import Report
@@ -25,11 +27,18 @@ class ContinuousRecorder:
         tap: source.
         folder: where the files go; none is ever removed.
         split_bytes, split_s: size and time after which a new file begins.
+        cameras: whose pictures are recorded, too.
     """
 
     def __init__(
-        self, tap: Tap, folder: RecordingFolder, split_bytes: float, split_s: float
+        self,
+        tap: Tap,
+        folder: RecordingFolder,
+        split_bytes: float,
+        split_s: float,
+        cameras: Sequence[WorldCamera] = (),
     ) -> None:
+        self._cameras = cameras
         self._tap = tap
         self._folder = folder
         self._split_bytes, self._split_s = split_bytes, split_s
@@ -99,8 +108,8 @@ class ContinuousRecorder:
 
     def _run(self, process: RecorderProcess) -> None:
         try:
-            with process:
-                self._feed(process)
+            with process, CameraRecorder(self._tap.robot, self._cameras) as pictures:
+                self._feed(process, pictures)
             report = self._report
             log.info("recorded", file=str(report.path), mib=round(report.size_bytes / 2**20, 1))
             if report.lost_frames:
@@ -109,7 +118,7 @@ class ContinuousRecorder:
             self._failure = getattr(error, "strerror", None) or str(error) or "the process ended"
             log.error("recording ended early", folder=str(self._folder.path), reason=self._failure)
 
-    def _feed(self, process: RecorderProcess) -> None:
+    def _feed(self, process: RecorderProcess, pictures: CameraRecorder) -> None:
         tap = self._tap
         event_cursor = sample_cursor = 0
         has_stopped = False
@@ -117,5 +126,5 @@ class ContinuousRecorder:
             has_stopped = self._stop.wait(SEND_INTERVAL_S)
             events, event_cursor = tap.events.since(event_cursor)
             samples, sample_cursor = tap.samples.since(sample_cursor)
-            self._report = process.send(events, samples) or self._report
+            self._report = process.send(events, samples, pictures.take()) or self._report
         self._report = process.finish(END_TIMEOUT_S)

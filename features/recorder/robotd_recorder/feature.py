@@ -27,6 +27,11 @@ class RecorderSettings(Section):
     split_s: float = Field(
         3600.0, ge=1, description="Time after which a continuous recording begins a new file."
     )
+    cameras: bool = Field(
+        False,
+        description="Continuous recordings have the pictures of the cameras of a simulated world,"
+        " as JPEG at their rates.",
+    )
 
 
 class RecorderKeys(Section):

@@ -72,7 +72,11 @@ def _record(host: FeatureHost, keys: RecorderKeys) -> Iterator[Recorder]:
         log.warning("the flight recorder cannot save recordings", folder=reason)
     tap = host.tap(settings.seconds)
     flight = FlightRecorder(tap, kept, settings.after_s)
-    continuous = ContinuousRecorder(tap, recorded, settings.split_mib * MIB, settings.split_s)
+    world = host.robot.world
+    cameras = world.cameras if settings.cameras and world is not None else ()
+    continuous = ContinuousRecorder(
+        tap, recorded, settings.split_mib * MIB, settings.split_s, cameras
+    )
     tap.add_reader(flight.check)
     try:
         if keys.record is not None:

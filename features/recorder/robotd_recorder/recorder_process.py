@@ -13,7 +13,7 @@ from typing import Self
 from robotd.api.features import Event, Sample, Tap
 from robotd_recording import writer_process
 from robotd_recording.recording_folder import RecordingFolder
-from robotd_recording.recording_writer import RecordingInfo
+from robotd_recording.recording_writer import Picture, RecordingInfo
 from robotd_recording.writer_process import Batch, Job, Report
 
 BATCH_EVENTS = 32  # pickled at once, which holds the interpreter: 0.2 ms
@@ -83,12 +83,14 @@ class RecorderProcess:
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(END_S)
 
-    def send(self, events: Sequence[Event], samples: Sequence[Sample]) -> Report | None:
-        """Add events and samples; return the newest report, None before the first."""
+    def send(
+        self, events: Sequence[Event], samples: Sequence[Sample], pictures: Sequence[Picture] = ()
+    ) -> Report | None:
+        """Add events, samples and pictures; return the newest report, None before the first."""
         for begin in range(0, len(events), BATCH_EVENTS):
             self._put(Batch([*events[begin : begin + BATCH_EVENTS]], []))
             self._yield()
-        self._put(Batch([], [*samples]))
+        self._put(Batch([], [*samples], [*pictures]))
         report = None
         while self._connection.poll():
             report = self._receive()

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Self
+from typing import IO, TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from robotd_messages.message_encoders import (
     MessageTemplate,
     dynamic_joint_state,
     joint_state,
+    jpeg_message,
     log_message,
     named_values,
     octets_message,
@@ -126,6 +127,14 @@ class RecordingInfo:
         return cls(**values)
 
 
+class Picture(NamedTuple):
+    """Picture of a camera of a simulated world, as JPEG."""
+
+    time_ns: int
+    camera: str
+    jpeg: bytes
+
+
 class RecordingWriter:
     """Writes one file. One thread, never the control loop.
 
@@ -212,6 +221,15 @@ class RecordingWriter:
             self.message(name, time_ns, octets_message(content))
         else:
             self.message(name, time_ns, named_values(time_ns + self._offset_ns, content))
+
+    def picture(self, picture: Picture) -> None:
+        """Add a picture; its camera gets a topic with the first one."""
+        time_ns, camera, jpeg = picture
+        topic = f"/{camera}/image_raw/compressed"
+        if topic not in self._channels:
+            schema = self._register_schema(types.COMPRESSED_IMAGE)
+            self._channels[topic] = self._register(topic, schema)
+        self.message(topic, time_ns, jpeg_message(time_ns + self._offset_ns, camera, jpeg))
 
     def message(self, topic: str, time_ns: int, data: bytes) -> None:
         """Add a message that is encoded already.

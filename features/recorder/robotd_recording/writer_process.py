@@ -10,14 +10,19 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from pathlib import Path
 from time import monotonic
 
 from robotd.api.features import Event, EventKind, FrameMemory, Sample, request_niceness
 from robotd_recording.recording_folder import PARTIAL, RecordingFolder
-from robotd_recording.recording_writer import RecordingInfo, RecordingWriter, create_recording
+from robotd_recording.recording_writer import (
+    Picture,
+    RecordingInfo,
+    RecordingWriter,
+    create_recording,
+)
 
 POLL_INTERVAL_S = 0.1
 FLUSH_INTERVAL_S = 0.5
@@ -54,10 +59,11 @@ class Job:
 
 @dataclass(frozen=True)
 class Batch:
-    """Events and samples since the last batch; ``last``: the recording ends with it."""
+    """What has come since the last batch; ``last``: the recording ends with it."""
 
     events: list[Event]
     samples: list[Sample]
+    pictures: list[Picture] = field(default_factory=list)
     last: bool = False
 
 
@@ -120,6 +126,15 @@ class Recorder:
                 writer.event(latched)
             for value in self._samples.values():
                 writer.sample(value)
+        self._write_batch(writer, batch)
+        now_s = monotonic()
+        if now_s - self._flushed_s >= FLUSH_INTERVAL_S:
+            writer.flush()
+            self._flushed_s = now_s
+        if self._is_full(writer, now_s):
+            self.close()
+
+    def _write_batch(self, writer: RecordingWriter, batch: Batch) -> None:
         for event in batch.events:
             writer.event(event)
             if event.kind in LATCHED_EVENTS:
@@ -127,12 +142,8 @@ class Recorder:
         for sample in batch.samples:
             writer.sample(sample)
             self._samples[sample[1]] = sample
-        now_s = monotonic()
-        if now_s - self._flushed_s >= FLUSH_INTERVAL_S:
-            writer.flush()
-            self._flushed_s = now_s
-        if self._is_full(writer, now_s):
-            self.close()
+        for picture in batch.pictures:
+            writer.picture(picture)
 
     def close(self) -> None:
         """Complete the current file."""

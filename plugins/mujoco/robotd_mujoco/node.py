@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from robotd.api import NANOSECONDS, ProcessImage, RobotdError, WorldCamera, get_logger, jpeg
+from robotd.api import NANOSECONDS, ProcessImage, RobotdError, World, WorldCamera, get_logger, jpeg
 from robotd_mujoco.physics import Physics
-from robotd_mujoco.renderer import Renderer
 from robotd_ros.api import HotPublisher, Robot, RosHost, StampClock, ticks
 
 NAME = "mujoco"
@@ -51,7 +50,9 @@ class MujocoNode(Node):
             self._add_ground_truth()
         self._cameras = [CameraTopics(self, each) for each in physics.robot_model.cameras]
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._render, name="robotd-cameras", daemon=True)
+        self._thread = threading.Thread(
+            target=self._render, args=(robot.world,), name="robotd-cameras", daemon=True
+        )
         if self._cameras:
             self._thread.start()
 
@@ -94,24 +95,24 @@ class MujocoNode(Node):
                 message.stamp(stamp_ns)
                 message.publish()
 
-    def _render(self) -> None:
+    def _render(self, world: World) -> None:
         """Thread of the cameras: a picture of each at its rate, while there are subscribers."""
-        renderer = Renderer(self._physics)
         period_s = 1.0 / max(each.camera.rate_hz for each in self._cameras)
         try:
+            # The first picture opens OpenGL, which holds the interpreter for 0.2 s: now, before
+            # anything moves, and not with the first subscriber or viewer.
+            world.image(self._cameras[0].camera.name)
             with ticks(self._stop, round(period_s * NANOSECONDS), self._robot.clock) as moments:
                 for _ in moments:
                     now_ns = self._robot.clock.now_ns()
                     for each in self._cameras:
                         if each.is_due(now_ns):
-                            picture = renderer.image(each.camera.name)
+                            picture = world.image(each.camera.name)
                             each.publish(picture, self._stamps.at_ns(now_ns))
         except RobotdError as error:
             log.error("no pictures of the cameras", reason=str(error))
         except Exception:
             log.exception("the cameras ended")
-        finally:
-            renderer.close()
 
 
 class CameraTopics:

@@ -118,17 +118,17 @@ class RobotdRobot(LeRobotRobot):
             robot = opened.enter_context(
                 open_robot(config.descriptor, config.backend, config.variant)
             )
+            for camera in self.cameras.values():
+                if isinstance(camera, WorldCamera):
+                    camera.robot = robot
+                camera.connect()
+                opened.callback(camera.disconnect)
             streams = [
                 opened.enter_context(
                     group.stream(mode=config.mode, timeout_s=config.timeout_s, owner=OWNER)
                 )
                 for group in robot.groups.values()
             ]
-            for camera in self.cameras.values():
-                if isinstance(camera, WorldCamera):
-                    camera.robot = robot
-                camera.connect()
-                opened.callback(camera.disconnect)
             self._open = opened.pop_all()
         self._robot, self._streams = robot, streams
         if robot.gripper is not None:

@@ -43,7 +43,9 @@ class WorldCamera:
         return self.robot is not None
 
     def connect(self) -> None:
-        """Check that the world of ``robot`` has the camera.
+        """Check that the world of ``robot`` has the camera, and take a first picture.
+
+        The first one opens OpenGL, which can stall the control loop: before anything moves.
 
         Raises InvalidArgument: it has no such camera, or one of another size.
         """
@@ -57,6 +59,7 @@ class WorldCamera:
                 f"camera {config.camera!r}: width and height must be {width} and {height}, as in"
                 f" the scene, not {config.width} and {config.height}"
             )
+        self.read_latest()
 
     def read_latest(self) -> Any:
         """Return the present picture, uint8 of shape (height, width, 3).

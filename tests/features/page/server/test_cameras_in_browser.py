@@ -103,7 +103,7 @@ def test_pictures_are_shown_and_follow_the_world(
     assert [images.nth(each).get_attribute("alt") for each in range(2)] == [
         f"Picture of {name}" for name in NAMES
     ]
-    images.first.scroll_into_view_if_needed()
+    page.locator("#cameras-title").scroll_into_view_if_needed()
     wait_until(lambda: source.asked.count("cell_camera") > 2)
     before = red_pixels(page)
     assert before > 20  # the cube
@@ -118,7 +118,7 @@ def test_nothing_is_rendered_while_nobody_looks(
     served: tuple[Robot, CountingSource, str], page: Page
 ) -> None:
     _, source, _ = served
-    page.locator("#camera-list img").first.scroll_into_view_if_needed()
+    page.locator("#cameras-title").scroll_into_view_if_needed()
     wait_until(lambda: len(source.asked) > 2)
     page.locator("#node-list").evaluate("element => element.style.marginTop = '3000px'")
     page.locator("#nodes-title").scroll_into_view_if_needed()
