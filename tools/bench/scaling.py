@@ -12,7 +12,7 @@ import click
 import matplotlib as mpl
 from tools.bench.machine import machine
 from tools.bench.results import into_page, keep, out_option, table, told
-from tools.bench.scaling_runs import HELD_PERCENT, Run, holds, measure, runs
+from tools.bench.scaling_runs import HELD_PERCENT, Run, holds, measure, physics_runs, runs
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
@@ -22,6 +22,7 @@ COLUMNS = {
     "axes": ("axes", "{:d}"),
     "rate Hz": ("rate_hz", "{:d}"),
     "robots": ("robots", "{:d}"),
+    "start s": ("start_s", "{:.1f}"),
     "CPU % of a core": ("cpu_percent", "{:.1f}"),
     "deadlines kept %": ("met_percent", "{:.2f}"),
     "late p50 µs": ("lateness_p50_us", "{:.0f}"),
@@ -40,17 +41,17 @@ Figures = dict[str, Any]
 @click.option("--axes", "only", flag_value="axes", help="Only the runs with more and more axes.")
 @click.option("--rates", "only", flag_value="rate_hz", help="Only those at higher rates.")
 @click.option("--robots", "only", flag_value="robots", help="Only those with more robots.")
-@click.option("--physics", "only", flag_value="backend", help="Only those with physics.")
+@click.option("--physics", "only", flag_value="backend", help="Only axes with physics.")
 def main(seconds: float, out: Path, only: str | None) -> None:
     """Measure simulated robots at rest, servos on, that publish at the rate of their cycle.
 
-    Writes scaling.json and scaling.png, and the table into scaling.md where that is there.
+    Writes scaling.json and scaling.png, and the table into scaling.md where that is there; with
+    --physics physics.json, and the table into physics.md.
     """
+    has_physics = only == "backend"
     results: dict[str, Any] = {"machine": machine(), "seconds": seconds, "runs": [], "notes": []}
     with tempfile.TemporaryDirectory(prefix="robotd-scaling-") as folder:
-        for run in runs():
-            if only and getattr(run, only) == getattr(Run(), only) and run != Run():
-                continue
+        for run in physics_runs() if has_physics else _chosen(only):
             click.echo(f"{run}", err=True)
             try:
                 results["runs"].append(measure(run, seconds, Path(folder)))
@@ -60,9 +61,17 @@ def main(seconds: float, out: Path, only: str | None) -> None:
     results["load_after"] = os.getloadavg()[0]
     report = "\n".join(_report(results))
     click.echo(report)
-    keep(out, "scaling", results)
-    _draw(results["runs"], out / "scaling.png")
-    into_page(out / "scaling.md", report)
+    name = "physics" if has_physics else "scaling"
+    keep(out, name, results)
+    into_page(out / f"{name}.md", report)
+    if not has_physics:
+        _draw(results["runs"], out / "scaling.png")
+
+
+def _chosen(only: str | None) -> list[Run]:
+    """Return the runs in which ``only`` grows, or all."""
+    usual = getattr(Run(), only) if only else None
+    return [run for run in runs() if not only or getattr(run, only) != usual or run == Run()]
 
 
 def _report(results: dict[str, Any]) -> Iterator[str]:
@@ -72,7 +81,8 @@ def _report(results: dict[str, Any]) -> Iterator[str]:
     yield ""
     yield table(COLUMNS, found)
     yield ""
-    for key, what in GROWING.items():
+    backends = {each["backend"] for each in found}
+    for key, what in GROWING.items() if backends == {"sim"} else ():
         if series := _series(found, key):
             yield f"- {_end(series, key, what)}"
     yield from (f"- {note}" for note in results["notes"])

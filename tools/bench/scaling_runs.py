@@ -29,6 +29,7 @@ AXES = (2, 6, 12, 24, 48, 128)
 RATES_HZ = (100, 250, 500, 1000, 2000)
 ROBOTS = (1, 2, 4, 8, 16)
 PHYSICS_AXES = (6, 12, 24)
+PHYSICS_ROUNDS = 2
 ARM_JOINTS = "zyyyzy"  # axes of the joints of an arm with physics
 SIMULATED_S = 5.0
 
@@ -47,19 +48,22 @@ CROWD = Run(rate_hz=100, robots=32)  # at 500 Hz they need more than the two cor
 
 
 def runs() -> Iterator[Run]:
-    """Each of the three grows, the others stay: six axes, 500 Hz, one robot; then ``CROWD``.
-
-    And axes with physics.
-    """
+    """Each of the three grows, the others stay: six axes, 500 Hz, one robot; then ``CROWD``."""
     yield from dict.fromkeys(
         [
             *(Run(axes=axes) for axes in AXES),
             *(Run(rate_hz=rate_hz) for rate_hz in RATES_HZ),
             *(Run(robots=robots) for robots in ROBOTS),
             CROWD,
-            *(Run(axes=axes, backend="mujoco") for axes in PHYSICS_AXES),
         ]
     )
+
+
+def physics_runs() -> Iterator[Run]:
+    """Axes without and with physics, one after the other: both meet the same load of others."""
+    for _ in range(PHYSICS_ROUNDS):
+        for axes in PHYSICS_AXES:
+            yield from (Run(axes=axes, backend=backend) for backend in ("sim", "mujoco"))
 
 
 def measure(run: Run, seconds: float, folder: Path) -> dict[str, Any]:
@@ -70,9 +74,11 @@ def measure(run: Run, seconds: float, folder: Path) -> dict[str, Any]:
     reports = [folder / f"report{number}.json" for number in range(run.robots)]
     with ExitStack() as stack:
         programs = []
+        began_s = time.monotonic()
         for report in reports:
             programs.append(stack.enter_context(_robot(run, report, stack)))
             programs[-1].wait_output("ready after")  # one after the other: all at once take long
+        start_s = (time.monotonic() - began_s) / run.robots
         time.sleep(SETTLE_S)
         begin_ns, used_s = time.monotonic_ns(), -np.array([each.cpu_s() for each in programs])
         time.sleep(seconds)
@@ -82,6 +88,7 @@ def measure(run: Run, seconds: float, folder: Path) -> dict[str, Any]:
     timing = [_timing(report, (begin_ns, end_ns), run.rate_hz) for report in reports]
     return {
         **asdict(run),
+        "start_s": start_s,
         "cpu_percent": float(np.mean(used_s)) / ((end_ns - begin_ns) * 1e-9) * 100.0,
         **{key: float(np.mean([each[key] for each in memory])) for key in memory[0]},
         **{key: max(each[key] for each in timing) for key in timing[0] if key != "met_percent"},
