@@ -20,7 +20,7 @@ from lerobot.scripts.lerobot_replay import DatasetReplayConfig, ReplayConfig, re
 from lerobot.teleoperators import Teleoperator, TeleoperatorConfig
 
 from lerobot_robot_robotd import RobotdRobot, RobotdRobotConfig, WorldCameraConfig
-from robotd.descriptor import load_robot_descriptor
+from robotd.api import load_robot_descriptor
 
 REPO, RATE_HZ = "local/carry", 10
 DESCRIPTOR, OBJECT = "cr3a", "cube"
