@@ -51,14 +51,18 @@ class Differential:
             twist: (6,) in the base, m/s and rad/s.
         """
         poses, jacobians = self._chain.forward_and_jacobian(positions)
+        return poses, self.of_jacobians(poses, jacobians, twist)
+
+    def of_jacobians(
+        self, poses: FloatArray, jacobians: FloatArray, twist: FloatArray
+    ) -> list[Rates]:
+        """Return rates as ``at``, from the poses (p, 4, 4) and Jacobians (p, 6, n)."""
         into = np.broadcast_to(self._rows, (len(poses), 6, 6))
         if not self._task.is_whole:
             into = self._task.rows(into, poses)
         rows = self._scaled(jacobians, poses)
         left, sizes, right = np.linalg.svd(rows, full_matrices=False)
-        return poses, [
-            self._rates(*each, twist) for each in zip(into, left, sizes, right, strict=True)
-        ]
+        return [self._rates(*each, twist) for each in zip(into, left, sizes, right, strict=True)]
 
     def _scaled(self, jacobians: FloatArray, poses: FloatArray) -> FloatArray:
         scaled = self._rows @ jacobians * self._columns

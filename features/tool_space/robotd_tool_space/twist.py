@@ -109,11 +109,12 @@ class TwistStage:
         self._setpoint = setpoint.copy()
         self._ramp = TwistRamp(self._limits, period_s)
         self._factor = FactorRamp(period_s)
-        self.pose, jacobian = self._chain.forward_and_jacobian(setpoint[0])
+        poses, jacobians = self._chain.forward_and_jacobian(setpoint[:1])
+        self.pose, (jacobian,) = poses[0], jacobians
         moving = jacobian @ setpoint[1]
         if np.abs(moving).max() > 1e-6:
             self._ramp.turn(moving, jacobian @ setpoint[2])
-        self._rates = self._differential.at(setpoint[:1], moving)[1][0]
+        (self._rates,) = self._differential.of_jacobians(poses, jacobians, moving)
         self._in_tool = False
         self._lower = limits.lower + MARGIN_RAD
         self._upper = limits.upper - MARGIN_RAD
