@@ -2,69 +2,119 @@
 
 from __future__ import annotations
 
-from robotd.api import FaultInjector
-from robotd_sim.faults import Faults
+from robotd.api import ConnectionState, FaultInjector, InvalidArgument, NotReady
 from robotd_sim.simulation import Simulation
 
 
 class SimFaultInjector(FaultInjector):
-    """Everything that a bench can do. Any thread may call."""
+    """Breaks a simulation. Any thread may call; each call takes effect at the present tick."""
 
     uses_context_clock = True
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation, self._world = simulation, simulation.world
-        self._faults = Faults(simulation)
 
     def position(self, axis: int) -> float:
         with self._world.lock:
             self._world.advance()
             return float(self._simulation.servo.position[axis])
 
+    def torque(self, axis: int) -> float:
+        with self._world.lock:
+            self._world.advance()
+            return self._simulation.servo.measure(self._simulation.servo.state())[1][axis]
+
     def move_by_hand(self, axis: int, delta: float) -> None:
-        self._faults.push(axis, self.position(axis) + delta)
+        """Raises NotReady while the servo of the axis is on."""
+        with self._world.lock:
+            self._world.advance()
+            if self._simulation.states.servo_on[axis]:
+                raise NotReady("cannot be moved by hand while the servo is on", axis=axis)
+            position = float(self._simulation.servo.position[axis]) + delta
+            if not -1e6 < position < 1e6:
+                raise InvalidArgument(f"{position:g} rad is out of reach", axis=axis)
+            self._place(axis, position)
 
     def trip(self, axis: int, code: int) -> None:
-        self._faults.trip(axis, code)
+        with self._world.lock:
+            self._world.advance()
+            self._simulation.power.trip(axis, code)
 
     def disconnect(self, axis: int) -> None:
-        self._faults.disconnect(axis)
+        with self._world.lock:
+            self._world.advance()
+            self._simulation.disconnect(axis)
 
     def reconnect(self, axis: int) -> None:
         """A slave is taken in again by ``start_hot_connect``, its plug alone does nothing."""
 
     def freeze(self, frozen: bool) -> None:
-        self._faults.freeze(frozen)
+        """Freeze the values without an error; the axes continue their motion."""
+        with self._world.lock:
+            self._world.advance()
+            self._simulation.network.frozen = frozen
 
     def set_input_bit(self, byte: int, bit: int, value: bool) -> None:
-        self._faults.set_input_bit(byte, bit, value)
+        with self._world.lock:
+            self._world.advance()
+            inputs = self._simulation.io.inputs
+            inputs[byte] = inputs[byte] & ~(1 << bit) | int(value) << bit
 
     def output_bit(self, byte: int, bit: int) -> bool:
         with self._world.lock:
             return bool(self._simulation.io.outputs[byte] >> bit & 1)
 
     def stick_output_bit(self, byte: int, bit: int, value: bool | None) -> None:
-        self._faults.stick_output_bit(byte, bit, value)
-
-    def block(self, axis: int, blocked: bool) -> None:
-        self._faults.block(axis, blocked)
-
-    def press_switch(self, axis: int, switch: str, pressed: bool) -> None:
-        self._faults.press_switch(axis, switch, pressed)
-
-    def torque(self, axis: int) -> float:
         with self._world.lock:
             self._world.advance()
-            return self._simulation.servo.measure(self._simulation.servo.state())[1][axis]
+            self._simulation.io.stick(byte, bit, value)
+
+    def block(self, axis: int, blocked: bool) -> None:
+        with self._world.lock:
+            self._world.advance()
+            self._simulation.servo.grip(axis, held=blocked)
+            self._world.stir()
+
+    def press_switch(self, axis: int, switch: str, pressed: bool) -> None:
+        with self._world.lock:
+            self._world.advance()
+            self._simulation.switches.press(axis, switch, pressed=pressed)
+            self._simulation.guards.refresh()
+            self._world.stir()
 
     def jump_encoder(self, axis: int, delta: float) -> None:
-        self._faults.jump_encoder(axis, delta)
+        with self._world.lock:
+            self._world.advance()
+            position = self._simulation.servo.position
+            position[axis] += delta
+            if self._simulation.states.servo_on[axis]:
+                self._world.stir()
+            else:
+                self._place(axis, float(position[axis]))
 
     def lose_packets(self, count: int) -> None:
-        self._faults.lose_packets(count)
+        """Lose ``count`` frames in a row: no values for as many ticks."""
+        with self._world.lock:
+            self._world.advance()
+            network = self._simulation.network
+            network.packet_loss += count
+            network.frozen = True
+            self._world.at(self._world.tick + count, network.thaw)
 
     def drop_communication(self) -> None:
-        self._faults.drop_communication()
+        with self._world.lock:
+            self._world.advance()
+            self._simulation.network.packet_loss += 1
+            self._simulation.silence()
 
     def stop_engine(self) -> None:
-        self._faults.stop_engine()
+        """End the engine at once, as if its process had died."""
+        with self._world.lock:
+            self._world.advance()
+            if self._simulation.engine is not ConnectionState.IDLE:
+                self._simulation.reset()
+
+    def _place(self, axis: int, position: float) -> None:
+        """Put an axis whose servo is off at rest to ``position``."""
+        self._simulation.servo.place(axis, position, position, 0.0)
+        self._simulation.motion.hold(axis, position)

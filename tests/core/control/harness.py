@@ -24,7 +24,7 @@ from robotd.motion import Tolerances, TrajectoryRequest
 from robotd.motion.profile import Profile
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
-from robotd_sim.faults import Faults
+from robotd_sim.fault_injector import SimFaultInjector
 from robotd_sim.simulation import Simulation
 
 RATE_HZ = 500.0
@@ -107,7 +107,7 @@ class Harness:
         self.connection = self.robot.connection
         self.mixer = self.robot.control_loop._mixer
         self.simulation: Simulation = self.connection._driver.wrapped.simulation  # type: ignore[attr-defined]
-        self.faults = Faults(self.simulation)
+        self.faults = SimFaultInjector(self.simulation)
         self.setpoints = Setpoints()
         self._tap()
 

@@ -14,7 +14,7 @@ from tests.core.control.base_harness import COMMAND_S, BaseHarness, running
 from robotd.control.problem import ProblemKind
 from robotd.descriptor import load_robot_descriptor
 from robotd.errors import NotReady
-from robotd_sim.faults import Faults
+from robotd_sim.fault_injector import SimFaultInjector
 
 BASES = ["baymax", "mecanum_base", "tricycle_base", "skid_steer_base"]
 SPEED = 0.2
@@ -30,7 +30,7 @@ def stop(harness: BaseHarness) -> None:
 
 
 def trip(harness: BaseHarness) -> None:
-    Faults(harness.simulation).trip(0, 17)
+    SimFaultInjector(harness.simulation).trip(0, 17)
 
 
 def switch_on(harness: BaseHarness) -> None:  # as ``robotd recover`` does
@@ -40,7 +40,7 @@ def switch_on(harness: BaseHarness) -> None:  # as ``robotd recover`` does
 
 
 def lose(harness: BaseHarness) -> None:
-    Faults(harness.simulation).drop_communication()
+    SimFaultInjector(harness.simulation).drop_communication()
 
 
 def set_inactive(harness: BaseHarness) -> None:  # as ``RobotLifecycle`` does

@@ -15,7 +15,7 @@ from robotd.descriptor import RobotDescriptor
 from robotd.device.process_image import ProcessImage
 from robotd_sim.axes import SimAxes
 from robotd_sim.device import SimDevice
-from robotd_sim.faults import Faults
+from robotd_sim.fault_injector import SimFaultInjector
 from robotd_sim.options import SimOptions
 from robotd_sim.simulation import Simulation
 
@@ -56,7 +56,7 @@ class Harness:
 
     def __post_init__(self) -> None:
         self.image = ProcessImage(self.simulation.axes)
-        self.faults = Faults(self.simulation)
+        self.faults = SimFaultInjector(self.simulation)
 
     def look(self, seconds: float = 0.0) -> ProcessImage:
         """The image ``seconds`` later."""

@@ -9,14 +9,14 @@ from robotd.api import DeviceTimeout, NotReady, Operation, Profile
 
 def test_enabling_is_bumpless_wherever_the_axis_was_put() -> None:
     made = harness(on=False)
-    made.faults.push(0, 0.7)
+    made.faults.move_by_hand(0, 0.7)
     made.axes.servo(0, True, 1.0)
     record = made.record(0.3)
     assert np.ptp(record.position[:, 0]) == 0
     assert record.command[:, 0] == pytest.approx(0.7, abs=1e-5)
     assert not record.velocity.any()
     with pytest.raises(NotReady, match="by hand"):
-        made.faults.push(0, 0.0)
+        made.faults.move_by_hand(0, 0.0)
 
 
 def test_a_drive_takes_some_cycles_to_enable_and_a_timeout_names_the_axis() -> None:

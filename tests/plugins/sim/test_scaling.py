@@ -20,7 +20,7 @@ def test_positions_come_in_whole_counts() -> None:
 
 def test_polarity_changes_the_sign_of_the_position() -> None:
     made = harness(on=False)
-    made.faults.push(0, 0.5)
+    made.faults.move_by_hand(0, 0.5)
     made.axes.set_polarity(0, -1)
     image = made.look()
     assert image.position[0] == pytest.approx(-0.5, abs=1e-5)
@@ -31,7 +31,7 @@ def test_polarity_changes_the_sign_of_the_position() -> None:
 
 def test_twice_the_gear_ratio_is_half_the_position() -> None:
     made = harness(on=False)
-    made.faults.push(1, 1.0)
+    made.faults.move_by_hand(1, 1.0)
     made.axes.set_gear_ratio(1, 2.0**21, 2 * math.pi)
     image = made.look()
     assert image.position[1] == pytest.approx(0.5, abs=1e-5)
@@ -71,7 +71,7 @@ def test_turns_beyond_32_bits_are_counted_while_running_and_lost_over_a_restart(
     made = harness(on=False, encoder_counts_per_turn=2**20)
     made.set(AbsoluteEncoderMode=1)
     turn = 2 * math.pi
-    made.faults.push(0, 2050 * turn)  # 32 bits hold ±2048 turns
+    made.faults.move_by_hand(0, 2050 * turn)  # 32 bits hold ±2048 turns
     assert made.look().position[0] == pytest.approx(2050 * turn)
     made.device.stop_communication(1.0)
     made.device.start_communication(1.0)
