@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from robotd.control.axis_limits import axis_limits, joint_limits, trajectory_rules
 from robotd.descriptor import load_robot_descriptor
-from robotd.motion import JointLimits, MotionState, TrajectoryRequest, plan
+from robotd.motion import MotionState, TrajectoryRequest, plan
 from robotd_wmx_parameters import default_wmx_parameters, read_wmx_parameters
 from robotd_wmx_parameters.xml_file import write_wmx_parameters
 
@@ -35,14 +36,8 @@ def planning(folder: Path) -> dict[str, float]:
 
 def _plan_call() -> Callable[[], Any]:
     descriptor = load_robot_descriptor("cr3a")
-    joints = descriptor.joints
-    limits = JointLimits(
-        tuple(joint.name for joint in joints),
-        np.array([joint.lower for joint in joints]),
-        np.array([joint.upper for joint in joints]),
-        np.array([joint.velocity for joint in joints]),
-        np.array([joint.acceleration for joint in joints]),
-    )
+    limits = joint_limits(descriptor.joints, axis_limits(descriptor))
+    rules = trajectory_rules(descriptor.trajectory, limits.units)
     times = np.linspace(0.02, 20.0, POINTS)
     phases = np.arange(JOINTS)
     positions = 0.5 * (np.sin(times[:, None] + phases) - np.sin(phases))
@@ -52,7 +47,7 @@ def _plan_call() -> Callable[[], Any]:
 
     def call() -> Any:
         request = TrajectoryRequest.from_rows(names, times.tolist(), rows)
-        return plan(request, limits, descriptor.trajectory, start)
+        return plan(request, limits, rules, start)
 
     return call
 

@@ -12,7 +12,7 @@ from robotd.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from robotd.clock.simulated import PacedClock, SimulatedClock, SteppedClock
-    from robotd.control.axis_limits import twist_limits
+    from robotd.control.axis_limits import axis_limits, joint_limits, twist_limits
     from robotd.control.completion import Outcome
     from robotd.control.interruptions import Interruption
     from robotd.control.joint_group import JointGroup
@@ -68,11 +68,13 @@ __all__ = [
     "TrajectoryExecution",
     "TrajectoryRejected",
     "TrajectoryRequest",
+    "axis_limits",
     "build_robot",
     "configure_logging",
     "discover",
     "distinct",
     "each",
+    "joint_limits",
     "load_backend",
     "load_plugins",
     "open_robot",

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pkgutil import resolve_name
 
+import numpy as np
+
+from robotd.arrays import FloatArray
 from robotd.descriptor import (
     DriveSettings,
     MecanumDrive,
     OmnidirectionalDrive,
     RobotDescriptor,
+    TrajectorySettings,
     TricycleDrive,
     TwoSidedDrive,
 )
+from robotd.descriptor.joint_settings import JointSettings
 from robotd.device.drivers import AxisDriver
 from robotd.errors import DescriptorError, PluginError
+from robotd.motion import JointLimits, TrajectoryRules
 from robotd.motion.limits import AxisLimits
 from robotd.motion.planar import PlanarTwist
 from robotd.motion.steering import SteeringLimits
@@ -45,6 +51,48 @@ def axis_limits(descriptor: RobotDescriptor) -> list[AxisLimits]:
         if isinstance(descriptor.drive, TricycleDrive):
             limits[descriptor.drive.steering_axis] = _steering_limits(descriptor.drive)
     return [limits.get(axis, AxisLimits.unlimited()) for axis in range(descriptor.axes)]
+
+
+def joint_limits(
+    joints: Sequence[JointSettings],
+    limits: Sequence[AxisLimits],
+    device_limits: Sequence[AxisLimits] = (),
+) -> JointLimits:
+    """Return the limits of ``joints``, from those of all axes; ``device_limits``: empty: none."""
+    own = [limits[joint.axis] for joint in joints]
+    device = [device_limits[joint.axis] for joint in joints if device_limits]
+    return JointLimits(
+        tuple(joint.name for joint in joints),
+        np.array([each.lower for each in own]),
+        np.array([each.upper for each in own]),
+        np.array([each.velocity for each in own]),
+        np.array([each.acceleration for each in own]),
+        tuple(joint.unit for joint in joints),
+        np.array([joint.jerk for joint in joints]),
+        np.array([each.velocity for each in device]),
+        np.array([each.acceleration for each in device]),
+    )
+
+
+def trajectory_rules(settings: TrajectorySettings, units: Sequence[str]) -> TrajectoryRules:
+    """Return the rules of joints with ``units``, "rad" or "m" each."""
+
+    def values(rad: float | None, m: float | None) -> FloatArray:
+        by_unit = {"rad": math.inf if rad is None else rad, "m": math.inf if m is None else m}
+        return np.array([by_unit[unit] for unit in units], np.float64)
+
+    return TrajectoryRules(
+        values(settings.path_tolerance_rad, settings.path_tolerance_m),
+        values(settings.goal_tolerance_rad, settings.goal_tolerance_m),
+        settings.goal_time_s,
+        values(settings.start_tolerance_rad, settings.start_tolerance_m),
+        values(settings.stopped_velocity_rad_s, settings.stopped_velocity_m_s),
+        settings.max_points,
+        settings.velocity_margin,
+        settings.acceleration_margin,
+        settings.allow_partial_joints_goal,
+        settings.allow_nonzero_velocity_at_trajectory_end,
+    )
 
 
 def base_kinematics(settings: DriveSettings) -> BaseKinematics:

@@ -68,13 +68,9 @@ class JointGroup:
         self.follower = TrajectoryFollower(
             self.motion, axes, descriptor, clock, self.motion_limits, on_device
         )
-        limits = self.follower.limits
-        self.stream = JointStreams(
-            self.motion, axes, descriptor, limits, clock, backend, rearming, self.motion_limits
-        )
-        self.torque_stream = TorqueStreams(
-            self.motion, axes, descriptor, limits, clock, driver, rearming, self.motion_limits
-        )
+        joints = self.motion, axes, descriptor, self.follower.limits, self.follower.rules
+        self.stream = JointStreams(*joints, clock, backend, rearming, self.motion_limits)
+        self.torque_stream = TorqueStreams(*joints, clock, driver, rearming, self.motion_limits)
 
 
 class JointGroups(dict[str, JointGroup]):

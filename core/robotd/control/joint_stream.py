@@ -33,7 +33,7 @@ from robotd.device.axes import Axes
 from robotd.device.motion_limits import MotionLimits
 from robotd.device.state import CommandMode
 from robotd.errors import InvalidArgument, Unsupported
-from robotd.motion import JointLimits, MotionState
+from robotd.motion import JointLimits, MotionState, TrajectoryRules
 from robotd.motion.sliding_window import WIDTH_S
 
 OWNER = "stream"
@@ -318,7 +318,7 @@ class JointStreams:
         motion: of the joints.
         axes: of the robot.
         descriptor: joints of the group, time-outs and takeover.
-        limits: of the joints.
+        limits, rules: of the joints.
         clock: of the control loop.
         backend: name, for errors.
         rearming: of the robot.
@@ -331,6 +331,7 @@ class JointStreams:
         axes: Axes,
         descriptor: RobotDescriptor,
         limits: JointLimits,
+        rules: TrajectoryRules,
         clock: Clock,
         backend: str,
         rearming: Rearming,
@@ -340,14 +341,14 @@ class JointStreams:
         self._settings, self._clock, self._backend = descriptor.stream, clock, backend
         self._rearming = rearming
         self._joint_axes = tuple(joint.axis for joint in descriptor.joints)
-        self._tolerance = limits.start_tolerance(descriptor.trajectory)
+        self._tolerance = rules.start_tolerance
         self._make_motion = partial(
             StreamMotion,
             np.array([joint.axis for joint in descriptor.joints], np.int64),
             period_s=1.0 / descriptor.cycle.rate_hz,
             underrun=axes.underrun,
             buffer_s=axes.stream_buffer_s,
-            stopped_velocity=limits.stopped_velocity(descriptor.trajectory),
+            stopped_velocity=rules.stopped_velocity,
             speed=axes.speed,
             motion_limits=motion_limits,
         )

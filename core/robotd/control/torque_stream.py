@@ -31,7 +31,7 @@ from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import CommandMode
 from robotd.device.stops import StopRequests
 from robotd.errors import InvalidArgument, NotReady
-from robotd.motion import JointLimits
+from robotd.motion import JointLimits, TrajectoryRules
 from robotd.motion.limits import room_to_stop
 
 
@@ -229,7 +229,7 @@ class TorqueStreams:
         motion: of the joints.
         axes: of the robot.
         descriptor: joints of the group, and time-outs.
-        limits: of the joints.
+        limits, rules: of the joints.
         clock: of the control loop.
         driver: applies the torques.
         rearming: of the robot.
@@ -242,6 +242,7 @@ class TorqueStreams:
         axes: Axes,
         descriptor: RobotDescriptor,
         limits: JointLimits,
+        rules: TrajectoryRules,
         clock: Clock,
         driver: AxisDriver,
         rearming: Rearming,
@@ -251,7 +252,7 @@ class TorqueStreams:
         self._motion, self._axes, self._limits = motion, axes, limits
         self._joints, self._timeout_s = descriptor.joints, descriptor.stream.timeout_s
         self._clock, self._driver = clock, driver
-        self._stopped_velocity = limits.stopped_velocity(descriptor.trajectory)
+        self._stopped_velocity = rules.stopped_velocity
 
     def __call__(
         self,

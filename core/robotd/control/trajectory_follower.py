@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, Clock
 from robotd.clock.simulated import held
+from robotd.control.axis_limits import joint_limits, trajectory_rules
 from robotd.control.device_trajectory import DeviceTrajectory
 from robotd.control.goal_events import note_goal, note_result, noted_rejection
 from robotd.control.joint_motion import JointMotion
@@ -24,8 +26,6 @@ from robotd.device.drivers import AxisDriver
 from robotd.device.motion_limits import MotionLimits
 from robotd.device.state import CommandMode
 from robotd.motion import (
-    DefaultTolerances,
-    JointLimits,
     JointTolerance,
     MotionState,
     Tolerances,
@@ -66,21 +66,8 @@ class TrajectoryFollower:
         on_device: AxisDriver | None = None,
     ) -> None:
         joints = descriptor.joints
-        limits = [axes.limits[joint.axis] for joint in joints]
-        device = [axes.device_limits[joint.axis] for joint in joints if axes.device_limits]
-        self.settings = descriptor.trajectory
-        self.limits = JointLimits(
-            tuple(joint.name for joint in joints),
-            np.array([each.lower for each in limits]),
-            np.array([each.upper for each in limits]),
-            np.array([each.velocity for each in limits]),
-            np.array([each.acceleration for each in limits]),
-            tuple(joint.unit for joint in joints),
-            np.array([joint.jerk for joint in joints]),
-            np.array([each.velocity for each in device]),
-            np.array([each.acceleration for each in device]),
-        )
-        self._default_tolerances = DefaultTolerances.of_settings(self.limits, self.settings)
+        self.limits = joint_limits(joints, axes.limits, axes.device_limits)
+        self.rules = trajectory_rules(descriptor.trajectory, self.limits.units)
         self._motion = motion
         self._speed, self._motion_limits = axes.speed, motion_limits
         self._takeover = descriptor.stream.takeover
@@ -118,18 +105,22 @@ class TrajectoryFollower:
     def set_default_tolerances(
         self, path: Sequence[float], goal: Sequence[float], goal_time_s: float
     ) -> None:
-        """Replace the descriptor's tolerances, for goals that begin from now on. Any thread.
+        """Replace the descriptor's tolerances, for goals that begin from now on. Executor thread.
 
         Args:
             path, goal: of each joint, rad or m; inf: not checked.
             goal_time_s: time after the end to reach the goal; inf: without an end.
         """
-        self._default_tolerances = DefaultTolerances(np.array(path), np.array(goal), goal_time_s)
+        self.rules = replace(
+            self.rules,
+            path_tolerance=np.array(path),
+            goal_tolerance=np.array(goal),
+            goal_time_s=goal_time_s,
+        )
 
     def allow_end_velocity(self, allowed: bool) -> None:
-        """Replace ``allow_nonzero_velocity_at_trajectory_end`` for the next goals. Any thread."""
-        key = "allow_nonzero_velocity_at_trajectory_end"
-        self.settings = self.settings.model_copy(update={key: allowed})
+        """Replace ``allow_nonzero_velocity_at_trajectory_end`` for the next goals, likewise."""
+        self.rules = replace(self.rules, allow_end_velocity=allowed)
 
     def tolerances(
         self,
@@ -141,9 +132,7 @@ class TrajectoryFollower:
 
         In each value 0 means the default, -1 no limit. Raises TrajectoryRejected.
         """
-        return Tolerances(
-            self.limits, self.settings, path, goal, goal_time_s, self._default_tolerances
-        )
+        return Tolerances(self.limits, self.rules, path, goal, goal_time_s)
 
     @contextmanager
     def follow(
@@ -168,11 +157,12 @@ class TrajectoryFollower:
         limits, allowed = self.limits, tolerances or self.tolerances()
 
         def planned(state: MotionState) -> Callable[[int], TrajectoryExecution]:
-            trajectory = plan(request, limits, self.settings, state, recent_path)
+            trajectory = plan(request, limits, self.rules, state, recent_path)
             self._check_end(trajectory)
             self._check_path(trajectory)
-            stopped_velocity = limits.stopped_velocity(self.settings)
-            goal = PlannedGoal(trajectory, self._joint_axes, limits, allowed, stopped_velocity)
+            goal = PlannedGoal(
+                trajectory, self._joint_axes, limits, allowed, self.rules.stopped_velocity
+            )
             return partial(self._make_execution, goal)
 
         with noted_rejection(self._events, request), self._motion.lock, held(self._clock):
@@ -196,7 +186,7 @@ class TrajectoryFollower:
         Raises TrajectoryRejected.
         """
         start = MotionState.at_rest(self._motion.command())
-        self._check_path(plan(request, self.limits, self.settings, start))
+        self._check_path(plan(request, self.limits, self.rules, start))
 
     def state_at(self, time_ns: int) -> MotionState | None:
         """Return the commanded state at monotonic ``time_ns``; rest where nothing moves.
@@ -258,9 +248,9 @@ class TrajectoryFollower:
             self._recent.popleft()
         moving = bool(self._recent) and not self._recent[-1].done and self._recent[-1].on_path
         seconds = (2.0 if moving else 1.0) * REPLAN_S
-        tolerance = self.limits.start_tolerance(self.settings)
         # As dense as the fastest joint needs, but a velocity limit may be any number.
-        needed = float((self.limits.velocity * seconds / tolerance).max(initial=1.0))
+        steps = self.limits.velocity * seconds / self.rules.start_tolerance
+        needed = float(steps.max(initial=1.0))
         times_s = np.linspace(0.0, seconds, int(np.ceil(min(needed, MAX_SAMPLES))) + 1)
         path = np.tile(self._motion.command(), (len(times_s), 1))
         for execution in self._recent:

@@ -12,7 +12,6 @@ from pydantic_core import PydanticCustomError
 from robotd.descriptor.section import Axis, Name, Positive, Problem, Section
 
 INITIAL_MARGIN = 0.1  # part of the range between a limit and the initial position
-FULL_ACCELERATION_S = 0.05  # from standstill, of a joint without a jerk limit
 
 
 class JointType(StrEnum):
@@ -133,8 +132,8 @@ class JointSettings(Section):
 
     @property
     def jerk(self) -> float:
-        """Highest jerk of streamed motion in ``unit``/s³."""
-        return self._limit("jerk_rad_s3", self.acceleration / FULL_ACCELERATION_S)
+        """Highest jerk of streamed motion in ``unit``/s³; NaN: not given."""
+        return self._limit("jerk_rad_s3", math.nan)
 
     @property
     def rated_effort(self) -> float | None:

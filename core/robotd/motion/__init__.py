@@ -13,17 +13,16 @@ from robotd.motion.request import TrajectoryRequest
 from robotd.motion.spline_points import spline_points
 from robotd.motion.stopping import StopPlan, plan_stop
 from robotd.motion.tolerance import (
-    DefaultTolerances,
     JointTolerance,
     ToleranceKind,
     Tolerances,
     Violation,
 )
 from robotd.motion.trajectory import Sampler, Trajectory
+from robotd.motion.trajectory_rules import TrajectoryRules
 
 __all__ = [
     "AxisLimits",
-    "DefaultTolerances",
     "Interpolation",
     "JointLimits",
     "JointTolerance",
@@ -36,6 +35,7 @@ __all__ = [
     "Trajectory",
     "TrajectoryRejected",
     "TrajectoryRequest",
+    "TrajectoryRules",
     "Violation",
     "check_jog",
     "check_move",

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 
 import numpy as np
 
 from robotd.arrays import FloatArray, IntArray
-from robotd.descriptor.joint_settings import FULL_ACCELERATION_S, JointSettings
-from robotd.descriptor.model import TrajectorySettings
 from robotd.motion.limits import AxisLimits
+
+FULL_ACCELERATION_S = 0.05  # from standstill, of a joint without a jerk limit
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,9 +22,9 @@ class JointLimits:
         velocity, acceleration: positive, in rad/s and rad/s² (m/s, m/s²); inf where unlimited.
         units: of position, "rad" or "m", one per joint.
         device_velocity, device_acceleration: what the device itself clips or rejects by, without
-            the margins of the settings; empty: inf.
-        jerk: positive, in rad/s³ (m/s³), of streamed motion; empty: the acceleration limit is
-            reached in ``FULL_ACCELERATION_S``.
+            the margins of the rules; empty: inf.
+        jerk: positive, in rad/s³ (m/s³), of streamed motion; empty, or NaN of a joint: the
+            acceleration limit is reached in ``FULL_ACCELERATION_S``.
 
     Raises:
         ValueError: a shape is wrong, a range is empty or a limit is not positive.
@@ -47,8 +46,9 @@ class JointLimits:
             raise ValueError(f"joint names {self.names} are not unique")
         if not self.units:
             object.__setattr__(self, "units", ("rad",) * count)
-        if not len(self.jerk):
-            object.__setattr__(self, "jerk", self.acceleration / FULL_ACCELERATION_S)
+        gentle = self.acceleration / FULL_ACCELERATION_S
+        jerk = np.where(np.isnan(self.jerk), gentle, self.jerk) if len(self.jerk) else gentle
+        object.__setattr__(self, "jerk", jerk)
         for name in ("device_velocity", "device_acceleration"):
             if not len(getattr(self, name)):
                 object.__setattr__(self, name, np.full(count, np.inf))
@@ -59,19 +59,6 @@ class JointLimits:
             raise ValueError("a lower position limit is not below its upper one")
         if not all((each > 0).all() for each in (self.velocity, self.acceleration, self.jerk)):
             raise ValueError("velocity, acceleration and jerk limits must be positive")
-
-    @classmethod
-    def of_joints(cls, joints: Sequence[JointSettings]) -> JointLimits:
-        """Return the limits of a descriptor's joints."""
-        return cls(
-            tuple(joint.name for joint in joints),
-            np.array([joint.lower for joint in joints]),
-            np.array([joint.upper for joint in joints]),
-            np.array([joint.velocity for joint in joints]),
-            np.array([joint.acceleration for joint in joints]),
-            tuple(joint.unit for joint in joints),
-            np.array([joint.jerk for joint in joints]),
-        )
 
     def of(self, columns: IntArray) -> JointLimits:
         """Return the limits of some of the joints; ``columns``: (k,) their indices."""
@@ -88,26 +75,6 @@ class JointLimits:
         arrays = self.lower, self.upper, self.velocity, self.acceleration
         rows = zip(*(array.tolist() for array in arrays), self.units, strict=True)
         return [AxisLimits(*row) for row in rows]
-
-    def start_tolerance(self, settings: TrajectorySettings) -> FloatArray:
-        """Return ``start_tolerance_rad`` or ``_m`` of each joint; shape (m,)."""
-        return self._by_unit(settings.start_tolerance_rad, settings.start_tolerance_m)
-
-    def goal_tolerance(self, settings: TrajectorySettings) -> FloatArray:
-        """Return ``goal_tolerance_rad`` or ``_m`` of each joint; shape (m,)."""
-        return self._by_unit(settings.goal_tolerance_rad, settings.goal_tolerance_m)
-
-    def path_tolerance(self, settings: TrajectorySettings) -> FloatArray:
-        """Return ``path_tolerance_rad`` or ``_m`` of each joint, inf for null; shape (m,)."""
-        return self._by_unit(settings.path_tolerance_rad, settings.path_tolerance_m)
-
-    def stopped_velocity(self, settings: TrajectorySettings) -> FloatArray:
-        """Return ``stopped_velocity_rad_s`` or ``_m_s`` of each joint; shape (m,)."""
-        return self._by_unit(settings.stopped_velocity_rad_s, settings.stopped_velocity_m_s)
-
-    def _by_unit(self, rad: float | None, m: float | None) -> FloatArray:
-        values = {"rad": np.inf if rad is None else rad, "m": np.inf if m is None else m}
-        return np.array([values[unit] for unit in self.units], np.float64)
 
 
 @dataclass(frozen=True, eq=False)

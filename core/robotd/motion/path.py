@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from robotd.arrays import FloatArray
-from robotd.descriptor.model import TrajectorySettings
 from robotd.motion.extremes import derivative, extremes
 from robotd.motion.interpolation import Interpolation, interpolate
 from robotd.motion.joints import JointLimits, MotionState
@@ -16,6 +15,7 @@ from robotd.motion.path_ends import blend_in
 from robotd.motion.rejection import distinct, reject
 from robotd.motion.request import REST_VELOCITY, TrajectoryRequest
 from robotd.motion.trajectory import Trajectory
+from robotd.motion.trajectory_rules import TrajectoryRules
 
 
 class PathBuilder:
@@ -24,7 +24,7 @@ class PathBuilder:
     Args:
         points: merged, in axis order.
         start: commanded state at time 0.
-        limits, settings: of the robot.
+        limits, rules: of the joints.
         recent_path: (w, m) positions that the joints had or will have, at any of which a
             first point at time 0 may be; None: at ``start`` only.
     """
@@ -34,13 +34,13 @@ class PathBuilder:
         points: TrajectoryRequest,
         start: MotionState,
         limits: JointLimits,
-        settings: TrajectorySettings,
+        rules: TrajectoryRules,
         recent_path: FloatArray | None,
     ) -> None:
         self._points = points
         self._start = start
         self._limits = limits
-        self._settings = settings
+        self._rules = rules
         begins = start.position[None]
         self._begins = begins if recent_path is None else np.vstack([begins, recent_path])
         self._stands = bool((np.abs(start.velocity) <= REST_VELOCITY).all())
@@ -73,8 +73,7 @@ class PathBuilder:
 
     def _nearest(self, points: TrajectoryRequest) -> tuple[FloatArray, float]:
         """Return the position nearest to the first point, and how far beyond the tolerance."""
-        tolerance = self._limits.start_tolerance(self._settings)
-        excess = np.abs(self._begins - points.positions[0]) - tolerance
+        excess = np.abs(self._begins - points.positions[0]) - self._rules.start_tolerance
         worst = excess.max(axis=1)
         row = int(np.argmin(worst))
         return self._begins[row], float(worst[row])
@@ -83,7 +82,7 @@ class PathBuilder:
         nearest, excess = self._nearest(self._points)
         if excess <= 0.0:
             return
-        tolerances = self._limits.start_tolerance(self._settings)
+        tolerances = self._rules.start_tolerance
         first = self._points.positions[0]
         joint = int(np.argmax(np.abs(first - nearest) / tolerances))
         tolerance = float(tolerances[joint])
@@ -166,9 +165,7 @@ class PathBuilder:
         if not self._stands and len(points.times_s) > 2:
             begin = self._first_slope(points)
         path = self._path(points, begin)
-        coefficients, end_s = blend_in(
-            path, self._start, self._limits, self._settings.velocity_margin
-        )
+        coefficients, end_s = blend_in(path, self._start, self._limits, self._rules.velocity_margin)
         if end_s == 0.0:
             return path
         return replace(path, kind=Interpolation.BLENDED, coefficients=coefficients)
@@ -190,7 +187,7 @@ class PathBuilder:
 
     def _begins_too_fast(self, path: Trajectory) -> bool:
         """True where the first segment exceeds what the limits and their margin allow."""
-        margin = self._settings.acceleration_margin
+        margin = self._rules.acceleration_margin
         second = derivative(derivative(path.coefficients[:1]))
         lowest, highest = extremes(path.breaks[:2], second)
         peak = np.maximum(highest.value, -lowest.value)

@@ -7,11 +7,11 @@ import math
 import numpy as np
 
 from robotd.arrays import BoolArray, FloatArray
-from robotd.descriptor.model import TrajectorySettings
 from robotd.motion.extremes import Extreme, PathPeaks
 from robotd.motion.joints import JointLimits, MotionState
 from robotd.motion.rejection import distinct, reject
 from robotd.motion.request import REST_VELOCITY, TrajectoryRequest
+from robotd.motion.trajectory_rules import TrajectoryRules
 
 MIN_SPACING_S = 1e-3
 # Times are sums of decimal fractions: 0.301 - 0.300 is a little less than 0.001.
@@ -109,20 +109,20 @@ class _Bound:
 
 
 def check_path_limits(
-    peaks: PathPeaks, limits: JointLimits, settings: TrajectorySettings, start: MotionState
+    peaks: PathPeaks, limits: JointLimits, rules: TrajectoryRules, start: MotionState
 ) -> None:
     """Reject a path that leaves the position limits or exceeds velocity or acceleration limits.
 
     A joint that stands outside its limits may come back but go no further out: its range
     reaches to ``start``. Every joint at fault is named, with its worst point. With
-    ``settings.acceleration_margin`` None accelerations are checked against the device's limits
+    ``rules.acceleration_margin`` None accelerations are checked against the device's limits
     only. The margins do not extend those.
 
     Raises:
         TrajectoryRejected: ``INVALID_GOAL``.
     """
-    velocity = _Bound(limits.velocity, settings.velocity_margin, limits.device_velocity)
-    margin = settings.acceleration_margin
+    velocity = _Bound(limits.velocity, rules.velocity_margin, limits.device_velocity)
+    margin = rules.acceleration_margin
     acceleration = _Bound(
         limits.acceleration, math.inf if margin is None else margin, limits.device_acceleration
     )

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from robotd.arrays import FloatArray
-from robotd.descriptor.model import TrajectorySettings
 from robotd.motion.extremes import PathPeaks
 from robotd.motion.joints import JointLimits, MotionState
 from robotd.motion.path import PathBuilder
@@ -22,12 +21,13 @@ from robotd.motion.path_ends import with_run_out
 from robotd.motion.rejection import RejectionCode, TrajectoryRejected, reject
 from robotd.motion.request import TrajectoryRequest, arrange
 from robotd.motion.trajectory import Trajectory
+from robotd.motion.trajectory_rules import TrajectoryRules
 
 
 def plan(
     request: TrajectoryRequest,
     limits: JointLimits,
-    settings: TrajectorySettings,
+    rules: TrajectoryRules,
     start: MotionState,
     recent_path: FloatArray | None = None,
 ) -> Trajectory:
@@ -37,7 +37,7 @@ def plan(
     position and velocity go on without a step. The acceleration does so too where the request
     gives accelerations and its first point comes after time 0. A single point that is
     elsewhere is a plain move within its time. Joints that the request lacks hold their
-    position. A last point with a velocity, where ``settings`` allow it, is passed, and a run-out
+    position. A last point with a velocity, where the rules allow it, is passed, and a run-out
     to rest follows.
 
     A pure function, for a worker thread: 35 ms for 3000 points of 6 joints, during most of
@@ -45,7 +45,7 @@ def plan(
 
     Args:
         request: as the client sent it.
-        limits, settings: of the robot.
+        limits, rules: of the joints.
         start: see above.
         recent_path: (w, m) positions that the joints had or will have, at any of which a
             first point at time 0 may be; None: at ``start`` only.
@@ -54,13 +54,13 @@ def plan(
         TrajectoryRejected: naming joint, time, value and limit.
     """
     _check_start(start, limits)
-    points = arrange(request, limits, settings, start)
+    points = arrange(request, limits, rules, start)
     merged = merge_close(points, limits)
-    check_end(merged, limits, may_move=settings.allow_nonzero_velocity_at_trajectory_end)
-    trajectory = PathBuilder(merged, start, limits, settings, recent_path).build()
+    check_end(merged, limits, may_move=rules.allow_end_velocity)
+    trajectory = PathBuilder(merged, start, limits, rules, recent_path).build()
     trajectory = with_run_out(trajectory, limits)
     peaks = PathPeaks.of(trajectory.breaks, trajectory.coefficients)
-    check_path_limits(peaks, limits, settings, start)
+    check_path_limits(peaks, limits, rules, start)
     notes = (*points.notes, *merge_note(points, merged), *acceleration_notes(peaks, limits))
     return replace(trajectory, notes=notes)
 

@@ -9,10 +9,10 @@ from itertools import chain, pairwise
 import numpy as np
 
 from robotd.arrays import FloatArray
-from robotd.descriptor.model import TrajectorySettings
 from robotd.errors import unknown_name
 from robotd.motion.joints import JointLimits, MotionState
 from robotd.motion.rejection import distinct, reject, reject_joints
+from robotd.motion.trajectory_rules import TrajectoryRules
 
 # Range of a ROS duration. Also keeps the powers of a time difference finite.
 MAX_TIME_S = 2.0**31
@@ -137,20 +137,20 @@ def _check_widths(label: str, rows: Rows, width: int, *, may_be_empty: bool = Tr
 def arrange(
     request: TrajectoryRequest,
     limits: JointLimits,
-    settings: TrajectorySettings,
+    rules: TrajectoryRules,
     start: MotionState,
 ) -> TrajectoryRequest:
     """Check a request and order its joints; missing joints hold at ``start``.
 
     Raises:
         TrajectoryRejected: joints unknown or doubled; joints missing that move, or where
-            ``settings.allow_partial_joints_goal`` is off; no points or more than
-            ``settings.max_points``; lengths that do not fit; numbers that are not finite; a
+            ``rules.allow_partial_joints`` is off; no points or more than
+            ``rules.max_points``; lengths that do not fit; numbers that are not finite; a
             time that is negative or before the one of the point in front of it.
     """
     _check_names(request.joint_names, limits.names)
-    _check_missing(request.joint_names, limits, settings, start)
-    _check_shapes(request, settings.max_points)
+    _check_missing(request.joint_names, limits, rules, start)
+    _check_shapes(request, rules.max_points)
     _check_times(request.times_s)
     given = [index for index, name in enumerate(limits.names) if name in request.joint_names]
     order = [request.joint_names.index(limits.names[index]) for index in given]
@@ -190,10 +190,10 @@ def _check_names(given: tuple[str, ...], names: tuple[str, ...]) -> None:
 
 
 def _check_missing(
-    given: tuple[str, ...], limits: JointLimits, settings: TrajectorySettings, start: MotionState
+    given: tuple[str, ...], limits: JointLimits, rules: TrajectoryRules, start: MotionState
 ) -> None:
     missing = [index for index, name in enumerate(limits.names) if name not in given]
-    if missing and not settings.allow_partial_joints_goal:
+    if missing and not rules.allow_partial_joints:
         names = ", ".join(limits.names[index] for index in missing)
         raise reject_joints(
             f"missing joint {names}: every joint must be named"

@@ -9,9 +9,9 @@ from enum import Enum
 import numpy as np
 
 from robotd.arrays import FloatArray
-from robotd.descriptor.model import TrajectorySettings
 from robotd.motion.joints import JointLimits
 from robotd.motion.rejection import distinct, reject, reject_joints
+from robotd.motion.trajectory_rules import TrajectoryRules
 
 _UNIT_SUFFIX = {"position": "", "velocity": "/s"}
 
@@ -53,36 +53,14 @@ class Violation:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class DefaultTolerances:
-    """Tolerances of goals that have none of their own.
-
-    Attributes:
-        path, goal: shape (m,), rad or m; inf: not checked.
-        goal_time_s: time after the end to get within ``goal``; inf: without an end.
-    """
-
-    path: FloatArray
-    goal: FloatArray
-    goal_time_s: float
-
-    @classmethod
-    def of_settings(cls, limits: JointLimits, settings: TrajectorySettings) -> DefaultTolerances:
-        """Return those of the descriptor."""
-        return cls(
-            limits.path_tolerance(settings), limits.goal_tolerance(settings), settings.goal_time_s
-        )
-
-
 class Tolerances:
     """Tolerances of one execution: defaults, overridden by those of a goal. One owner thread.
 
     Args:
         limits: of the joints.
-        settings: of the descriptor.
+        rules: with the defaults.
         path, goal: entries of the goal message.
         goal_time_s: of the goal message; 0: the default, -1: no limit.
-        defaults: None: those of the descriptor.
 
     Attributes:
         path, goal: limits per joint and quantity.
@@ -97,17 +75,16 @@ class Tolerances:
     def __init__(
         self,
         limits: JointLimits,
-        settings: TrajectorySettings,
+        rules: TrajectoryRules,
         path: Iterable[JointTolerance] = (),
         goal: Iterable[JointTolerance] = (),
         goal_time_s: float = 0.0,
-        defaults: DefaultTolerances | None = None,
     ) -> None:
-        defaults = defaults or DefaultTolerances.of_settings(limits, settings)
-        stopped_velocity = limits.stopped_velocity(settings)
-        self.path = JointBounds(ToleranceKind.PATH, limits, defaults.path, None, path)
-        self.goal = JointBounds(ToleranceKind.GOAL, limits, defaults.goal, stopped_velocity, goal)
-        self.goal_time_s = _resolve(goal_time_s, defaults.goal_time_s, "goal time tolerance")
+        self.path = JointBounds(ToleranceKind.PATH, limits, rules.path_tolerance, None, path)
+        self.goal = JointBounds(
+            ToleranceKind.GOAL, limits, rules.goal_tolerance, rules.stopped_velocity, goal
+        )
+        self.goal_time_s = _resolve(goal_time_s, rules.goal_time_s, "goal time tolerance")
         self.notes = (*self.path.notes, *self.goal.notes)
         self._standstill = np.zeros(len(limits.names))
 

@@ -18,7 +18,7 @@ from robotd.api import (
     UrdfRobot,
     read_urdf,
 )
-from robotd.api.robots import JointLimits, tool_link
+from robotd.api.robots import JointLimits, axis_limits, joint_limits, tool_link
 from robotd_tool_space.chain import Chain
 from robotd_tool_space.inverse import Problem, pose_weights
 from robotd_tool_space.rotations import checked_pose, pose_differences
@@ -112,7 +112,7 @@ class Kinematics:
         urdf, joints = read_urdf(descriptor.urdf), descriptor.joint_groups[group]
         names = [joint.name for joint in joints]
         others = [name for name in descriptor.joint_names if name not in names]
-        source = limits or JointLimits.of_joints(joints)
+        source = limits or joint_limits(joints, axis_limits(descriptor))
         return cls(
             Chain.of_urdf(urdf, names, tool_link(urdf, descriptor, group), others),
             source.lower,

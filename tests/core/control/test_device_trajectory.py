@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from tests.fakes import FakeAxes
 
 from robotd.clock import MonotonicClock, wait_until
+from robotd.control.axis_limits import trajectory_rules
 from robotd.control.device_trajectory import STOP_STEP, DeviceTrajectory, stop_time
 from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.control.trajectory_execution import Outcome, PlannedGoal, TrajectoryExecution
@@ -30,7 +31,7 @@ from robotd.motion import (
 NAMES = ("a", "b")
 PERIOD_NS = 2_000_000
 LIMITS = JointLimits(NAMES, np.full(2, -3.0), np.full(2, 3.0), np.full(2, 3.0), np.full(2, 10.0))
-SETTINGS = TrajectorySettings()
+RULES = trajectory_rules(TrajectorySettings(), LIMITS.units)
 
 
 class Harness:
@@ -47,7 +48,7 @@ class Harness:
         request = TrajectoryRequest.from_rows(
             NAMES, [0.5, 1.0], [[target / 2] * 2, [target] * 2], *rows
         )
-        self.trajectory = plan(request, LIMITS, SETTINGS, MotionState.at_rest(np.zeros(2)))
+        self.trajectory = plan(request, LIMITS, RULES, MotionState.at_rest(np.zeros(2)))
 
     def start(self, limits: JointLimits = LIMITS) -> TrajectoryExecution:
         indices = np.array([0, 1])
@@ -55,8 +56,8 @@ class Harness:
             self.trajectory,
             indices,
             limits,
-            Tolerances(LIMITS, SETTINGS, [JointTolerance("a", 0.2)], (), 0.0),
-            LIMITS.stopped_velocity(SETTINGS),
+            Tolerances(LIMITS, RULES, [JointTolerance("a", 0.2)], (), 0.0),
+            RULES.stopped_velocity,
         )
         execution = DeviceTrajectory(self.axes, goal, self.time_ns)
         self.mixer.advance(self.time_ns - PERIOD_NS, self.image)
@@ -218,7 +219,7 @@ def test_a_stop_takes_as_long_as_the_limits_need_and_no_longer(
 ) -> None:
     times_s = np.arange(1.0, len(targets) + 1.0) * 2.0
     request = TrajectoryRequest.from_rows(NAMES, list(times_s), [[x, -x] for x in targets])
-    trajectory = plan(request, LIMITS, SETTINGS, MotionState.at_rest(np.zeros(2)))
+    trajectory = plan(request, LIMITS, RULES, MotionState.at_rest(np.zeros(2)))
     from_s = share * trajectory.duration_s
     took_s = stop_time(trajectory, from_s, LIMITS)
     since_s = np.linspace(0.0, took_s, 500)

@@ -7,6 +7,7 @@ import pytest
 from tests.fakes import FakeAxes
 
 from robotd.arrays import FloatArray
+from robotd.control.axis_limits import trajectory_rules
 from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.control.streamed_trajectory import StreamedTrajectory
 from robotd.control.trajectory_execution import PlannedGoal, TrajectoryExecution
@@ -28,7 +29,7 @@ DRY_NS = 400_000_000  # a setpoint for this time is the last one before
 GAP_NS = round(BUFFER_S * 1e9) + 3 * PERIOD_NS // 2  # a longer one is an underrun
 MISSED = GAP_NS // PERIOD_NS
 LIMITS = JointLimits(("a",), *(np.array([value]) for value in (-3.0, 3.0, 3.0, 10.0)))
-SETTINGS = TrajectorySettings()
+RULES = trajectory_rules(TrajectorySettings(), LIMITS.units)
 
 
 class DryAxes(FakeAxes):
@@ -50,13 +51,13 @@ class DryAxes(FakeAxes):
 
 def half_a_radian(start_ns: int) -> TrajectoryExecution:
     request = TrajectoryRequest.from_rows(("a",), [1.0], [[0.5]])
-    path = plan(request, LIMITS, SETTINGS, MotionState.at_rest(np.zeros(1)))
+    path = plan(request, LIMITS, RULES, MotionState.at_rest(np.zeros(1)))
     goal = PlannedGoal(
         path,
         np.array([0]),
         LIMITS,
-        Tolerances(LIMITS, SETTINGS, (), [JointTolerance("a", -1.0)]),
-        LIMITS.stopped_velocity(SETTINGS),
+        Tolerances(LIMITS, RULES, (), [JointTolerance("a", -1.0)]),
+        RULES.stopped_velocity,
     )
     return StreamedTrajectory(goal, start_ns, underrun=Underrun.HOLD, buffer_s=BUFFER_S)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from robotd.control.axis_limits import trajectory_rules
 from robotd.control.completion import Outcome
 from robotd.control.streamed_trajectory import StreamedTrajectory
 from robotd.control.trajectory_execution import PlannedGoal
@@ -23,15 +24,15 @@ from robotd.motion import (
 PERIOD_NS = 2_000_000
 STALLED = 20  # setpoints before the stall
 LIMITS = JointLimits(("a",), np.full(1, -3.0), np.full(1, 3.0), np.full(1, 3.0), np.full(1, 10.0))
-SETTINGS = TrajectorySettings()
+RULES = trajectory_rules(TrajectorySettings(), LIMITS.units)
 DEVIATION = 0.03  # of a device's commands from the setpoints
 
 
 def half_a_radian(tolerances: Tolerances | None = None) -> PlannedGoal:
     request = TrajectoryRequest.from_rows(("a",), [1.0], [[0.5]])
-    path = plan(request, LIMITS, SETTINGS, MotionState.at_rest(np.zeros(1)))
-    tolerances = tolerances or Tolerances(LIMITS, SETTINGS)
-    stopped = LIMITS.stopped_velocity(SETTINGS)
+    path = plan(request, LIMITS, RULES, MotionState.at_rest(np.zeros(1)))
+    tolerances = tolerances or Tolerances(LIMITS, RULES)
+    stopped = RULES.stopped_velocity
     return PlannedGoal(path, np.array([0]), LIMITS, tolerances, stopped)
 
 
@@ -55,7 +56,7 @@ def test_a_stall_makes_no_jump_in_the_return_of_the_command(stall_ms: int) -> No
 
 @pytest.mark.parametrize("buffer_s", [0.0, 0.01])
 def test_the_time_of_feedback_is_that_of_the_desired_values_after_a_stall(buffer_s: float) -> None:
-    tolerances = Tolerances(LIMITS, SETTINGS, (), [JointTolerance("a", -1.0)])
+    tolerances = Tolerances(LIMITS, RULES, (), [JointTolerance("a", -1.0)])
     goal = half_a_radian(tolerances)
     execution = StreamedTrajectory(goal, 0, underrun=Underrun.HOLD, buffer_s=buffer_s)
     image, time_ns, periods = ProcessImage(1), 0, 0
@@ -74,7 +75,7 @@ def test_the_time_of_feedback_is_that_of_the_desired_values_after_a_stall(buffer
 
 def test_no_return_to_a_joint_that_follows_a_deviating_command() -> None:
     """The WMX engine's commands deviate after an underrun of its buffers."""
-    tolerances = Tolerances(LIMITS, SETTINGS, (), [JointTolerance("a", 0.01)], 0.1)
+    tolerances = Tolerances(LIMITS, RULES, (), [JointTolerance("a", 0.01)], 0.1)
     execution = StreamedTrajectory(half_a_radian(tolerances), 0)
     image, time_ns = ProcessImage(1), 0
     image.servo_on[:], image.offline[:], image.operation[:] = True, False, Operation.STREAM

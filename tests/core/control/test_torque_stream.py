@@ -215,6 +215,7 @@ def streams(harness: Harness, joints: Any) -> TorqueStreams:
         robot.axes,
         robot.descriptor,
         robot.follower.limits,
+        robot.follower.rules,
         MonotonicClock(),
         TorqueAxes(),
         robot.rearming,

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 
 from robotd.arrays import FloatArray
+from robotd.control.axis_limits import trajectory_rules
 from robotd.descriptor import TrajectorySettings
 from robotd.motion import (
     JointLimits,
@@ -75,7 +76,8 @@ def planned(
     settings: TrajectorySettings = SETTINGS,
     recent_path: FloatArray | None = None,
 ) -> Trajectory:
-    return plan(asked, joints, settings, start or at_rest(), recent_path)
+    rules = trajectory_rules(settings, joints.units)
+    return plan(asked, joints, rules, start or at_rest(), recent_path)
 
 
 def peaks_of(trajectory: Trajectory) -> PathPeaks:

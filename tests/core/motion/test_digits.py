@@ -5,6 +5,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from robotd.control.axis_limits import trajectory_rules
 from robotd.descriptor import TrajectorySettings
 from robotd.errors import InvalidArgument
 from robotd.motion import AxisLimits, JointLimits, JointTolerance, Tolerances, check_move
@@ -34,7 +35,8 @@ def test_a_move_just_beyond_its_limit() -> None:
 def test_an_error_just_beyond_its_tolerance() -> None:
     one = np.ones(1)
     joint = JointLimits(("a",), -one, one, one, one)
-    tolerances = Tolerances(joint, TrajectorySettings(), [JointTolerance("a", 0.01)])
+    rules = trajectory_rules(TrajectorySettings(), joint.units)
+    tolerances = Tolerances(joint, rules, [JointTolerance("a", 0.01)])
     zero = np.zeros(1)
     violation = tolerances.path.check(0.0, zero, np.array([0.0100001]), zero, zero)
     assert str(violation) == (

@@ -9,12 +9,14 @@ from hypothesis import strategies as st
 from tests.core.motion.helpers import NAMES, limits
 
 from robotd.arrays import FloatArray
+from robotd.control.axis_limits import trajectory_rules
 from robotd.descriptor import TrajectorySettings
 from robotd.motion import JointTolerance, RejectionCode, Tolerances, TrajectoryRejected
 
 SETTINGS = TrajectorySettings(
     path_tolerance_rad=0.02, goal_tolerance_rad=0.01, goal_time_s=2.0, stopped_velocity_rad_s=0.05
 )
+RULES = trajectory_rules(SETTINGS, ["rad"] * 3)
 ZERO = np.zeros(3)
 RULE = ", must be positive, 0 (default) or -1 (no limit)"
 
@@ -22,7 +24,7 @@ RULE = ", must be positive, 0 (default) or -1 (no limit)"
 def of_goal(
     *path: JointTolerance, goal: Iterable[JointTolerance] = (), goal_time_s: float = 0.0
 ) -> Tolerances:
-    return Tolerances(limits(), SETTINGS, path, goal, goal_time_s)
+    return Tolerances(limits(), RULES, path, goal, goal_time_s)
 
 
 def off(joint: int, error: float) -> FloatArray:

@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline
 
 from robotd.api import FloatArray, load_robot_descriptor, read_urdf
-from robotd.api.robots import JointLimits
+from robotd.api.robots import axis_limits, joint_limits
 from robotd_tool_space import Kinematics, Obstacle, Unreachable, pose_differences, pose_of
 from robotd_tool_space.tool_motion import (
     LINE_TOLERANCE_M,
@@ -38,7 +38,7 @@ class Arm:
     def __init__(self, name: str) -> None:
         self.descriptor = load_robot_descriptor(name)
         self.kinematics = Kinematics.of_descriptor(self.descriptor, "joints")
-        self.limits = JointLimits.of_joints(self.descriptor.joints)
+        self.limits = joint_limits(self.descriptor.joints, axis_limits(self.descriptor))
         self.start = np.array(STARTS[name])
         self.pose = self.kinematics.forward(self.start)
 
