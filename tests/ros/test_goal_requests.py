@@ -19,7 +19,7 @@ from unique_identifier_msgs.msg import UUID
 
 from robotd.clock import NANOSECONDS
 from robotd_ros.host import RosHost
-from robotd_ros.middleware import WorkerActionServer
+from robotd_ros.middleware import worker_action_server
 from robotd_testing.domain import own_domain
 
 pytestmark = [pytest.mark.daily, pytest.mark.ros]
@@ -41,7 +41,7 @@ class Server:
         self.goals: list[Any] = []
         self.converted: list[bool] = []
         node = rclpy.create_node("server", context=host.context)
-        self.action = WorkerActionServer(
+        self.action = worker_action_server(
             node,
             FollowJointTrajectory,
             NAME,

@@ -10,7 +10,7 @@ from robotd_msgs.action import MoveTool
 
 from robotd.api import InvalidArgument, RobotdError, get_logger
 from robotd.api.robots import Outcome, TrajectoryExecution
-from robotd_ros.middleware import WorkerActionServer
+from robotd_ros.middleware import worker_action_server
 from robotd_ros.run_nodes import NodeContext
 from robotd_tool_space.robot_tool import BASE, TOOL, RobotTool
 from robotd_tool_space.ros_poses import fill_pose, pose_of_message
@@ -33,7 +33,7 @@ class MoveToolAction:
         self._robot, self._host, self._tools = context.robot, context.host, tools
         self._executions: dict[bytes, TrajectoryExecution] = {}
         self._live = 0  # executor thread
-        self._server = WorkerActionServer(
+        self._server = worker_action_server(
             context.operator,
             MoveTool,
             "~/move_tool",

@@ -5,7 +5,7 @@ benchmark that shows what breaks without it.
 """
 
 import robotd_ros.middleware.type_support  # noqa: F401 - before the first message
-from robotd_ros.middleware.action_server import WorkerActionServer
+from robotd_ros.middleware.action_server import worker_action_server
 from robotd_ros.middleware.cdr import HotPublisher
 from robotd_ros.middleware.discovery import discovery_server, see_whole_graph
 from robotd_ros.middleware.executor import EventsExecutor, destroy_node, spin_once, wake
@@ -35,7 +35,6 @@ __all__ = [
     "ServiceResponses",
     "StampClock",
     "TypeMismatchCheck",
-    "WorkerActionServer",
     "check_overrides",
     "check_remapping",
     "destroy_node",
@@ -51,4 +50,5 @@ __all__ = [
     "use_profiles",
     "wake",
     "with_message_info",
+    "worker_action_server",
 ]

@@ -10,7 +10,9 @@ instead of 2.2 ms (medians of a client in C, x86_64, two cores shared with other
 time 17 of 70 goals lost their results.
 Upstream: none known; https://github.com/ros2/rcl/issues/1103 (closed) is about the start of the
 time-out of results.
-Shown by: tests/ros/test_simulated_time.py, tools/bench/goal_client.py.
+Where rclpy has other internals than those of ``_INTERNALS``, ``plain_action_server`` serves goals.
+Shown by: tests/ros/test_simulated_time.py, tests/ros/test_plain_rclpy.py,
+tools/bench/goal_client.py.
 """
 
 from __future__ import annotations
@@ -32,7 +34,8 @@ from rclpy.task import Future
 from robotd.clock import NANOSECONDS
 from robotd.log import get_logger
 from robotd_ros.middleware.goal_requests import GoalRequest, GoalRequests
-from robotd_ros.middleware.release_gil import RequestId
+from robotd_ros.middleware.plain_action_server import PlainActionServer
+from robotd_ros.middleware.release_gil import LayoutError, RequestId
 from robotd_ros.middleware.stamp_clock import StampClock
 from robotd_ros.qos import SERVICE
 
@@ -42,6 +45,56 @@ log = get_logger("ros")
 # Real time for which a result can be asked for, with its goal in memory: the default of rcl.
 # rclpy's own, 15 min, is 150 MB when goals of 1000 points come one a second.
 RESULT_TIMEOUT_S = 10
+
+# Functions of rclpy that are replaced or relied on, with names that they use.
+_INTERNALS = (
+    (ActionServer, "__init__", "_lock _handle _action_type _goal_handles _result_futures"),
+    (ActionServer, "is_ready", "_is_goal_request_ready"),
+    (ActionServer, "take_data", "_is_goal_request_ready"),
+    (ActionServer, "execute", "_execute_goal_request _execute_cancel_request"),
+    (ActionServer, "_execute_goal_request", "_goal_callback _handle_accepted_callback"),
+    (ActionServer, "_execute_cancel_request", "_cancel_callback process_cancel_request"),
+    (ServerGoalHandle, "__init__", "_goal_handle _action_server _goal_request _lock"),
+    (ServerGoalHandle, "_update_state", "update_goal_state publish_status"),
+)
+
+
+def worker_action_server(
+    node: Node,
+    action_type: Any,
+    name: str,
+    *,
+    admit: Callable[[Any], GoalResponse],
+    accepted: Callable[[Any], None],
+    cancel: Callable[[Any], CancelResponse],
+) -> ActionServer:
+    """Return a ``WorkerActionServer``, or a ``PlainActionServer`` where rclpy has changed."""
+    try:
+        _check_internals()
+        requests = GoalRequests(action_type)
+    except LayoutError as error:
+        log.warning("goals are served by plain rclpy", action=name, reason=str(error))
+        return PlainActionServer(
+            node,
+            action_type,
+            name,
+            admit=admit,
+            accepted=accepted,
+            cancel=cancel,
+            result_timeout_s=RESULT_TIMEOUT_S,
+        )
+    return WorkerActionServer(
+        node, action_type, name, requests, admit=admit, accepted=accepted, cancel=cancel
+    )
+
+
+def _check_internals() -> None:
+    """Raises LayoutError: this rclpy has other internals."""
+    for owner, function, names in _INTERNALS:
+        code = getattr(getattr(owner, function, None), "__code__", None)
+        if missing := {*names.split()} - {*(code.co_names if code else ())}:
+            what = ", ".join(sorted(missing))
+            raise LayoutError(f"{owner.__name__}.{function} does not use {what}")
 
 
 class WorkerActionServer(ActionServer):
@@ -54,6 +107,7 @@ class WorkerActionServer(ActionServer):
         node: serves the action; stamps are of its clock.
         action_type: class of the action.
         name: of the action.
+        requests: of the action.
         admit: decides about a ``GoalRequest``; its ``goal`` is converted when it is read.
         accepted: gets the handle of an accepted goal, which executes.
         cancel: callback of rclpy with a goal handle.
@@ -68,12 +122,13 @@ class WorkerActionServer(ActionServer):
         node: Node,
         action_type: Any,
         name: str,
+        requests: GoalRequests,
         *,
         admit: Callable[[GoalRequest], GoalResponse],
         accepted: Callable[[Any], None],
         cancel: Callable[[Any], CancelResponse],
     ) -> None:
-        self._requests = GoalRequests(action_type)
+        self._requests = requests
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)  # rcl keeps a bare pointer
         super().__init__(
             _NodeOnClock(node, self._steady_clock),

@@ -17,7 +17,7 @@ from typing import Any
 from rclpy._rclpy_pybind11 import RCLError
 
 from robotd.clock import NANOSECONDS
-from robotd_ros.middleware.release_gil import MessageFunctions, RequestId, last_error
+from robotd_ros.middleware.release_gil import MessageFunctions, RequestId, c_function, last_error
 
 _OK, _TAKE_FAILED = 0, 2201  # rcl_action/types.h
 _UUID_BYTES = 16
@@ -66,9 +66,15 @@ class GoalRequests:
 
     Args:
         action_type: class of the action.
+
+    Raises LayoutError: rcl or rclpy have other internals.
     """
 
     def __init__(self, action_type: Any) -> None:
+        arguments = [ctypes.c_void_p, ctypes.POINTER(RequestId), ctypes.c_void_p]
+        take, answer = "rcl_action_take_goal_request", "rcl_action_send_goal_response"
+        self._take = c_function("librcl_action.so", take, arguments)
+        self._answer = c_function("librcl_action.so", answer, arguments)
         self._requests = MessageFunctions(action_type.Impl.SendGoalService.Request)
 
     def take(self, handle: Any) -> GoalRequest | None:
@@ -83,9 +89,7 @@ class GoalRequests:
         status = None
         try:
             with handle:
-                status = _rcl.rcl_action_take_goal_request(
-                    handle.pointer, ctypes.byref(requester), message
-                )
+                status = self._take(handle.pointer, ctypes.byref(requester), message)
         finally:
             if status != _OK:
                 self._requests.destroy(message)
@@ -109,7 +113,7 @@ class GoalRequests:
             response.accepted = True
             response.sec, response.nanosec = divmod(accepted_ns, NANOSECONDS)
         with handle:
-            status = _rcl.rcl_action_send_goal_response(
+            status = self._answer(
                 handle.pointer, ctypes.byref(request.requester), ctypes.byref(response)
             )
             if status != _OK:
@@ -120,8 +124,3 @@ class _Response(ctypes.Structure):
     """``SendGoal_Response`` of every action."""
 
     _fields_ = (("accepted", ctypes.c_bool), ("sec", ctypes.c_int32), ("nanosec", ctypes.c_uint32))
-
-
-_rcl = ctypes.CDLL("librcl_action.so")  # rclpy has loaded it
-for _function in (_rcl.rcl_action_take_goal_request, _rcl.rcl_action_send_goal_response):
-    _function.argtypes = [ctypes.c_void_p, ctypes.POINTER(RequestId), ctypes.c_void_p]

@@ -6,18 +6,25 @@ them.
 Measured: during one such call another thread that sleeps 1 ms at a time runs 90 times, and 15
 times with the interpreter held.
 Upstream: https://github.com/ros2/rclpy/issues/1025 (the same for ``take_message``; open).
-Shown by: tests/ros/test_service_responses.py.
+Where rclpy or rcl have other internals, ``LayoutError`` says so before anything is called.
+Shown by: tests/ros/test_service_responses.py, tests/ros/test_plain_rclpy.py.
 """
 
 from __future__ import annotations
 
 import ctypes
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 from rclpy.service import Service
+
+_HEADER_BYTES = 56  # of an object of pybind11 2: head, value, holder, weak references, flags
+
+
+class LayoutError(Exception):
+    """rclpy or rcl have other internals than this package knows."""
 
 
 class RequestId(ctypes.Structure):
@@ -36,6 +43,8 @@ def request_id_of(header: Any) -> RequestId | None:
     if isinstance(header, RequestId):
         return header
     request = getattr(header, "request_id", header)
+    if type(request).__basicsize__ != _HEADER_BYTES:
+        return None
     # pybind11 keeps the address of the C++ object behind the head of the Python object.
     address = ctypes.c_void_p.from_address(id(request) + object.__basicsize__).value
     if not address:
@@ -56,15 +65,21 @@ class MessageFunctions:
 
     Args:
         message_type: class of the message.
+
+    Raises LayoutError: its class has no such capsules.
     """
 
     def __init__(self, message_type: Any) -> None:
         support: Any = type(message_type)
-        support.__import_type_support__()
-        self.create = _CREATE(_pointer_in(support._CREATE_ROS_MESSAGE, None))  # noqa: SLF001
-        self.destroy = _DESTROY(_pointer_in(support._DESTROY_ROS_MESSAGE, None))  # noqa: SLF001
-        self.to_python = _TO_PYTHON(_pointer_in(support._CONVERT_TO_PY, None))  # noqa: SLF001
-        self._from_python = _FROM_PYTHON(_pointer_in(support._CONVERT_FROM_PY, None))  # noqa: SLF001
+        try:
+            support.__import_type_support__()
+            create, destroy, to_python, from_python = (
+                _pointer_in(getattr(support, name), None) for name in _CAPSULES
+            )
+        except (AttributeError, ValueError) as error:
+            raise LayoutError(f"{message_type.__name__}: {error}") from error
+        self.create, self.destroy = _CREATE(create), _DESTROY(destroy)
+        self.to_python, self._from_python = _TO_PYTHON(to_python), _FROM_PYTHON(from_python)
 
     @contextmanager
     def converted(self, message: Any) -> Iterator[int]:
@@ -78,13 +93,18 @@ class MessageFunctions:
 
 
 class ResponseSender:
-    """Sends the responses of one service. Any thread; one at a time."""
+    """Sends the responses of one service. Any thread; one at a time.
+
+    Raises LayoutError: rcl or rclpy have other internals.
+    """
 
     def __init__(self, service: Service) -> None:
         self._service = service
         self._type = service.srv_type.Response
         self._lock = threading.Lock()
         self._functions = MessageFunctions(self._type)
+        arguments = [ctypes.c_void_p, ctypes.POINTER(RequestId), ctypes.c_void_p]
+        self._send = c_function("librcl.so", "rcl_send_response", arguments)
 
     def __call__(self, response: Any, request: RequestId) -> str:
         """Send; return the reason of a failure, "" for none.
@@ -97,7 +117,7 @@ class ResponseSender:
             raise TypeError(f"{type(response).__name__} is not {self._type.__name__}")
         service = self._service.handle
         with self._functions.converted(response) as message, service, self._lock:
-            status = _rcl.rcl_send_response(service.pointer, ctypes.byref(request), message)
+            status = self._send(service.pointer, ctypes.byref(request), message)
             return last_error() if status else ""
 
 
@@ -107,16 +127,26 @@ class _ErrorString(ctypes.Structure):
     _fields_ = (("text", ctypes.c_char * 1024),)
 
 
+def c_function(
+    library: str, name: str, arguments: Sequence[Any], result: Any = ctypes.c_int
+) -> Any:
+    """Return a function of a library that rclpy has loaded. Raises LayoutError: there is none."""
+    try:
+        function = getattr(ctypes.CDLL(library), name)
+    except (AttributeError, OSError) as error:
+        raise LayoutError(str(error)) from error
+    function.argtypes, function.restype = arguments, result
+    return function
+
+
 def last_error() -> str:
     """Return the text of rcl's last error in this thread."""
-    text: bytes = _rcutils.rcutils_get_error_string().text
-    _rcutils.rcutils_reset_error()
+    text: bytes = c_function("librcutils.so", "rcutils_get_error_string", [], _ErrorString)().text
+    c_function("librcutils.so", "rcutils_reset_error", [], None)()
     return text.decode(errors="replace")
 
 
-_rcl, _rcutils = ctypes.CDLL("librcl.so"), ctypes.CDLL("librcutils.so")  # rclpy has loaded both
-_rcl.rcl_send_response.argtypes = [ctypes.c_void_p, ctypes.POINTER(RequestId), ctypes.c_void_p]
-_rcutils.rcutils_get_error_string.restype = _ErrorString
+_CAPSULES = "_CREATE_ROS_MESSAGE", "_DESTROY_ROS_MESSAGE", "_CONVERT_TO_PY", "_CONVERT_FROM_PY"
 _pointer_in = ctypes.pythonapi.PyCapsule_GetPointer
 _pointer_in.argtypes, _pointer_in.restype = [ctypes.py_object, ctypes.c_char_p], ctypes.c_void_p
 _CREATE = ctypes.CFUNCTYPE(ctypes.c_void_p)

@@ -26,7 +26,12 @@ from rclpy.node import Node
 from rclpy.service import Service
 
 from robotd.log import get_logger
-from robotd_ros.middleware.release_gil import RequestId, ResponseSender, request_id_of
+from robotd_ros.middleware.release_gil import (
+    LayoutError,
+    RequestId,
+    ResponseSender,
+    request_id_of,
+)
 
 log = get_logger("ros")
 
@@ -51,7 +56,11 @@ class ServiceResponses:
         self._service = service
         self._name = service.service_name
         self._rclpy_send = service.send_response
-        self._send_unlocked = ResponseSender(service)
+        self._send_unlocked: ResponseSender | None = None
+        try:
+            self._send_unlocked = ResponseSender(service)
+        except LayoutError as error:
+            log.warning("responses are sent by plain rclpy", service=self._name, reason=str(error))
         self._checks_readers = "fastrtps" in rclpy.get_rmw_implementation_identifier()
         self._known: set[bytes] = set()
         self._seen: set[bytes] | None = set()
@@ -111,7 +120,7 @@ class ServiceResponses:
 
     def _send(self, waiting: _Waiting) -> None:
         try:
-            if waiting.request is None:
+            if waiting.request is None or self._send_unlocked is None:
                 self._rclpy_send(waiting.response, waiting.header)
                 failure = ""
             else:

@@ -14,7 +14,7 @@ from robotd.errors import DescriptorError, InvalidArgument, RobotdError
 from robotd.log import get_logger
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
-from robotd_ros.middleware import WorkerActionServer
+from robotd_ros.middleware import worker_action_server
 from robotd_ros.nodes.command_settings import read_gripper_controller
 from robotd_ros.nodes.node_parameters import read_settings
 
@@ -72,7 +72,7 @@ class GripperAction:
         self._host, self._gripper, self._type = host, gripper, action_type
         self._wanted, self._fill = wanted, fill
         self._live = 0  # goals that have not ended; executor thread
-        self._server = WorkerActionServer(
+        self._server = worker_action_server(
             node,
             action_type,
             name,

@@ -17,7 +17,7 @@ from robotd.log import get_logger
 from robotd.motion import Tolerances, TrajectoryRejected
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
-from robotd_ros.middleware import WorkerActionServer
+from robotd_ros.middleware import worker_action_server
 from robotd_ros.nodes.trajectory_conversions import (
     TrajectoryFeedback,
     duration_s,
@@ -78,7 +78,7 @@ class TrajectoryAction:
         self._log = log.bind(group=group.name) if robot.descriptor.groups else log
         self._executions: dict[bytes, TrajectoryExecution] = {}
         self._live = 0  # goals that have not ended; executor thread
-        self._server = WorkerActionServer(
+        self._server = worker_action_server(
             node,
             FollowJointTrajectory,
             action,

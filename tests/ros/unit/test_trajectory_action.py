@@ -58,7 +58,7 @@ class Follower:
 def test_a_goal_has_one_result_when_its_release_fails(
     monkeypatch: pytest.MonkeyPatch, done: bool, code: int
 ) -> None:
-    monkeypatch.setattr(trajectory_action, "WorkerActionServer", Goals)
+    monkeypatch.setattr(trajectory_action, "worker_action_server", Goals)
     failures: list[Exception] = []
 
     def submit(function: Callable[..., None], *args: Any) -> None:
