@@ -311,11 +311,11 @@ class Robot:
         """Wait for standstill after ``axes.stop_latch`` was engaged; raises as ``stop``."""
         self._motion_stop.wait_at_rest(self.descriptor.engine.shutdown_s)
 
-    def set_speed(self, speed: float) -> None:
-        """Scale the time of all motion, by ramps; the paths stay. Any thread.
+    def set_speed(self, speed: float) -> str:
+        """Scale the time of all motion, by ramps; return the speed in words. Any thread.
 
-        Trajectories and the base follow while they move; moves and jogs of single axes, and
-        streams, take the speed at their start.
+        The paths stay. Trajectories and the base follow while they move; moves and jogs of single
+        axes, and streams, take the speed at their start.
 
         Args:
             speed: 0 (hold on the path), or 0.01 to 1.
@@ -327,15 +327,18 @@ class Robot:
         """
         self._require_streamed("speed scaling")
         self.axes.speed.set(speed)
+        return self.axes.speed.text
 
-    def pause(self) -> None:
-        """Bring motion to rest on its path until ``resume``; raises as ``set_speed``."""
+    def pause(self) -> str:
+        """Bring motion to rest on its path until ``resume``; otherwise as ``set_speed``."""
         self._require_streamed("pausing")
         self.axes.speed.pause()
+        return self.axes.speed.text
 
-    def resume(self) -> None:
-        """Continue after ``pause``, at the speed as set. Any thread."""
+    def resume(self) -> str:
+        """Continue after ``pause``, at the speed as set; return it in words. Any thread."""
         self.axes.speed.resume()
+        return self.axes.speed.text
 
     def reset(self) -> str:
         """Allow motion again after ``stop`` or the stop input; return what was reset. Any worker.

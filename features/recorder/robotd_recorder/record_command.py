@@ -7,9 +7,12 @@ from pathlib import Path
 
 import click
 
-from robotd.api.commands import FILE, Interrupt, NumberRange, import_ros
+from robotd.api import DeviceTimeout
+from robotd.api.commands import FILE, Interrupt, NumberRange
 from robotd_ros.commands.robot_client import ROS_EPILOG, client_options, robot_client
+from robotd_ros.node_registry import OPERATOR_NODE
 
+RECORD = f"{OPERATOR_NODE}/record"
 SAVE_TIMEOUT_S = 30.0
 TICK_S = 0.1
 
@@ -55,12 +58,13 @@ def _recover(path: Path) -> None:
 def _record(timeout_s: float, time_s: float | None) -> None:
     """Record until Ctrl-C, the loss of the terminal, or for ``time_s``; print the file."""
     with robot_client(max(timeout_s, SAVE_TIMEOUT_S)) as client:
-        status = import_ros("robotd_ros.client.status_client")
-        started = status.set_recording(client, True)
+        started = client.switch(RECORD, True)
         with Interrupt() as interrupt:
             click.echo(f"{started}, stop with Ctrl-C", err=True)
             end_s = None if time_s is None else time.monotonic() + time_s
             while not interrupt.happened and (end_s is None or time.monotonic() < end_s):
-                status.require_recorder(client)
+                # That the robot was killed shows after 20 s.
+                if not client.node.count_services(RECORD):
+                    raise DeviceTimeout("the robot has gone: the recording ends with it")
                 time.sleep(TICK_S)
-        click.echo(status.set_recording(client, False))
+        click.echo(client.switch(RECORD, False))

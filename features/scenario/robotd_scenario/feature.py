@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from robotd_scenario.requested_faults import RequestedFaults
 
 SIMULATION_NODE = "robotd_sim"
+MAX_STEPS = 1_000_000  # periods at once
+STEP_TIMEOUT_S = 60.0  # real time
 
 
 class ScenarioKeys(Section):

@@ -16,7 +16,6 @@ from robotd.api.commands import (
     FILE,
     ExitCode,
     IntegerRange,
-    import_ros,
     load_robot,
     log_options,
     parse_integer,
@@ -31,12 +30,12 @@ from robotd_ros.commands.robot_client import (
     print_addressed_robots,
     robot_client,
 )
+from robotd_ros.node_registry import WORLD_NODE
 from robotd_scenario import FAULTS, Result, ScenarioRun, load_scenario
+from robotd_scenario.feature import MAX_STEPS, SIMULATION_NODE, STEP_TIMEOUT_S
 
 if TYPE_CHECKING:  # it needs rclpy
     from robotd_ros.client.ros_client import RosClient
-
-MAX_STEPS = 1_000_000
 
 
 @click.group("sim", epilog=ROS_EPILOG)
@@ -94,9 +93,7 @@ def inject(fault: str, values: Sequence[str], timeout_s: float) -> None:
     common = {key: fields.pop(key) for key in list(fields) if key.split(".")[0] in ("at_s", "when")}
     own = {f"{fault}.{key}": value for key, value in fields.items()} or {fault: True}
     with robot_client(timeout_s) as client:
-        click.echo(
-            import_ros("robotd_scenario.simulation_client").inject(client, {**own, **common})
-        )
+        click.echo(client.call_named(f"{SIMULATION_NODE}/inject", {**own, **common}))
         print_addressed_robots(client)
 
 
@@ -105,21 +102,22 @@ def inject(fault: str, values: Sequence[str], timeout_s: float) -> None:
 @asks_robot
 def step(client: RosClient, periods: int) -> object:
     """Run PERIODS control periods in the running simulation, then pause its time."""
-    return import_ros("robotd_scenario.simulation_client").step(client, periods)
+    client.timeout_s += STEP_TIMEOUT_S
+    return client.call_named(f"{SIMULATION_NODE}/step", {"periods": periods})
 
 
 @sim.command("pause", epilog=ROS_EPILOG)
 @asks_robot
 def pause(client: RosClient) -> object:
     """Pause the time of the running simulation."""
-    return import_ros("robotd_scenario.simulation_client").pause(client, paused=True)
+    return client.switch(f"{SIMULATION_NODE}/pause", True)
 
 
 @sim.command("resume", epilog=ROS_EPILOG)
 @asks_robot
 def resume(client: RosClient) -> object:
     """Resume the time of the running simulation."""
-    return import_ros("robotd_scenario.simulation_client").pause(client, paused=False)
+    return client.switch(f"{SIMULATION_NODE}/pause", False)
 
 
 @sim.command("place", epilog=ROS_EPILOG)
@@ -134,7 +132,7 @@ def place(name: str, values: Sequence[str], timeout_s: float) -> None:
     """
     fields = {"name": name, **_fields(values)}
     with robot_client(timeout_s) as client:
-        click.echo(import_ros("robotd_scenario.simulation_client").place(client, fields))
+        click.echo(client.call_named(f"{WORLD_NODE}/place", fields))
         print_addressed_robots(client)
 
 
@@ -142,7 +140,7 @@ def place(name: str, values: Sequence[str], timeout_s: float) -> None:
 @asks_robot
 def reset(client: RosClient) -> object:
     """Put the objects of the simulated world back to where they were at the start."""
-    return import_ros("robotd_scenario.simulation_client").reset(client)
+    return client.trigger(f"{WORLD_NODE}/reset")
 
 
 def run_scenario(file: Path, robot: str | None, scale: float | None) -> ExitCode:

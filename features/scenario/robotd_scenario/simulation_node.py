@@ -24,11 +24,9 @@ from robotd_ros.middleware import HotPublisher
 from robotd_ros.run_nodes import NodeContext
 from robotd_ros.services import add_service, named_values
 from robotd_scenario import FaultSchedule, nested, validate_fault
-from robotd_scenario.feature import SIMULATION_NODE
+from robotd_scenario.feature import MAX_STEPS, SIMULATION_NODE, STEP_TIMEOUT_S
 
 CLOCK_RATE_HZ = 500.0  # in simulated time
-MAX_STEPS = 1_000_000
-STEP_TIMEOUT_S = 60.0  # real time
 
 
 @contextmanager

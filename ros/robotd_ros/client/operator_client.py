@@ -1,4 +1,4 @@
-"""Operator commands for a running robot: recovery, stop, speed, outputs and objects."""
+"""Operator commands for a running robot that take more than a call: recovery and outputs."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 
 from std_msgs.msg import String
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import Trigger
 
 from robotd.control.problem import ProblemKind
 from robotd.errors import DeviceTimeout, InvalidArgument, OperationError, unknown_name
@@ -21,31 +21,6 @@ SPEED = f"{OPERATOR_NODE}/speed"
 LEVELS = {"on": True, "off": False}
 
 Levels = dict[str, bool | None]
-
-
-def reset(client: RosClient) -> str:
-    """Allow motion again; return the answer of the robot.
-
-    Raises:
-        DeviceTimeout: no robot answers in time.
-        OperationError: the stop input forbids motion, or axes still move.
-    """
-    return str(client.call(Trigger, f"{OPERATOR_NODE}/reset").message)
-
-
-def set_speed(client: RosClient, speed: float) -> str:
-    """Set the speed, 0 to 1; return it in words. Raises as ``reset`` does."""
-    return client.call_named(f"{OPERATOR_NODE}/set_speed", {"speed": speed})
-
-
-def pause(client: RosClient) -> str:
-    """Bring motion to rest on its path. Raises as ``reset`` does."""
-    return str(client.call(Trigger, f"{OPERATOR_NODE}/pause").message)
-
-
-def resume(client: RosClient) -> str:
-    """Continue motion. Raises as ``reset`` does."""
-    return str(client.call(Trigger, f"{OPERATOR_NODE}/resume").message)
 
 
 def recover(client: RosClient, on_step: Callable[[str], None]) -> bool:
@@ -118,17 +93,4 @@ def set_output(client: RosClient, name: str, on: bool) -> str:
         _, outputs = read_levels(levels.wait().data)
     if name not in outputs:
         raise InvalidArgument(unknown_name("output", name, outputs))
-    return str(client.call(SetBool, f"{OPERATOR_NODE}/outputs/{name}", data=on).message)
-
-
-def read_object(client: RosClient, **fields: int) -> str:
-    """Return the value of an object as text; fields: those of the service.
-
-    Raises OperationError with the robot's reason, DeviceTimeout without a robot.
-    """
-    return client.call_named("wmx/ecat/read_object", fields)
-
-
-def write_object(client: RosClient, **fields: int) -> str:
-    """Write an object; return the value read back. Raises as ``read_object`` does."""
-    return client.call_named("wmx/ecat/write_object", fields)
+    return client.switch(f"{OPERATOR_NODE}/outputs/{name}", on)

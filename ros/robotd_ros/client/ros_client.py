@@ -18,6 +18,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.signals import SignalHandlerOptions
+from std_srvs.srv import SetBool, Trigger
 
 from robotd.errors import DeviceTimeout, OperationError
 from robotd.log import escaped
@@ -169,6 +170,14 @@ class RosClient:
         if not getattr(response, "success", True):
             raise OperationError(response.message)
         return response
+
+    def trigger(self, name: str) -> str:
+        """Call service ``name`` of the type Trigger; return its message. Raises as ``call``."""
+        return str(self.call(Trigger, name).message)
+
+    def switch(self, name: str, on: bool) -> str:
+        """Call service ``name`` of the type SetBool; return its message. Raises as ``call``."""
+        return str(self.call(SetBool, name, data=on).message)
 
     def call_named(self, name: str, values: Mapping[str, Any]) -> str:
         """Call service ``name`` with values by name; return its answer as text.

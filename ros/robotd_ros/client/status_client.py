@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 from geometry_msgs.msg import TransformStamped
 from std_msgs.msg import Bool, Float64, String
-from std_srvs.srv import SetBool, Trigger
 from tf2_msgs.msg import TFMessage
 from wmx_ros2_message.msg import AxisState
 from wmx_ros2_message.srv import SetAxis
@@ -27,7 +26,6 @@ from robotd_ros.qos import LATCHED
 GRIPPER = "wmx/set_gripper"
 AXIS_NODE = "wmx_core_motion_node"
 AXIS_STATE = "wmx/axis/state"
-RECORD = "robotd/record"
 TOOL_POSE = f"{OPERATOR_NODE}/tool_pose"
 DESCRIPTION = "robot_description"
 EFFORT_UNITS = {"rad": "N·m", "m": "N"}
@@ -173,7 +171,7 @@ def read_report(client: RosClient) -> RobotReport:
         client.listen(Float64, SPEED, LATCHED) as speed,
     ):
         problems = ProblemListener(client, stack)
-        state = client.call(Trigger, "wmx/engine/get_status").message
+        state = client.trigger("wmx/engine/get_status")
         is_ready = ready.wait().data
         identities = published_axes(client) if is_ready else ()
         reports = axis_reports(axes.wait(), identities) if identities else None
@@ -199,34 +197,12 @@ def read_description(client: RosClient) -> str:
 def set_gripper(client: RosClient, closed: bool) -> str:
     """The robot's answer. Raises DeviceTimeout without one, OperationError for a rejection."""
     try:
-        return str(client.call(SetBool, GRIPPER, data=closed).message)
+        return client.switch(GRIPPER, closed)
     except DeviceTimeout as error:
         if client.node.count_services(GRIPPER):
             raise
         what = "no gripper: a robot offers it whose file has 'gripper'"
         raise DeviceTimeout(f"{what} ({error})") from error
-
-
-def save_snapshot(client: RosClient) -> str:
-    """Save the last seconds; return the file, on the robot's computer.
-
-    Raises DeviceTimeout without an answer, OperationError with the robot's reason.
-    """
-    return str(client.call(Trigger, "robotd/snapshot").message)
-
-
-def set_recording(client: RosClient, on: bool) -> str:
-    """Start or stop recording; return the robot's answer, which names the file at the end.
-
-    Raises as ``save_snapshot`` does.
-    """
-    return str(client.call(SetBool, RECORD, data=on).message)
-
-
-def require_recorder(client: RosClient) -> None:
-    """Raise DeviceTimeout once the robot has gone. That it was killed shows after 20 s."""
-    if not client.node.count_services(RECORD):
-        raise DeviceTimeout("the robot has gone: the recording ends with it")
 
 
 def set_servos(client: RosClient, axes: Sequence[str], on: bool) -> str:

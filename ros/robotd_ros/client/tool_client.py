@@ -10,7 +10,6 @@ from rclpy.action import ActionClient
 from robotd_msgs.action import MoveTool
 from robotd_msgs.srv import ComputeFk, ComputeIk, SelectFrame
 from sensor_msgs.msg import JointState
-from std_srvs.srv import SetBool
 
 from robotd_ros.client.motion_client import Ending, GoalRun
 from robotd_ros.client.ros_client import RosClient
@@ -103,7 +102,7 @@ def select_work_frame(client: RosClient, name: str, group: str = "") -> str:
 
 def set_reduced_speed(client: RosClient, *, on: bool) -> str:
     """Limit the speed of the arms, or end that; return the state. Raises OperationError."""
-    return str(client.call(SetBool, f"{OPERATOR_NODE}/set_reduced_speed", data=on).message)
+    return client.switch(f"{OPERATOR_NODE}/set_reduced_speed", on)
 
 
 def _select(client: RosClient, service: str, name: str, group: str) -> str:

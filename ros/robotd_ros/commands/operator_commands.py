@@ -11,6 +11,7 @@ from robotd.cli.exit_codes import ExitCode
 from robotd.cli.preflight import import_ros
 from robotd.number_argument import NumberRange
 from robotd_ros.commands.robot_client import ROS_EPILOG, asks_robot
+from robotd_ros.node_registry import OPERATOR_NODE
 
 if TYPE_CHECKING:  # it needs rclpy
     from robotd_ros.client.ros_client import RosClient
@@ -55,7 +56,7 @@ def reset(client: RosClient) -> object:
 
     A stop input has to allow motion before. Clients have to command motion anew.
     """
-    return import_ros("robotd_ros.client.operator_client").reset(client)
+    return client.trigger(f"{OPERATOR_NODE}/reset")
 
 
 def percentage(ctx: click.Context, argument: click.Parameter, percent: float) -> float:
@@ -75,7 +76,7 @@ def speed(client: RosClient, percent: float) -> object:
     Goals keep their paths: velocities and accelerations scale, by ramps, also while they move. 0
     holds on the path. Moves, jogs and streams take the speed at their start.
     """
-    return import_ros("robotd_ros.client.operator_client").set_speed(client, percent / 100.0)
+    return client.call_named(f"{OPERATOR_NODE}/set_speed", {"speed": percent / 100.0})
 
 
 @click.command("pause", epilog=ROS_EPILOG)
@@ -85,14 +86,14 @@ def pause(client: RosClient) -> object:
 
     Goals stay active; their clients may give up waiting. Streams end.
     """
-    return import_ros("robotd_ros.client.operator_client").pause(client)
+    return client.trigger(f"{OPERATOR_NODE}/pause")
 
 
 @click.command("resume", epilog=ROS_EPILOG)
 @asks_robot
 def resume(client: RosClient) -> object:
     """Resume motion after a pause."""
-    return import_ros("robotd_ros.client.operator_client").resume(client)
+    return client.trigger(f"{OPERATOR_NODE}/resume")
 
 
 @click.command("recover", epilog=ROS_EPILOG)
@@ -117,4 +118,4 @@ def snapshot(client: RosClient) -> object:
     The flight recorder writes them to a file on the robot's computer, whose path is printed.
     """
     client.timeout_s = max(client.timeout_s, SAVE_TIMEOUT_S)
-    return import_ros("robotd_ros.client.status_client").save_snapshot(client)
+    return client.trigger(f"{OPERATOR_NODE}/snapshot")

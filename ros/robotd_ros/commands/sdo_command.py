@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from robotd.cli.preflight import import_ros
 from robotd.number_argument import IntegerRange, ObjectNumber
 from robotd_ros.commands.robot_client import ROS_EPILOG, asks_robot
 
@@ -32,7 +31,7 @@ def sdo() -> None:
 def read(client: RosClient, node: int, index: int, sub: int, bus: int) -> object:
     """Print object INDEX:SUB of NODE: raw bytes, as a number, and as text."""
     where = {"master_id": bus, "slave_id": node, "index": index, "subindex": sub}
-    return import_ros("robotd_ros.client.operator_client").read_object(client, **where)
+    return client.call_named("wmx/ecat/read_object", where)
 
 
 @sdo.command("write", epilog=ROS_EPILOG, context_settings={"ignore_unknown_options": True})
@@ -51,5 +50,5 @@ def write(
     All axes have to be at rest. The drive obeys, whatever the limits of the robot are.
     """
     where = {"master_id": bus, "slave_id": node, "index": index, "subindex": sub}
-    objects = import_ros("robotd_ros.client.operator_client")
-    return objects.write_object(client, **where, value=value, size=size or 0)
+    what = {"value": value, "size": size or 0}
+    return client.call_named("wmx/ecat/write_object", where | what)

@@ -45,7 +45,7 @@ def add_command_subscription(
     robot: Robot,
     message_type: Any,
     topic: str,
-    handler: Callable[[Any, int], None],
+    handler: Callable[[Any, int], object],
     qos: QoSProfile | int,
     timeout_s: float | Callable[[Any], float],
     sent_at_ns: Callable[[Any], int] = header_stamp_ns,

@@ -69,9 +69,9 @@ class OperatorNode(Node):
         self._robot_topic.publish(String(data=json.dumps(told)))
         for service_type, name, handler, urgent in (
             (Trigger, "stop", self._stop, True),
-            (Trigger, "reset", self._reset, False),
-            (Trigger, "pause", self._pause, True),
-            (Trigger, "resume", self._resume, False),
+            (Trigger, "reset", lambda *_: robot.reset(), False),
+            (Trigger, "pause", lambda *_: robot.pause(), True),
+            (Trigger, "resume", lambda *_: robot.resume(), False),
             (Trigger, "recover", self._recover, False),
             (SetParametersAtomically, "set_speed", named_values(self._set_speed), False),
         ):
@@ -83,7 +83,7 @@ class OperatorNode(Node):
             robot,
             Float64,
             "~/set_speed",
-            self._set_speed_by_message,
+            lambda message, _: robot.set_speed(message.data),
             1,
             self._speed_timeout_s,
         )
@@ -104,9 +104,6 @@ class OperatorNode(Node):
         """Executor thread: the control loop brings everything to rest."""
         self._robot.axes.stop_latch.engage("by a message on the stop topic")
 
-    def _reset(self, request: Any, response: Any) -> str:
-        return self._robot.reset()
-
     def _publish_stopped(self, reason: str) -> None:
         publish_if_alive(self._stopped_topic, String(data=reason))
 
@@ -118,24 +115,12 @@ class OperatorNode(Node):
             or not isinstance(speed, (int, float))
         ):
             raise InvalidArgument(f"expected the number 'speed', got {fields}")
-        self._robot.set_speed(float(speed))
-        return self._robot.axes.speed.text
-
-    def _set_speed_by_message(self, message: Any, _: int) -> None:
-        self._robot.set_speed(message.data)
+        return self._robot.set_speed(float(speed))
 
     def _speed_timeout_s(self, message: Any) -> float:
         """Return the age at which a speed is dropped: never where it slows down."""
         slows = message.data <= self._robot.axes.speed.speed
         return math.inf if slows else SPEED_TIMEOUT_S
-
-    def _pause(self, request: Any, response: Any) -> str:
-        self._robot.pause()
-        return self._robot.axes.speed.text
-
-    def _resume(self, request: Any, response: Any) -> str:
-        self._robot.resume()
-        return self._robot.axes.speed.text
 
     def _publish_speed(self, scale: float) -> None:
         publish_if_alive(self._speed_topic, Float64(data=scale))

@@ -72,6 +72,21 @@ def test_a_scale_that_makes_no_sense_is_a_usage_error(
     assert "neither max nor a number from 0.01 to 1000" in result.stderr
 
 
+def asked_of_robot(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Any]]:
+    """Answer the calls of ``robotd sim`` with "done"; return where they are noted."""
+    asked: list[tuple[str, Any]] = []
+
+    def call(name: str, fields: Any) -> str:
+        asked.append((name, fields))
+        return "done"
+
+    client = SimpleNamespace(call_named=call)
+    place = "robotd_scenario.sim_command"
+    monkeypatch.setattr(f"{place}.print_addressed_robots", lambda client: None)
+    monkeypatch.setattr(f"{place}.robot_client", lambda timeout_s: nullcontext(client))
+    return asked
+
+
 @pytest.mark.parametrize(
     ("words", "fields"),
     [
@@ -85,20 +100,11 @@ def test_a_scale_that_makes_no_sense_is_a_usage_error(
 def test_words_become_fields(
     robotd: Robotd, monkeypatch: pytest.MonkeyPatch, words: list[str], fields: dict[str, Any]
 ) -> None:
-    asked: list[Any] = []
-
-    def inject(client: Any, fields: Any) -> str:
-        asked.append(fields)
-        return "done"
-
-    requests = SimpleNamespace(inject=inject)
-    monkeypatch.setattr("robotd_scenario.sim_command.print_addressed_robots", lambda client: None)
-    monkeypatch.setattr("robotd_scenario.sim_command.robot_client", nullcontext)
-    monkeypatch.setattr("robotd_scenario.sim_command.import_ros", lambda name: requests)
+    asked = asked_of_robot(monkeypatch)
     result = robotd("sim", "inject", *words)
     assert result.exit_code == 0, result.output
     assert result.stdout == "done\n"
-    assert asked == [fields]
+    assert asked == [("robotd_sim/inject", fields)]
 
 
 @pytest.mark.parametrize(
@@ -117,12 +123,8 @@ def test_words_that_say_nothing_are_usage_errors(robotd: Robotd, words: list[str
 
 
 def test_an_object_is_placed_by_its_name(robotd: Robotd, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[Any] = []
-    requests = SimpleNamespace(place=lambda client, fields: asked.append(fields) or "done")
-    monkeypatch.setattr("robotd_scenario.sim_command.print_addressed_robots", lambda client: None)
-    monkeypatch.setattr("robotd_scenario.sim_command.robot_client", nullcontext)
-    monkeypatch.setattr("robotd_scenario.sim_command.import_ros", lambda name: requests)
+    asked = asked_of_robot(monkeypatch)
     result = robotd("sim", "place", "cube", "x=0.4", "yaw=-1")
     assert (result.exit_code, result.stdout) == (0, "done\n"), result.output
-    assert asked == [{"name": "cube", "x": 0.4, "yaw": -1}]
+    assert asked == [("robotd_world/place", {"name": "cube", "x": 0.4, "yaw": -1})]
     assert robotd("sim", "place", "cube").exit_code == ExitCode.USAGE

@@ -45,7 +45,7 @@ def slow_down(robot: Robot) -> None:
     robot.set_speed(0.3)
 
 
-CHANGES: list[tuple[Callable[[Robot], None], str]] = [
+CHANGES: list[tuple[Callable[[Robot], object], str]] = [
     (stop, "all motion stopped: by another client (panel)"),
     (switch_off, "servo: joint3, off (panel)"),
     (slow_down, "speed of all motion: 30 % (panel)"),
@@ -53,7 +53,7 @@ CHANGES: list[tuple[Callable[[Robot], None], str]] = [
 ]
 
 
-def change(arm: Observed, make: Callable[[Robot], None]) -> None:
+def change(arm: Observed, make: Callable[[Robot], object]) -> None:
     """Let another client change the robot, with the tap's note of a stop."""
     arm.robot.axes.stop_latch.on_change(arm.tap._stop_line)
     with sent_by("panel"):
@@ -69,7 +69,7 @@ async def jog_end(client: Controller, **fields: Any) -> dict[str, Any]:
 
 @pytest.mark.parametrize(("make", "reason"), CHANGES)
 def test_a_command_from_before_a_change_by_another_client_is_rejected(
-    tmp_path: Path, make: Callable[[Robot], None], reason: str
+    tmp_path: Path, make: Callable[[Robot], object], reason: str
 ) -> None:
     async def use(arm: Observed, server: PageServer) -> None:
         async with controller(server) as client:
