@@ -88,10 +88,10 @@ _FAULTS: dict[str, Fault] = {
     "emcy": lambda node, words: node.emergency(_number(words[0])),
     "trip": _trip,
     "statusword": _setter("statusword", _number),
-    "abort": lambda node, words: node.faults.sdo_aborts.update(
+    "abort": lambda node, words: node.faults.aborts.update(
         {(_number(words[0]), None): _number(words[1])}
     ),
-    "timeout": lambda node, words: node.faults.sdo_silent.add((_number(words[0]), None)),
+    "timeout": lambda node, words: node.faults.unanswered.add((_number(words[0]), None)),
     "identity": lambda node, words: node.values.update({(0x1018, 1): _number(words[0])}),
     "late": _setter("pdo_delay_s", float),
     "drop": _setter("pdo_drop", float),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from random import Random
 
 from robotd_cia402.simulated import DriveFaults
@@ -14,8 +14,6 @@ class Faults(DriveFaults):
 
     Attributes:
         silent: sends and receives nothing, as with a broken cable.
-        sdo_aborts: object → abort code of every access; sub None means all subindices.
-        sdo_silent: objects of which requests are not answered.
         pdo_delay_s: TPDOs are sent this much later; those that wait when it ends are lost.
         pdo_drop: part of the TPDOs that get lost, 0 to 1.
         garbled: part of its frames, PDOs and SDO responses included, replaced by garbage, 0 to 1.
@@ -23,27 +21,11 @@ class Faults(DriveFaults):
     """
 
     silent: bool = False
-    sdo_aborts: dict[tuple[int, int | None], int] = field(default_factory=dict)
-    sdo_silent: set[tuple[int, int | None]] = field(default_factory=set)
     pdo_delay_s: float = 0.0
     pdo_drop: float = 0.0
     garbled: float = 0.0
     garbled_frames: int = 0
     random: Random = field(default_factory=lambda: Random(1))  # noqa: S311 - repeatable, no secret
-
-    def heal(self) -> None:
-        """Healthy again."""
-        healthy = Faults()
-        for fault in fields(self):
-            setattr(self, fault.name, getattr(healthy, fault.name))
-
-    def abort_code(self, index: int, sub: int) -> int | None:
-        """Return the abort code of an access; None: it is not aborted."""
-        return self.sdo_aborts.get((index, sub), self.sdo_aborts.get((index, None)))
-
-    def ignores(self, index: int, sub: int) -> bool:
-        """Return True if a request for the object gets no response."""
-        return (index, sub) in self.sdo_silent or (index, None) in self.sdo_silent
 
     def drops_pdo(self) -> bool:
         """Return True if the TPDO to be sent now is lost."""

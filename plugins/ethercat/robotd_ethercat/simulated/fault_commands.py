@@ -47,6 +47,38 @@ class Target:
     def slave(self) -> Slave:
         return self.line.slaves[self.number]
 
+    def power(self, on: bool) -> None:
+        """Switch the power of the slave."""
+        self.line.power(self.number, on, time.monotonic_ns())
+
+    def change_cable(self, **values: float) -> None:
+        """Change ``cut``, ``loss`` or ``corruption`` of the cable before the slave."""
+        for name, value in values.items():
+            setattr(self.line.cables[self.number], name, value)
+        self.line.update()
+
+    def change_identity(self, vendor: int, product: int | None = None) -> None:
+        """Let the slave have another identity."""
+        identity = replace(self.slave.identity, vendor_id=vendor)
+        if product is not None:
+            identity = replace(identity, product_code=product)
+        self.slave.change_identity(identity)
+
+    def drift(self, ppm: float) -> None:
+        """Set the rate error of the slave's clock."""
+        self.slave.controller.clock.set_drift(ppm * 1e-6, time.monotonic_ns())
+
+    def heal(self) -> None:
+        """End faults of power, cable, mailbox, objects, clock and motor."""
+        slave = self.slave
+        slave.faults.heal()
+        slave.mailbox.silent = False
+        slave.change_identity(slave.identity)
+        self.drift(0.0)
+        slave.controller.clock.sync0 = True
+        self.change_cable(cut=False, loss=0.0, corruption=0.0)
+        self.power(True)
+
 
 Fault = Callable[[Target, list[str]], str | None]
 
@@ -74,108 +106,32 @@ def _switch(words: list[str], on: str, off: str) -> bool:
     return (on, off).index(words[0]) == 0
 
 
-def _off(target: Target, words: list[str]) -> None:
-    target.line.power(target.number, False, time.monotonic_ns())
-
-
-def _on(target: Target, words: list[str]) -> None:
-    target.line.power(target.number, True, time.monotonic_ns())
-
-
-def _cut(target: Target, words: list[str]) -> None:
-    target.line.cables[target.number].cut = True
-    target.line.update()
-
-
-def _join(target: Target, words: list[str]) -> None:
-    target.line.cables[target.number].cut = False
-    target.line.update()
-
-
-def _loss(target: Target, words: list[str]) -> None:
-    target.line.cables[target.number].loss = float(words[0])
-    target.line.update()
-
-
-def _corrupt(target: Target, words: list[str]) -> None:
-    target.line.cables[target.number].corruption = float(words[0])
-    target.line.update()
-
-
-def _identity(target: Target, words: list[str]) -> None:
-    vendor, *product = (int(word, 0) for word in words)
-    identity = replace(target.slave.identity, vendor_id=vendor)
-    if product:
-        identity = replace(identity, product_code=product[0])
-    target.slave.change_identity(identity)
-
-
-def _al(target: Target, words: list[str]) -> None:
-    target.slave.al.fail(int(words[0], 0))
-
-
-def _mailbox(target: Target, words: list[str]) -> None:
-    target.slave.mailbox.silent = _switch(words, "silent", "healthy")
-
-
-def _timeout(target: Target, words: list[str]) -> None:
-    target.slave.faults.unanswered.add((int(words[0], 0), None))
-
-
-def _abort(target: Target, words: list[str]) -> None:
-    target.slave.faults.aborts[int(words[0], 0), None] = int(words[1], 0)
-
-
-def _unpadded(target: Target, words: list[str]) -> None:
-    target.slave.faults.unpadded = True
-
-
-def _emcy(target: Target, words: list[str]) -> None:
-    target.slave.emergency(int(words[0], 0))
-
-
-def _drift(target: Target, words: list[str]) -> None:
-    target.slave.controller.clock.set_drift(float(words[0]) * 1e-6, time.monotonic_ns())
-
-
-def _sync0(target: Target, words: list[str]) -> None:
-    target.slave.controller.clock.sync0 = _switch(words, "on", "off")
-
-
-def _state(target: Target, words: list[str]) -> str:
-    al = target.slave.al
-    return f"{al.state.name} 0x{al.code:04X}"
-
-
-def _heal(target: Target, words: list[str]) -> None:
-    line, slave = target.line, target.slave
-    slave.faults.heal()
-    slave.mailbox.silent = False
-    slave.change_identity(slave.identity)
-    slave.controller.clock.set_drift(0.0, time.monotonic_ns())
-    slave.controller.clock.sync0 = True
-    cable = line.cables[target.number]
-    cable.cut, cable.loss, cable.corruption = False, 0.0, 0.0
-    line.update()
-    line.power(target.number, True, time.monotonic_ns())
+def _number(text: str) -> int:
+    return int(text, 0)
 
 
 _FAULTS: dict[str, Fault] = {
-    "off": _off,
-    "on": _on,
-    "cut": _cut,
-    "join": _join,
-    "loss": _loss,
-    "corrupt": _corrupt,
-    "identity": _identity,
-    "al": _al,
-    "mailbox": _mailbox,
-    "timeout": _timeout,
-    "abort": _abort,
-    "unpadded": _unpadded,
-    "emcy": _emcy,
-    "drift": _drift,
-    "sync0": _sync0,
-    "state": _state,
-    "heal": _heal,
+    "off": lambda at, _: at.power(False),
+    "on": lambda at, _: at.power(True),
+    "cut": lambda at, _: at.change_cable(cut=True),
+    "join": lambda at, _: at.change_cable(cut=False),
+    "loss": lambda at, words: at.change_cable(loss=float(words[0])),
+    "corrupt": lambda at, words: at.change_cable(corruption=float(words[0])),
+    "identity": lambda at, words: at.change_identity(*map(_number, words)),
+    "al": lambda at, words: at.slave.al.fail(_number(words[0])),
+    "mailbox": lambda at, words: setattr(
+        at.slave.mailbox, "silent", _switch(words, "silent", "healthy")
+    ),
+    "timeout": lambda at, words: at.slave.faults.unanswered.add((_number(words[0]), None)),
+    "abort": lambda at, words: at.slave.faults.aborts.update(
+        {(_number(words[0]), None): _number(words[1])}
+    ),
+    "unpadded": lambda at, _: setattr(at.slave.faults, "unpadded", True),
+    "emcy": lambda at, words: at.slave.emergency(_number(words[0])),
+    "drift": lambda at, words: at.drift(float(words[0])),
+    "sync0": lambda at, words: setattr(
+        at.slave.controller.clock, "sync0", _switch(words, "on", "off")
+    ),
+    "state": lambda at, _: f"{at.slave.al.state.name} 0x{at.slave.al.code:04X}",
+    "heal": lambda at, _: at.heal(),
 }

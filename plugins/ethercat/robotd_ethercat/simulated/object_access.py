@@ -3,15 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
+from robotd_cia402.simulated import DriveFaults
 from robotd_ethercat.simulated.al_state import AlState
 from robotd_ethercat.simulated.object_dictionary import Access, Entry, ObjectDictionary
 from robotd_ethercat.simulated.sdo_abort import AbortCode, SdoAbort
-from robotd_ethercat.simulated.slave_faults import SlaveFaults
 
 RX_PDOS, TX_PDOS = range(0x1600, 0x1800), range(0x1A00, 0x1C00)
 ASSIGNMENTS = {0x1C12: RX_PDOS, 0x1C13: TX_PDOS}
 _WRITE = {AlState.PRE_OP: 0x08, AlState.SAFE_OP: 0x10, AlState.OP: 0x20}
+
+
+@dataclass
+class SlaveFaults(DriveFaults):
+    """Faults of objects and of a drive's motion; the defaults are a healthy slave.
+
+    Attributes:
+        unpadded: an upload by complete access has one byte for subindex 0 instead of two.
+    """
+
+    unpadded: bool = False
 
 
 class ObjectAccess:

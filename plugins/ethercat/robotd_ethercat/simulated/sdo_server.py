@@ -5,9 +5,8 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 
-from robotd_ethercat.simulated.object_access import ObjectAccess
+from robotd_ethercat.simulated.object_access import ObjectAccess, SlaveFaults
 from robotd_ethercat.simulated.sdo_abort import AbortCode, SdoAbort
-from robotd_ethercat.simulated.slave_faults import SlaveFaults
 
 _SERVICE = struct.Struct("<H")
 _REQUEST, _RESPONSE = _SERVICE.pack(2 << 12), _SERVICE.pack(3 << 12)

@@ -131,7 +131,7 @@ def test_objects_that_refuse_hurt_only_who_writes_them(open_rig: OpenRig) -> Non
         assert execution.outcome is Outcome.SUCCEEDED, execution.message
         with pytest.raises(RobotdError, match=r"elbow \(node 2\).*0x6081.*abort 0x08000022"):
             harness.robot.axes.move([move])
-        harness.network.call(harness.drive(2).faults.sdo_aborts.clear)
+        harness.network.call(harness.drive(2).faults.aborts.clear)
         with pytest.raises(DeviceTimeout, match=r"elbow \(node 2\).*0x6083.*no answer"):
             harness.robot.axes.move([move])
         recover(harness)
