@@ -69,5 +69,13 @@ def robot_process(
     return LaunchDescription([*declared, use_sim_time, process])
 
 
+def service_nodes() -> LaunchDescription:
+    """Describe a process of ``SERVICE_NODES`` with the argument ``robot``."""
+    robot = DeclareLaunchArgument(
+        "robot", default_value="standalone", description="Robot that has the axes."
+    )
+    return robot_process(robot, nodes=SERVICE_NODES)
+
+
 def _word(value: str | DeclareLaunchArgument) -> str | LaunchConfiguration:
     return value if isinstance(value, str) else LaunchConfiguration(value.name)
