@@ -341,17 +341,8 @@ class JointStreams:
         self._settings, self._clock, self._backend = descriptor.stream, clock, backend
         self._rearming = rearming
         self._joint_axes = tuple(joint.axis for joint in descriptor.joints)
-        self._tolerance = rules.start_tolerance
-        self._make_motion = partial(
-            StreamMotion,
-            np.array([joint.axis for joint in descriptor.joints], np.int64),
-            period_s=1.0 / descriptor.cycle.rate_hz,
-            underrun=axes.underrun,
-            buffer_s=axes.stream_buffer_s,
-            stopped_velocity=rules.stopped_velocity,
-            speed=axes.speed,
-            motion_limits=motion_limits,
-        )
+        self._rules, self._motion_limits = rules, motion_limits
+        self._period_s = 1.0 / descriptor.cycle.rate_hz
 
     def __call__(
         self,
@@ -398,22 +389,29 @@ class JointStreams:
         slowed = replace(limits, velocity=limits.velocity * scale)
         if max_velocity is not None:
             slowed = _limited(slowed, columns, max_velocity)
-        make = partial(
-            self._make_motion,
-            limits=slowed,
-            mode=StreamMode(mode),
-            timeout_s=seconds,
-            ends_when_silent=ends_when_silent,
-        )
         allowed = self._settings.takeover if takeover is None else takeover
 
-        def watched(state: MotionState, start_ns: int) -> StreamMotion:
-            motion = make(state, start_ns)
+        def make(state: MotionState, start_ns: int) -> StreamMotion:
+            motion = StreamMotion(
+                np.array(self._joint_axes, np.int64),
+                state,
+                start_ns,
+                limits=slowed,
+                mode=StreamMode(mode),
+                timeout_s=seconds,
+                period_s=self._period_s,
+                underrun=self._axes.underrun,
+                buffer_s=self._axes.stream_buffer_s,
+                stopped_velocity=self._rules.stopped_velocity,
+                speed=self._axes.speed,
+                motion_limits=self._motion_limits,
+                ends_when_silent=ends_when_silent,
+            )
             self._rearming.interruptions.watch(motion.completion, self._joint_axes)
             return motion
 
         motion = self._motion.start(
-            lambda state: partial(watched, state), owner=owner, takeover=allowed
+            lambda state: partial(make, state), owner=owner, takeover=allowed
         )
         commands = self._commands(columns, source)
         return JointStream(commands, motion, self._motion.release, columns, slowed)
@@ -441,7 +439,8 @@ class JointStreams:
         return StreamClient(self._commands(every, source), open_stream)
 
     def _commands(self, columns: IntArray, source: CommandSource) -> JointCommands:
-        names, tolerance = [self._limits.names[each] for each in columns], self._tolerance[columns]
+        names = [self._limits.names[each] for each in columns]
+        tolerance = self._rules.start_tolerance[columns]
         return JointCommands(
             names, source, self._clock, lambda: self._motion.command()[columns], tolerance
         )

@@ -23,48 +23,18 @@ MIN_BRAKE, MAX_BRAKE = 0.5, 10.0  # 1/s
 SAMPLES = 9  # of the path ahead; densest at its beginning
 
 
-class PathLimit:
-    """Highest rate of a trajectory under the limit of its group's speed. Control loop.
-
-    Looks ahead as far as it takes to slow down from rate 1: r² changes by 2·D with trajectory time,
-    where D is the change of r in real time.
-
-    Args:
-        limit: of the group.
-        trajectory: to look at.
-        limits: of the joints.
-    """
-
-    def __init__(self, limit: MotionLimits, trajectory: Trajectory, limits: JointLimits) -> None:
-        self._limit, self._trajectory = limit, trajectory
-        slope = BRAKE_SHARE * float((limits.acceleration / limits.velocity).min())
-        slope = min(max(slope, MIN_BRAKE), MAX_BRAKE)
-        self._ahead_s = np.linspace(0.0, 1.0, SAMPLES) ** 2 / (2.0 * slope)
-        self._gain = 2.0 * slope * self._ahead_s
-
-    @property
-    def active(self) -> bool:
-        """There is a limit."""
-        return self._limit.factors is not None
-
-    def rate(self, time_s: float) -> float:
-        """Return the highest rate at trajectory time ``time_s``; inf: any."""
-        factors = self._limit.factors
-        if factors is None:
-            return math.inf
-        position, velocity, _ = self._trajectory.evaluate(time_s + self._ahead_s)
-        return math.sqrt(float((factors(position, velocity) ** 2 + self._gain).min()))
-
-
 class PathRate:
     """Rate of one trajectory. Control loop; ``value`` may be read by any thread.
 
-    Until the trajectory has begun to move, it is the speed in force, without a ramp.
+    Until the trajectory has begun to move, it is the speed in force, without a ramp. Under a limit
+    of the group's speed it looks ahead as far as it takes to slow down from rate 1: r² changes by
+    2·D with trajectory time, where D is the change of r in real time.
 
     Args:
         speed: to reach.
+        motion_limits: of the group.
+        trajectory: to look at.
         limits: of the joints; their accelerations count.
-        path_limit: of the trajectory.
 
     Attributes:
         path: (2, m) velocity and acceleration of the path at rate 1, at the last setpoint.
@@ -73,11 +43,22 @@ class PathRate:
         override: part of the speed that this trajectory is to have; any thread may write it.
     """
 
-    def __init__(self, speed: SpeedScale, limits: JointLimits, path_limit: PathLimit) -> None:
+    def __init__(
+        self,
+        speed: SpeedScale,
+        motion_limits: MotionLimits,
+        trajectory: Trajectory,
+        limits: JointLimits,
+    ) -> None:
         self.path: FloatArray = np.zeros((2, len(limits.names)))
         self.value, self.slope, self.override = speed.scale, 0.0, 1.0
         self._speed, self._limit = speed, limits.acceleration
-        self._path_limit, self._highest = path_limit, math.inf
+        self._motion_limits, self._trajectory = motion_limits, trajectory
+        slope = BRAKE_SHARE * float((limits.acceleration / limits.velocity).min())
+        slope = min(max(slope, MIN_BRAKE), MAX_BRAKE)
+        self._ahead_s = np.linspace(0.0, 1.0, SAMPLES) ** 2 / (2.0 * slope)
+        self._gain = 2.0 * slope * self._ahead_s
+        self._highest = math.inf
         self._max_slope = MAX_SLOPE
         self._waits = True  # nothing has moved yet
 
@@ -85,7 +66,7 @@ class PathRate:
     def is_full(self) -> bool:
         """Trajectory time passes as real time does, and is to go on so."""
         steady = self.value == 1.0 and self.slope == 0.0
-        full = self._wanted == 1.0 and not self._path_limit.active
+        full = self._wanted == 1.0 and self._motion_limits.factors is None
         return steady and full and not self._waits
 
     def wait(self) -> None:
@@ -106,7 +87,7 @@ class PathRate:
 
         ``time_s`` is the trajectory time of that setpoint.
         """
-        self._highest = self._path_limit.rate(time_s + elapsed_s * self.value)
+        self._highest = self._highest_at(time_s + elapsed_s * self.value)
         self.wait()
         before, target = self.value, self._target
         largest = 0.0
@@ -122,6 +103,14 @@ class PathRate:
         self._waits = self._waits and target == 0.0
         self.slope = (self.value - before) / elapsed_s
         return 0.5 * (before + self.value)
+
+    def _highest_at(self, time_s: float) -> float:
+        """Return the highest rate at trajectory time ``time_s`` under the group's limit."""
+        factors = self._motion_limits.factors
+        if factors is None:
+            return math.inf
+        position, velocity, _ = self._trajectory.evaluate(time_s + self._ahead_s)
+        return math.sqrt(float((factors(position, velocity) ** 2 + self._gain).min()))
 
     @property
     def _wanted(self) -> float:

@@ -9,7 +9,7 @@ from robotd.clock import NANOSECONDS
 from robotd.control.command_return import CommandReturn
 from robotd.control.completion import Outcome
 from robotd.control.joint_source import Phase
-from robotd.control.path_rate import PathLimit, PathRate, scale
+from robotd.control.path_rate import PathRate, scale
 from robotd.control.source_slot import SetpointSource
 from robotd.control.stall_recovery import StallRecovery, after_stall
 from robotd.control.trajectory_execution import PlannedGoal, TrajectoryExecution
@@ -51,8 +51,9 @@ class StreamedTrajectory(TrajectoryExecution):
         # From 30 attributes on CPython takes a third longer for each access.
         self._motion = self.setpoint[:2]  # position and velocity
         self._sampler = Sampler(goal.trajectory)
-        path_limit = PathLimit(motion_limits or MotionLimits(), goal.trajectory, goal.limits)
-        self._rate = PathRate(speed or SpeedScale(), goal.limits, path_limit)
+        self._rate = PathRate(
+            speed or SpeedScale(), motion_limits or MotionLimits(), goal.trajectory, goal.limits
+        )
         self._due_ns = 0  # of the last setpoint; 0: none was made
         self._sent_time_s: float | None = 0.0  # of the last setpoint; None: it was off the path
         self._stop_plan: tuple[StopPlan, int] | None = None  # with the time of its beginning

@@ -291,25 +291,24 @@ class TorqueStreams:
         if reason := self._motion_limits.reason:
             raise NotReady(f"{reason}; torques cannot keep it")
         limits = self._limits.of(chosen)
-        make = partial(
-            TorqueMotion,
-            self._driver,
-            self._axes.stops,
-            axes,
-            limits,
-            timeout_s=seconds,
-            stopped_velocity=self._stopped_velocity[chosen],
-            speed=self._axes.speed,
-            feedback_period_s=self._axes.feedback_period_s,
-            motion_limits=self._motion_limits,
-        )
 
-        def watched(start_ns: int) -> TorqueMotion:
-            motion = make(start_ns)
+        def make(start_ns: int) -> TorqueMotion:
+            motion = TorqueMotion(
+                self._driver,
+                self._axes.stops,
+                axes,
+                limits,
+                start_ns,
+                seconds,
+                self._stopped_velocity[chosen],
+                self._axes.speed,
+                self._axes.feedback_period_s,
+                self._motion_limits,
+            )
             self._rearming.interruptions.watch(motion.completion, source.axes)
             return motion
 
-        motion = self._motion.start_alone(axes.tolist(), CommandMode.TORQUE, watched, owner)
+        motion = self._motion.start_alone(axes.tolist(), CommandMode.TORQUE, make, owner)
         units = [_UNITS[unit] for unit in limits.units]
         commands = TorqueCommands(limits.names, source, self._clock)
         return TorqueStream(commands, units, limit, motion, self._motion.release)
