@@ -27,7 +27,9 @@ from robotd.motion import TrajectoryRequest
 from robotd.plugin.manager import load_backend
 from robotd.realtime import request_realtime
 from robotd.robot import Robot
-from robotd_ethercat.fault_injector import EthercatDevice
+from robotd_cia402.device import Cia402Device
+from robotd_ethercat.master import Master
+from robotd_ethercat.slaves_process import Simulation
 
 RATES_HZ = (250, 500, 1000)
 CYCLE_S = 10.0
@@ -48,7 +50,7 @@ def described(rate_hz: int) -> RobotDescriptor:
 def through_robotd(rate_hz: int) -> Figures:
     """Six axes follow a trajectory; the frames are noted where they are handed to SOEM."""
     robot = Robot(described(rate_hz), load_backend("ethercat"), MonotonicClock())
-    device = cast(EthercatDevice, vars(robot.connection._driver)["wrapped"])
+    device = cast("Cia402Device[Master, Simulation]", vars(robot.connection._driver)["wrapped"])
     robot.start()
     try:
         times = noted(device.master.bus)
@@ -71,7 +73,7 @@ def through_robotd(rate_hz: int) -> Figures:
 def bare(rate_hz: int) -> Figures:
     """Bring the drives to Op with robotd, then exchange with nothing but pysoem and struct."""
     robot = Robot(described(rate_hz), load_backend("ethercat"), MonotonicClock())
-    device = cast(EthercatDevice, vars(robot.connection._driver)["wrapped"])
+    device = cast("Cia402Device[Master, Simulation]", vars(robot.connection._driver)["wrapped"])
     device.open()
     try:
         master = device.master

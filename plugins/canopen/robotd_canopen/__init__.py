@@ -5,7 +5,7 @@ The hooks are here; ``master.py`` connects the parts.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from robotd.api import (
     BackendInfo,
@@ -19,8 +19,8 @@ from robotd_canopen.options import CanopenOptions
 from robotd_cia402.hooks import backend_info, robotd_axes, robotd_fieldbus, robotd_io
 
 if TYPE_CHECKING:
-    from robotd_canopen.fault_injector import CanopenDevice
     from robotd_canopen.layout import NetworkLayout
+    from robotd_cia402.device import Cia402Device
 
 __all__ = [
     "robotd_axes",
@@ -64,8 +64,10 @@ def robotd_open_device(context: DeviceContext[NetworkLayout]) -> DeviceDriver:
 
 
 @hookimpl
-def robotd_fault_injector(device: CanopenDevice) -> FaultInjector:
+def robotd_fault_injector(device: Cia402Device[Any, Any]) -> FaultInjector:
     """Fault injection into simulated drives."""
-    from robotd_canopen.fault_injector import CanopenFaultInjector
+    from robotd_cia402.fault_injector import Cia402FaultInjector
 
-    return CanopenFaultInjector(device)
+    return Cia402FaultInjector(
+        device, disconnect="silence", reconnect="silence 0", freeze="all drop"
+    )

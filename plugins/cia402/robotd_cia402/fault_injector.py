@@ -11,10 +11,27 @@ _SWITCHES = ("negative_limit", "positive_limit", "home_switch")  # bits of objec
 
 
 class Cia402FaultInjector(FaultInjector):
-    """Fault injection into simulated nodes; not on real ones. Any thread, one at a time."""
+    """Fault injection into simulated nodes; not on real ones. Any thread, one at a time.
 
-    def __init__(self, device: Cia402Device[Any, Any]) -> None:
+    Args:
+        device: with the nodes.
+        disconnect, reconnect: commands to a node.
+        freeze: command to the bus, without its last word: the part of the frames that is lost.
+        in_line: a node that is cut off takes those behind it along, so that only the last can be.
+    """
+
+    def __init__(
+        self,
+        device: Cia402Device[Any, Any],
+        *,
+        disconnect: str,
+        reconnect: str,
+        freeze: str,
+        in_line: bool = False,
+    ) -> None:
         self._master, self._simulation = device.master, device.simulation
+        self._fieldbus, self._in_line = device.fieldbus, in_line
+        self._disconnect, self._reconnect, self._freeze = disconnect, reconnect, freeze
 
     @property
     def in_process(self) -> bool:  # type: ignore[override]  # depends on the robot
@@ -31,6 +48,18 @@ class Cia402FaultInjector(FaultInjector):
 
     def trip(self, axis: int, code: int) -> None:
         self._inject_axis("trip", axis, f"trip {code}")
+
+    def disconnect(self, axis: int) -> None:
+        if self._in_line and self._node(axis) < max(self._fieldbus.node_ids(0)):
+            raise self._unsupported("disconnect of a slave with others behind it")
+        self._inject("disconnect", f"{self._node(axis)} {self._disconnect}")
+
+    def reconnect(self, axis: int) -> None:
+        """The drive is back on the bus; starting communication again takes it in."""
+        self._inject("reconnect", f"{self._node(axis)} {self._reconnect}")
+
+    def freeze(self, frozen: bool) -> None:
+        self._inject("freeze", f"{self._freeze} {float(frozen)}")
 
     def press_switch(self, axis: int, switch: str, pressed: bool) -> None:
         bit = _SWITCHES.index(switch)

@@ -6,7 +6,7 @@ The hooks are here; ``master.py`` connects the parts.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from robotd.api import (
     BackendInfo,
@@ -21,7 +21,7 @@ from robotd_cia402.hooks import backend_info, robotd_axes, robotd_fieldbus, robo
 from robotd_ethercat.options import EthercatOptions
 
 if TYPE_CHECKING:
-    from robotd_ethercat.fault_injector import EthercatDevice
+    from robotd_cia402.device import Cia402Device
     from robotd_ethercat.plan import BusPlan
 
 __all__ = [
@@ -69,8 +69,10 @@ def robotd_open_device(context: DeviceContext[BusPlan]) -> DeviceDriver:
 
 
 @hookimpl
-def robotd_fault_injector(device: EthercatDevice) -> FaultInjector:
+def robotd_fault_injector(device: Cia402Device[Any, Any]) -> FaultInjector:
     """Fault injection into simulated slaves."""
-    from robotd_ethercat.fault_injector import EthercatFaultInjector
+    from robotd_cia402.fault_injector import Cia402FaultInjector
 
-    return EthercatFaultInjector(device)
+    return Cia402FaultInjector(
+        device, disconnect="cut", reconnect="join", freeze="0 loss", in_line=True
+    )

@@ -14,8 +14,9 @@ from robotd.descriptor import RobotDescriptor
 from robotd.device.capabilities import Capability
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
-from robotd_ethercat.fault_injector import EthercatDevice
+from robotd_cia402.device import Cia402Device
 from robotd_ethercat.master import Master
+from robotd_ethercat.slaves_process import Simulation
 from robotd_ethercat.supervision import Supervision
 
 PATIENCE_S = 5.0
@@ -55,7 +56,8 @@ class Harness:
         backend.capabilities |= {Capability.SIMULATED}  # here: it takes this clock
         self.robot = Robot(descriptor(drives, **options), backend, self.clock)
         self.image = self.robot.image
-        self.device = cast(EthercatDevice, vars(self.robot.connection._driver)["wrapped"])
+        wrapped = vars(self.robot.connection._driver)["wrapped"]
+        self.device = cast("Cia402Device[Master, Simulation]", wrapped)
 
     @property
     def master(self) -> Master:

@@ -18,11 +18,11 @@ from robotd.device.process_image import ProcessImage
 from robotd.motion import TrajectoryRequest
 from robotd.robot import Robot
 from robotd_canopen.fault_commands import inject
-from robotd_canopen.fault_injector import CanopenDevice
 from robotd_canopen.fieldbus import CanopenFieldbus
 from robotd_canopen.master import Master
 from robotd_canopen.simulated import DriveNode, IoNode, SimulatedNetwork
-from robotd_canopen.simulated_robot import simulated_network
+from robotd_canopen.simulated_robot import Simulation, simulated_network
+from robotd_cia402.device import Cia402Device
 
 STEEP_RAD_S2 = 60.0  # beyond every ramp that is configured (10 and 40), below any jump
 SPAN = 5  # periods over which a ramp is measured
@@ -33,7 +33,8 @@ class Harness:
 
     def __init__(self, robot: Robot) -> None:
         self.robot, self.image = robot, robot.image
-        self.device = cast(CanopenDevice, vars(robot.connection._driver)["wrapped"])
+        wrapped = vars(robot.connection._driver)["wrapped"]
+        self.device = cast("Cia402Device[Master, Simulation]", wrapped)
         self.master: Master = self.device.master
 
     @property

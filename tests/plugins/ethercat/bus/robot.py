@@ -13,8 +13,9 @@ from robotd.errors import RobotdError
 from robotd.motion import TrajectoryRequest
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
-from robotd_ethercat.fault_injector import EthercatDevice
+from robotd_cia402.device import Cia402Device
 from robotd_ethercat.master import Master
+from robotd_ethercat.slaves_process import Simulation
 
 SMALL = str(Path(__file__).parent / "three_drives.yaml")
 PATIENCE_S = 15.0  # outlasts the stalls of a busy computer
@@ -25,7 +26,8 @@ class EthercatRobot:
 
     def __init__(self, robot: Robot) -> None:
         self.robot, self.image = robot, robot.image
-        self.device = cast(EthercatDevice, vars(robot.connection._driver)["wrapped"])
+        wrapped = vars(robot.connection._driver)["wrapped"]
+        self.device = cast("Cia402Device[Master, Simulation]", wrapped)
 
     @property
     def master(self) -> Master:
