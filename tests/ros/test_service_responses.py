@@ -113,15 +113,15 @@ def test_a_client_that_is_not_known_yet_gets_its_answer(
     late_s: float, hosts: tuple[RosHost, RosHost], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Discovery on a busy computer takes more than a second."""
-    look = service_responses.rclpy_get_subscriptions_info_by_topic
+    look = Node.get_subscriptions_info_by_topic
     times_s: list[float] = []
 
-    def late(*arguments: Any) -> Any:
+    def late(*arguments: Any, **options: Any) -> Any:
         times_s.append(time.monotonic())
-        found = look(*arguments)
+        found = look(*arguments, **options)
         return found if times_s[-1] - times_s[0] > late_s else []
 
-    monkeypatch.setattr(service_responses, "rclpy_get_subscriptions_info_by_topic", late)
+    monkeypatch.setattr(Node, "get_subscriptions_info_by_topic", late)
     add_service(node_of(hosts[0], "server"), hosts[0], Trigger, "asked", greet)
     client = node_of(hosts[1], "client").create_client(Trigger, "asked")
     assert wait_for(ask(client)).message == "hello"
