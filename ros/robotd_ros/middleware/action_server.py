@@ -11,8 +11,7 @@ time 17 of 70 goals lost their results.
 Upstream: none known; https://github.com/ros2/rcl/issues/1103 (closed) is about the start of the
 time-out of results.
 Where rclpy has other internals than those of ``_INTERNALS``, ``plain_action_server`` serves goals.
-Shown by: tests/ros/test_simulated_time.py, tests/ros/test_plain_rclpy.py,
-tools/bench/goal_client.py.
+Shown by: tests/ros/test_simulated_time.py, tools/bench/goal_client.py.
 """
 
 from __future__ import annotations
