@@ -183,15 +183,20 @@ class MovesWhenTheLinkReturns(Mutant):
     found_by = "test_reopening.py::test_a_lost_link_is_shown_and_resumed"
     says = "an axis moves without a command when the link returns"
 
-    class Device(SimDevice):
-        def start_communication(self, timeout_s: float) -> None:
-            super().start_communication(timeout_s)
-            simulation = self.simulation
-            if simulation.network.packet_loss:
+    class Injector(SimFaultInjector):
+        def drop_communication(self) -> None:
+            super().drop_communication()
+            self._simulation.__dict__["dropped"] = True
+
+    class Axes(SimAxes):
+        def servo(self, axis: int, on: bool, timeout_s: float) -> None:
+            super().servo(axis, on, timeout_s)
+            simulation = self._simulation
+            if on and simulation.__dict__.get("dropped"):
                 with simulation.world.lock:
-                    axis = simulation.axes - 1
                     position = float(simulation.servo.position[axis]) + 0.01
                     simulation.servo.place(axis, position, position, 0.0)
+                    simulation.motion.hold(axis, position)
 
 
 class FaultWhileAllIsWell(Mutant):
