@@ -34,8 +34,8 @@ class ProfiledAxes(AxisDriver):
     Moves, velocity commands and stops are computed here, by trapezoidal profiles, in the
     control-loop thread; streamed setpoints pass through. A subclass implements
     ``read_feedback``, ``send_targets``, ``servo`` and ``clear_alarm``. It may declare
-    VELOCITY_MODE. While the control loop pauses, axes hold their last target. When values come
-    back after a loss, axes at rest hold where they are: nobody knows which targets arrived.
+    VELOCITY_MODE. While the control loop pauses, axes hold their last target. Axes that moved when
+    values were lost hold where they are found: nobody knows which targets arrived.
 
     Args:
         axes: number of axes.
@@ -171,7 +171,7 @@ class ProfiledAxes(AxisDriver):
     def _require(self, axis: int) -> _AxisMotion:
         motion = self._motions[axis]
         unread_s = (self.clock.now_ns() - self._read_ns) / NANOSECONDS
-        if motion.unseen or unread_s > self._feedback_lost_s:
+        if motion.strayed or unread_s > self._feedback_lost_s:
             raise NotReady("no values arrive", axis=axis)
         if not motion.enabled:
             raise NotReady("the servo is off, or the drive is in alarm or offline", axis=axis)
@@ -195,7 +195,7 @@ class _AxisMotion:
     def __init__(self) -> None:
         self.position = self.velocity = 0.0
         self.enabled = False
-        self.unseen = False  # since values were lost
+        self.strayed = False  # values were lost in motion
         self.mode = CommandMode.POSITION
         self.operation = Operation.IDLE
         self.complete = False
@@ -213,14 +213,16 @@ class _AxisMotion:
     def follow(self, position: float, *, enabled: bool, lost: bool) -> None:
         """Track the measured position while disabled, so that enabling makes no jump.
 
-        At rest after a loss of values it is taken once as well.
+        Where values were lost in motion, it is taken once as well, at rest. An axis that rested
+        keeps its command, which has arrived before: else its load would sink with each loss.
         """
-        self.unseen = self.unseen or lost
-        found = self.unseen and not lost and self.operation is Operation.IDLE
+        moves = self.operation is not Operation.IDLE
+        self.strayed = self.strayed or (lost and moves)
+        found = self.strayed and not lost and not moves
         if found or not (enabled and self.enabled):
-            if self.operation is not Operation.IDLE:
+            if moves:
                 self.begin(Operation.IDLE)
-            self.position, self.velocity, self.unseen = position, 0.0, lost
+            self.position, self.velocity, self.strayed = position, 0.0, False
         self.enabled = enabled
 
     def setpoint(self, position: float, velocity: float, period_s: float) -> None:

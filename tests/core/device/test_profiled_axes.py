@@ -172,6 +172,20 @@ def test_after_a_loss_axes_hold_where_they_are_found(reconnect: bool) -> None:
     assert arm.measured[0] == pytest.approx(stood[0] + 0.01)
 
 
+def test_a_loaded_axis_does_not_sink_with_each_loss() -> None:
+    arm = Arm()
+    arm.period()
+    held = arm.image.position_command.copy()
+    for _ in range(5):
+        arm.deaf, arm.measured = True, held - 0.002  # the weight of the arm
+        arm.period(3)
+        arm.frozen = True
+        arm.period(150)
+        arm.frozen = False
+        arm.period(3)
+    assert arm.sent[-1] == pytest.approx(held)
+
+
 def test_an_axis_that_is_off_or_busy_takes_no_command() -> None:
     arm = Arm()
     arm.on[1] = False
