@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from robotd.descriptor.urdf import UrdfJoint, UrdfLink, UrdfRobot, read_urdf, read_urdf_text
     from robotd.descriptor.urdf.package_files import find_mesh
     from robotd.device.bus_status import BusNode, BusState, BusStatus
-    from robotd.device.camera_picture import jpeg
+    from robotd.device.camera_picture import due_cameras, jpeg
     from robotd.device.capabilities import Capability
     from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
     from robotd.device.fault_injector import FaultInjector
@@ -146,6 +146,7 @@ __all__ = [
     "diagnose",
     "did_you_mean",
     "doctors",
+    "due_cameras",
     "find_mesh",
     "get_logger",
     "held",

@@ -1,15 +1,18 @@
-"""Pictures of the cameras of a world, as JPEG."""
+"""Pictures of the cameras of a world: when they are due, and as JPEG."""
 
 from __future__ import annotations
 
 import io
 import threading
 import time
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from numpy.typing import NDArray
 
-from robotd.device.world import World
+from robotd.clock import NANOSECONDS, Clock
+from robotd.clock.simulated import ticks
+from robotd.device.world import World, WorldCamera
 from robotd.errors import InvalidArgument, OperationError, unknown_name
 
 JPEG_QUALITY = 90
@@ -27,6 +30,30 @@ def jpeg(picture: NDArray[Any]) -> bytes:
     stream = io.BytesIO()
     Image.fromarray(picture).save(stream, "JPEG", quality=JPEG_QUALITY)
     return stream.getvalue()
+
+
+def due_cameras(
+    cameras: Sequence[WorldCamera], stop: threading.Event, clock: Clock
+) -> Iterator[tuple[int, WorldCamera]]:
+    """Yield the time in ns and a camera whenever a picture of it is due, until ``stop``.
+
+    In simulated time none is skipped: time waits for the caller, who has a thread of its own.
+
+    Args:
+        cameras: at least one.
+        stop: ends it.
+        clock: of the robot.
+    """
+    due_ns = dict.fromkeys((each.name for each in cameras), 0)
+    period_ns = round(NANOSECONDS / max(each.rate_hz for each in cameras))
+    with ticks(stop, period_ns, clock) as moments:
+        for _ in moments:
+            now_ns = clock.now_ns()
+            for camera in cameras:
+                if now_ns >= due_ns[camera.name]:
+                    # A little early, so that a tick just before the due time is not the one after.
+                    due_ns[camera.name] = now_ns + round(0.99 * NANOSECONDS / camera.rate_hz)
+                    yield now_ns, camera
 
 
 class CameraPictures:

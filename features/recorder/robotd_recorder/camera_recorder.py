@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Self
 
-from robotd.api import NANOSECONDS, RobotdError, World, WorldCamera, get_logger, jpeg, ticks
+from robotd.api import RobotdError, World, WorldCamera, due_cameras, get_logger, jpeg
 from robotd.api.robots import Robot
 from robotd_recording.recording_writer import Picture
 
@@ -30,7 +30,6 @@ class CameraRecorder:
 
     def __init__(self, robot: Robot, cameras: Sequence[WorldCamera]) -> None:
         self._robot, self._cameras = robot, cameras
-        self._due_ns = dict.fromkeys((each.name for each in cameras), 0)
         self._waiting: deque[Picture] = deque(maxlen=MAX_WAITING)
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
@@ -54,19 +53,9 @@ class CameraRecorder:
         return [self._waiting.popleft() for _ in range(len(self._waiting))]
 
     def _run(self, world: World) -> None:
-        period_ns = round(NANOSECONDS / max(each.rate_hz for each in self._cameras))
         try:
-            with ticks(self._stop, period_ns, self._robot.clock) as moments:
-                for _ in moments:
-                    now_ns = self._robot.clock.now_ns()
-                    for camera in self._cameras:
-                        if now_ns >= self._due_ns[camera.name]:
-                            self._record(world, camera, now_ns)
+            for now_ns, camera in due_cameras(self._cameras, self._stop, self._robot.clock):
+                data = jpeg(world.image(camera.name))
+                self._waiting.append(Picture(now_ns, camera.name, data))
         except RobotdError as error:
             log.error("no pictures in the recording", reason=str(error))
-
-    def _record(self, world: World, camera: WorldCamera, now_ns: int) -> None:
-        # A little early, so that a tick just before the due time is not the one after it.
-        self._due_ns[camera.name] = now_ns + round(0.99 * NANOSECONDS / camera.rate_hz)
-        data = jpeg(world.image(camera.name))
-        self._waiting.append(Picture(now_ns, camera.name, data))

@@ -13,9 +13,18 @@ from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from robotd.api import NANOSECONDS, ProcessImage, RobotdError, World, WorldCamera, get_logger, jpeg
+from robotd.api import (
+    NANOSECONDS,
+    ProcessImage,
+    RobotdError,
+    World,
+    WorldCamera,
+    due_cameras,
+    get_logger,
+    jpeg,
+)
 from robotd_mujoco.physics import Physics
-from robotd_ros.api import HotPublisher, Robot, RosHost, StampClock, ticks
+from robotd_ros.api import HotPublisher, Robot, RosHost, StampClock
 
 NAME = "mujoco"
 WRENCH = "force_torque_sensor_broadcaster/wrench"
@@ -48,7 +57,8 @@ class MujocoNode(Node):
             self.rates_hz |= {each.topic: rate_hz for each in self._wrenches}
         if physics.robot_model.is_free:
             self._add_ground_truth()
-        self._cameras = [CameraTopics(self, each) for each in physics.robot_model.cameras]
+        cameras = physics.robot_model.cameras
+        self._cameras = {each.name: CameraTopics(self, each) for each in cameras}
         self._stop = threading.Event()
         self._thread = threading.Thread(
             target=self._render, args=(robot.world,), name="robotd-cameras", daemon=True
@@ -97,18 +107,15 @@ class MujocoNode(Node):
 
     def _render(self, world: World) -> None:
         """Thread of the cameras: a picture of each at its rate, while there are subscribers."""
-        period_s = 1.0 / max(each.camera.rate_hz for each in self._cameras)
+        cameras = world.cameras
         try:
             # The first picture opens OpenGL, which holds the interpreter for 0.2 s: now, before
             # anything moves, and not with the first subscriber or viewer.
-            world.image(self._cameras[0].camera.name)
-            with ticks(self._stop, round(period_s * NANOSECONDS), self._robot.clock) as moments:
-                for _ in moments:
-                    now_ns = self._robot.clock.now_ns()
-                    for each in self._cameras:
-                        if each.is_due(now_ns):
-                            picture = world.image(each.camera.name)
-                            each.publish(picture, self._stamps.at_ns(now_ns))
+            world.image(cameras[0].name)
+            for now_ns, camera in due_cameras(cameras, self._stop, self._robot.clock):
+                topics = self._cameras[camera.name]
+                if topics.have_subscribers:
+                    topics.publish(world.image(camera.name), self._stamps.at_ns(now_ns))
         except RobotdError as error:
             log.error("no pictures of the cameras", reason=str(error))
         except Exception:
@@ -129,13 +136,10 @@ class CameraTopics:
         compressed = f"{camera.name}/image_raw/compressed"
         self._compressed = node.create_publisher(CompressedImage, compressed, 1)
         self._info = node.create_publisher(CameraInfo, f"{camera.name}/camera_info", 1)
-        self._due_ns = 0
 
-    def is_due(self, now_ns: int) -> bool:
-        """Return True when a picture is due and wanted."""
-        if now_ns < self._due_ns:
-            return False
-        self._due_ns = now_ns + round(NANOSECONDS / self.camera.rate_hz * 0.99)
+    @property
+    def have_subscribers(self) -> bool:
+        """A picture is wanted."""
         topics = (self._raw, self._compressed, self._info)
         return any(each.get_subscription_count() for each in topics)
 

@@ -46,13 +46,6 @@ class Renderer:
         mujoco.mj_camlight(self._model, self._data)
         return self._draw(self._cameras[name])
 
-    def close(self) -> None:
-        """Free OpenGL. Thread of the pictures."""
-        if self._context is not None:
-            self._drawing.free()
-            self._context.free()
-            self._context = None
-
     def _open(self) -> None:
         width = max(each.width for each in self._cameras.values())
         height = max(each.height for each in self._cameras.values())
