@@ -16,9 +16,8 @@ Shown by: tests/ros/test_simulated_time.py, tools/bench/goal_client.py.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cached_property
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from action_msgs.msg import GoalInfo
@@ -33,7 +32,7 @@ from rclpy.task import Future
 from robotd.clock import NANOSECONDS
 from robotd.log import get_logger
 from robotd_ros.middleware.goal_requests import GoalRequest, GoalRequests
-from robotd_ros.middleware.plain_action_server import PlainActionServer
+from robotd_ros.middleware.plain_action_server import GoalCallbacks, PlainActionServer
 from robotd_ros.middleware.release_gil import LayoutError, RequestId
 from robotd_ros.middleware.stamp_clock import StampClock
 from robotd_ros.qos import SERVICE
@@ -59,13 +58,7 @@ _INTERNALS = (
 
 
 def worker_action_server(
-    node: Node,
-    action_type: Any,
-    name: str,
-    *,
-    admit: Callable[[Any], GoalResponse],
-    accepted: Callable[[Any], None],
-    cancel: Callable[[Any], CancelResponse],
+    node: Node, action_type: Any, name: str, **callbacks: Unpack[GoalCallbacks]
 ) -> ActionServer:
     """Return a ``WorkerActionServer``, or a ``PlainActionServer`` where rclpy has changed."""
     try:
@@ -74,17 +67,9 @@ def worker_action_server(
     except LayoutError as error:
         log.warning("goals are served by plain rclpy", action=name, reason=str(error))
         return PlainActionServer(
-            node,
-            action_type,
-            name,
-            admit=admit,
-            accepted=accepted,
-            cancel=cancel,
-            result_timeout_s=RESULT_TIMEOUT_S,
+            node, action_type, name, result_timeout_s=RESULT_TIMEOUT_S, **callbacks
         )
-    return WorkerActionServer(
-        node, action_type, name, requests, admit=admit, accepted=accepted, cancel=cancel
-    )
+    return WorkerActionServer(node, action_type, name, requests, **callbacks)
 
 
 def _check_internals() -> None:
@@ -107,11 +92,7 @@ class WorkerActionServer(ActionServer):
         action_type: class of the action.
         name: of the action.
         requests: of the action.
-        admit: decides about a ``GoalRequest``; its ``goal`` is converted when it is read.
-        accepted: gets the handle of an accepted goal, which executes.
-        cancel: callback of rclpy with a goal handle.
-
-    The three are plain functions, called in the executor thread.
+        callbacks: plain functions, called in the executor thread.
     """
 
     _is_goal_request_ready: bool  # of rclpy
@@ -122,10 +103,7 @@ class WorkerActionServer(ActionServer):
         action_type: Any,
         name: str,
         requests: GoalRequests,
-        *,
-        admit: Callable[[GoalRequest], GoalResponse],
-        accepted: Callable[[Any], None],
-        cancel: Callable[[Any], CancelResponse],
+        **callbacks: Unpack[GoalCallbacks],
     ) -> None:
         self._requests = requests
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)  # rcl keeps a bare pointer
@@ -134,9 +112,9 @@ class WorkerActionServer(ActionServer):
             action_type,
             name,
             _unused,
-            goal_callback=admit,
-            handle_accepted_callback=accepted,
-            cancel_callback=cancel,
+            goal_callback=callbacks["admit"],
+            handle_accepted_callback=callbacks["accepted"],
+            cancel_callback=callbacks["cancel"],
             goal_service_qos_profile=SERVICE,
             cancel_service_qos_profile=SERVICE,
             result_service_qos_profile=SERVICE,

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
@@ -20,13 +20,27 @@ from rclpy.node import Node
 from robotd_ros.qos import SERVICE
 
 
+class GoalCallbacks(TypedDict):
+    """What an action server calls.
+
+    Attributes:
+        admit: decides about a ``GoalRequest``; its ``goal`` is converted when it is read.
+        accepted: gets the handle of an accepted goal, which executes.
+        cancel: callback of rclpy with a goal handle.
+    """
+
+    admit: Callable[[Any], GoalResponse]
+    accepted: Callable[[Any], None]
+    cancel: Callable[[Any], CancelResponse]
+
+
 class PlainActionServer(ActionServer):
     """Action server that leaves accepted goals to ``accepted``; ``notify_execute`` ends them.
 
     Args:
-        node, action_type, name, admit, accepted, cancel: see ``WorkerActionServer``; the request
-            has its ``goal`` only, and the ``requester`` of a goal is not known.
+        node, action_type, name: see ``WorkerActionServer``.
         result_timeout_s: time for which a result can be asked for, by the node's clock.
+        callbacks: a request has its ``goal`` only, and the ``requester`` of a goal is not known.
     """
 
     def __init__(
@@ -35,12 +49,10 @@ class PlainActionServer(ActionServer):
         action_type: Any,
         name: str,
         *,
-        admit: Callable[[Any], GoalResponse],
-        accepted: Callable[[Any], None],
-        cancel: Callable[[Any], CancelResponse],
         result_timeout_s: int,
+        **callbacks: Unpack[GoalCallbacks],
     ) -> None:
-        self._accepted = accepted
+        self._accepted, admit = callbacks["accepted"], callbacks["admit"]
         super().__init__(
             node,
             action_type,
@@ -48,7 +60,7 @@ class PlainActionServer(ActionServer):
             lambda goal: action_type.Result(),
             goal_callback=lambda goal: admit(SimpleNamespace(goal=goal)),
             handle_accepted_callback=self._begin,
-            cancel_callback=cancel,
+            cancel_callback=callbacks["cancel"],
             goal_service_qos_profile=SERVICE,
             cancel_service_qos_profile=SERVICE,
             result_service_qos_profile=SERVICE,
