@@ -5,7 +5,7 @@ cycle; ``plan_stop`` ends it early, along its path.
 """
 
 from robotd.motion.interpolation import Interpolation
-from robotd.motion.joints import JointLimits, MotionState
+from robotd.motion.joints import JointLimits, MotionState, TrajectoryRules
 from robotd.motion.limits import AxisLimits, check_jog, check_move
 from robotd.motion.planning import check_start_delay, plan
 from robotd.motion.rejection import RejectionCode, TrajectoryRejected
@@ -19,7 +19,6 @@ from robotd.motion.tolerance import (
     Violation,
 )
 from robotd.motion.trajectory import Sampler, Trajectory
-from robotd.motion.trajectory_rules import TrajectoryRules
 
 __all__ = [
     "AxisLimits",

@@ -9,13 +9,12 @@ import numpy as np
 from robotd.arrays import FloatArray
 from robotd.motion.extremes import derivative, extremes
 from robotd.motion.interpolation import Interpolation, interpolate
-from robotd.motion.joints import JointLimits, MotionState
+from robotd.motion.joints import JointLimits, MotionState, TrajectoryRules
 from robotd.motion.path_checks import MIN_SPACING_S, ROUNDED_SPACING_S, SAME_POSITION
 from robotd.motion.path_ends import blend_in
 from robotd.motion.rejection import distinct, reject
 from robotd.motion.request import REST_VELOCITY, TrajectoryRequest
 from robotd.motion.trajectory import Trajectory
-from robotd.motion.trajectory_rules import TrajectoryRules
 
 
 class PathBuilder:

@@ -8,10 +8,9 @@ import numpy as np
 
 from robotd.arrays import BoolArray, FloatArray
 from robotd.motion.extremes import Extreme, PathPeaks
-from robotd.motion.joints import JointLimits, MotionState
+from robotd.motion.joints import JointLimits, MotionState, TrajectoryRules
 from robotd.motion.rejection import distinct, reject
 from robotd.motion.request import REST_VELOCITY, TrajectoryRequest
-from robotd.motion.trajectory_rules import TrajectoryRules
 
 MIN_SPACING_S = 1e-3
 # Times are sums of decimal fractions: 0.301 - 0.300 is a little less than 0.001.

@@ -8,7 +8,7 @@ import numpy as np
 
 from robotd.arrays import FloatArray
 from robotd.motion.extremes import PathPeaks
-from robotd.motion.joints import JointLimits, MotionState
+from robotd.motion.joints import JointLimits, MotionState, TrajectoryRules
 from robotd.motion.path import PathBuilder
 from robotd.motion.path_checks import (
     acceleration_notes,
@@ -21,7 +21,6 @@ from robotd.motion.path_ends import with_run_out
 from robotd.motion.rejection import RejectionCode, TrajectoryRejected, reject
 from robotd.motion.request import TrajectoryRequest, arrange
 from robotd.motion.trajectory import Trajectory
-from robotd.motion.trajectory_rules import TrajectoryRules
 
 
 def plan(

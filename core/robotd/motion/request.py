@@ -10,9 +10,8 @@ import numpy as np
 
 from robotd.arrays import FloatArray
 from robotd.errors import unknown_name
-from robotd.motion.joints import JointLimits, MotionState
+from robotd.motion.joints import JointLimits, MotionState, TrajectoryRules
 from robotd.motion.rejection import distinct, reject, reject_joints
-from robotd.motion.trajectory_rules import TrajectoryRules
 
 # Range of a ROS duration. Also keeps the powers of a time difference finite.
 MAX_TIME_S = 2.0**31

@@ -9,9 +9,8 @@ from enum import Enum
 import numpy as np
 
 from robotd.arrays import FloatArray
-from robotd.motion.joints import JointLimits
+from robotd.motion.joints import JointLimits, TrajectoryRules
 from robotd.motion.rejection import distinct, reject, reject_joints
-from robotd.motion.trajectory_rules import TrajectoryRules
 
 _UNIT_SUFFIX = {"position": "", "velocity": "/s"}
 
