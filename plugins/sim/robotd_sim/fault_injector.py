@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 from robotd.api import ConnectionState, FaultInjector, InvalidArgument, NotReady
 from robotd_sim.simulation import Simulation
 
@@ -15,49 +18,42 @@ class SimFaultInjector(FaultInjector):
         self._simulation, self._world = simulation, simulation.world
 
     def position(self, axis: int) -> float:
-        with self._world.lock:
-            self._world.advance()
-            return float(self._simulation.servo.position[axis])
+        with self._now() as simulation:
+            return float(simulation.servo.position[axis])
 
     def torque(self, axis: int) -> float:
-        with self._world.lock:
-            self._world.advance()
-            return self._simulation.servo.measure(self._simulation.servo.state())[1][axis]
+        with self._now() as simulation:
+            return simulation.servo.measure(simulation.servo.state())[1][axis]
 
     def move_by_hand(self, axis: int, delta: float) -> None:
         """Raises NotReady while the servo of the axis is on."""
-        with self._world.lock:
-            self._world.advance()
-            if self._simulation.states.servo_on[axis]:
+        with self._now() as simulation:
+            if simulation.states.servo_on[axis]:
                 raise NotReady("cannot be moved by hand while the servo is on", axis=axis)
-            position = float(self._simulation.servo.position[axis]) + delta
+            position = float(simulation.servo.position[axis]) + delta
             if not -1e6 < position < 1e6:
                 raise InvalidArgument(f"{position:g} rad is out of reach", axis=axis)
             self._place(axis, position)
 
     def trip(self, axis: int, code: int) -> None:
-        with self._world.lock:
-            self._world.advance()
-            self._simulation.power.trip(axis, code)
+        with self._now() as simulation:
+            simulation.power.trip(axis, code)
 
     def disconnect(self, axis: int) -> None:
-        with self._world.lock:
-            self._world.advance()
-            self._simulation.disconnect(axis)
+        with self._now() as simulation:
+            simulation.disconnect(axis)
 
     def reconnect(self, axis: int) -> None:
         """A slave is taken in again by ``start_hot_connect``, its plug alone does nothing."""
 
     def freeze(self, frozen: bool) -> None:
         """Freeze the values without an error; the axes continue their motion."""
-        with self._world.lock:
-            self._world.advance()
-            self._simulation.network.frozen = frozen
+        with self._now() as simulation:
+            simulation.network.frozen = frozen
 
     def set_input_bit(self, byte: int, bit: int, value: bool) -> None:
-        with self._world.lock:
-            self._world.advance()
-            inputs = self._simulation.io.inputs
+        with self._now() as simulation:
+            inputs = simulation.io.inputs
             inputs[byte] = inputs[byte] & ~(1 << bit) | int(value) << bit
 
     def output_bit(self, byte: int, bit: int) -> bool:
@@ -65,54 +61,54 @@ class SimFaultInjector(FaultInjector):
             return bool(self._simulation.io.outputs[byte] >> bit & 1)
 
     def stick_output_bit(self, byte: int, bit: int, value: bool | None) -> None:
-        with self._world.lock:
-            self._world.advance()
-            self._simulation.io.stick(byte, bit, value)
+        with self._now() as simulation:
+            simulation.io.stick(byte, bit, value)
 
     def block(self, axis: int, blocked: bool) -> None:
-        with self._world.lock:
-            self._world.advance()
-            self._simulation.servo.grip(axis, held=blocked)
+        with self._now() as simulation:
+            simulation.servo.grip(axis, held=blocked)
             self._world.stir()
 
     def press_switch(self, axis: int, switch: str, pressed: bool) -> None:
-        with self._world.lock:
-            self._world.advance()
-            self._simulation.switches.press(axis, switch, pressed=pressed)
-            self._simulation.guards.refresh()
+        with self._now() as simulation:
+            simulation.switches.press(axis, switch, pressed=pressed)
+            simulation.guards.refresh()
             self._world.stir()
 
     def jump_encoder(self, axis: int, delta: float) -> None:
-        with self._world.lock:
-            self._world.advance()
-            position = self._simulation.servo.position
+        with self._now() as simulation:
+            position = simulation.servo.position
             position[axis] += delta
-            if self._simulation.states.servo_on[axis]:
+            if simulation.states.servo_on[axis]:
                 self._world.stir()
             else:
                 self._place(axis, float(position[axis]))
 
     def lose_packets(self, count: int) -> None:
         """Lose ``count`` frames in a row: no values for as many ticks."""
-        with self._world.lock:
-            self._world.advance()
-            network = self._simulation.network
+        with self._now() as simulation:
+            network = simulation.network
             network.packet_loss += count
             network.frozen = True
             self._world.at(self._world.tick + count, network.thaw)
 
     def drop_communication(self) -> None:
-        with self._world.lock:
-            self._world.advance()
-            self._simulation.network.packet_loss += 1
-            self._simulation.silence()
+        with self._now() as simulation:
+            simulation.network.packet_loss += 1
+            simulation.silence()
 
     def stop_engine(self) -> None:
         """End the engine at once, as if its process had died."""
+        with self._now() as simulation:
+            if simulation.engine is not ConnectionState.IDLE:
+                simulation.reset()
+
+    @contextmanager
+    def _now(self) -> Iterator[Simulation]:
+        """Lock the simulation at the present tick."""
         with self._world.lock:
             self._world.advance()
-            if self._simulation.engine is not ConnectionState.IDLE:
-                self._simulation.reset()
+            yield self._simulation
 
     def _place(self, axis: int, position: float) -> None:
         """Put an axis whose servo is off at rest to ``position``."""
