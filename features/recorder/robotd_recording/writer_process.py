@@ -59,7 +59,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Batch:
-    """What has come since the last batch; ``last``: the recording ends with it."""
+    """Events, samples and pictures since the last batch; ``last``: the recording ends with it."""
 
     events: list[Event]
     samples: list[Sample]

@@ -23,10 +23,9 @@ ROOT = Path(__file__).parents[4]
 
 @pytest.fixture(autouse=True)
 def process_as_before(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """What a mutant has changed in this process ends with its test."""
+    """Undo what a mutant has changed in this process."""
     monkeypatch.chdir(Path.cwd())
-    for name in ("excepthook", "stdout", "stderr"):
-        monkeypatch.setattr(sys, name, getattr(sys, name))
+    monkeypatch.setattr(sys, "excepthook", sys.excepthook)
     environment, numbers = dict(os.environ), locale.setlocale(locale.LC_ALL)
     interval_s, level = sys.getswitchinterval(), logging.getLogger().level
     user_signal = signal.getsignal(signal.SIGUSR1)
