@@ -143,8 +143,8 @@ class PacedClock:
         is, none is skipped. The event is one that the control loop sets, and seen at the end of
         the period. Nothing between two ticks may sleep on this clock.
         """
-        due = _Due(self._now_ns)
-        with self._changed:
+        with self._changed:  # before the first tick is asked for, time must not go on, either
+            due = _Due(self._now_ns)
             self._dues.append(due)
         try:
             yield self._tick(due, event, period_ns)

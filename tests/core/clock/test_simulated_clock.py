@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -10,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robotd.clock import NANOSECONDS, Clock, MonotonicClock, wait_until
+from robotd.clock import NANOSECONDS, Clock, MonotonicClock, simulated, wait_until
 from robotd.clock.simulated import PacedClock, SteppedClock
 from robotd.control.trajectory_execution import Outcome
 from robotd.errors import InvalidArgument, Unsupported
@@ -219,6 +220,22 @@ def test_a_real_robot_refuses_simulated_time() -> None:
             Robot(descriptor, backend, clock)
     with pytest.raises(Unsupported, match="faults on request"):
         _ = Robot(descriptor, backend, MonotonicClock()).fault_injector
+
+
+def test_time_stands_while_a_tick_is_registered(
+    paced: Paced, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class SlowDue(simulated._Due):
+        def __init__(self, time_ns: int) -> None:
+            super().__init__(time_ns)
+            time.sleep(0.05)  # the fast clock runs many periods in that time
+
+    monkeypatch.setattr(simulated, "_Due", SlowDue)
+    clock, _ = paced
+    clock.resume()
+    with clock.ticks(threading.Event(), 5 * PERIOD_NS) as ticks:
+        times_ns = [clock.now_ns() for _ in itertools.islice(ticks, 2)]
+    assert np.diff(times_ns).tolist() == [5 * PERIOD_NS]
 
 
 def test_a_slow_thread_misses_no_tick_of_the_fast_clock(paced: Paced) -> None:
