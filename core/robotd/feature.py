@@ -11,10 +11,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
-from importlib.metadata import entry_points
 from typing import Any
 
 from pydantic import BaseModel
+
+from robotd.entry_points import entry_points
 
 FEATURES = "robotd.features"
 

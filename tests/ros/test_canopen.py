@@ -185,6 +185,7 @@ def test_an_alarm_and_the_way_back(
     succeed(client, 1, 0.0)
 
 
+@pytest.mark.long
 def test_a_lost_drive_and_the_way_back(
     client: Client, joints: list[Any], drives: DrivesProcess
 ) -> None:

@@ -12,7 +12,7 @@ from tests.plugins.canopen.bus.drives_process import DrivesProcess, write_robot
 from tests.ros.robot_process import Client, RobotProcess, wait_until
 from wmx_ros2_message.msg import AxisState
 
-pytestmark = [pytest.mark.daily, pytest.mark.ros]
+pytestmark = pytest.mark.ros
 
 PERIOD_S = 0.05
 RADIUS_M, SEPARATION_M = 0.09, 0.55

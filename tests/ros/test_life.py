@@ -205,8 +205,15 @@ def check_stopped_in_order(output: str, sent: Any, joints: list[Any]) -> None:
         assert trouble not in output
 
 
-@pytest.mark.daily
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
+@pytest.mark.parametrize(
+    "number",
+    [
+        pytest.param(signal.SIGINT, marks=pytest.mark.daily),
+        signal.SIGTERM,
+        signal.SIGHUP,
+        signal.SIGQUIT,
+    ],
+)
 def test_a_signal_during_motion_stops_it_in_order(start: Any, number: int) -> None:
     process, client = start()
     process.wait_ready()

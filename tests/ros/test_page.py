@@ -51,6 +51,7 @@ def test_a_viewer_sees_the_robot_with_its_nodes(url: str) -> None:
     assert any("servos on" in event["text"] for event in viewer.events)
 
 
+@pytest.mark.long
 def test_foxglove_sees_the_joints_move(process: RobotProcess) -> None:
     pytest.importorskip("foxglove", reason="no foxglove-sdk: pip install 'robotd[foxglove]'")
     from tests.features.foxglove.test_foxglove import client_of

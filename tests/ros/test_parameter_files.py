@@ -133,7 +133,10 @@ def rate_hz(client: Client, messages: list[Any], count: int) -> float:
 
 @pytest.mark.parametrize(
     ("text", "published", "silent"),
-    [(INTEL, GAZEBO, ISAAC_SIM), (ORIN, ISAAC_SIM, GAZEBO)],
+    [
+        pytest.param(INTEL, GAZEBO, ISAAC_SIM, marks=pytest.mark.long),
+        (ORIN, ISAAC_SIM, GAZEBO),
+    ],
     ids=["intel", "orin"],
 )
 def test_the_two_files_of_the_arm(tmp_path: Path, text: str, published: str, silent: str) -> None:
@@ -168,7 +171,9 @@ def test_the_file_of_the_base(tmp_path: Path) -> None:
     ("robot", "kind", "text", "node"),
     [
         (OTHER_ARM, "cr3a", INTEL, "manipulator_state"),
-        (OTHER_BASE, "baymax", BASE, "diff_drive_controller"),
+        pytest.param(
+            OTHER_BASE, "baymax", BASE, "diff_drive_controller", marks=pytest.mark.long
+        ),
     ],
     ids=["arm", "base"],
 )

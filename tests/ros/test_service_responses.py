@@ -93,6 +93,7 @@ def test_clients_that_have_gone_hold_up_nobody(
     assert time.monotonic() - began_s < 0.1 * BURST / 2
 
 
+@pytest.mark.long
 def test_rmw_fastrtps_waits_for_clients_that_have_gone(
     hosts: tuple[RosHost, RosHost], monkeypatch: pytest.MonkeyPatch
 ) -> None:

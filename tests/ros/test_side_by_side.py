@@ -90,7 +90,6 @@ def run(client: Client, *arguments: str) -> int:
     ).returncode
 
 
-@pytest.mark.daily
 def test_no_name_is_in_common(client: Client) -> None:
     node = client.node
     for space, expected in EXPECTED.items():

@@ -65,6 +65,7 @@ def test_stamps_of_the_base_follow_the_clock_forth_and_back(start: Any) -> None:
             client.next(messages, lambda each, time=time: stamp(each) == time)
 
 
+@pytest.mark.long
 def test_a_goal_is_carried_out_while_the_simulated_time_stands_still(start: Any) -> None:
     client, clock = start("cr3a")
     joints = client.listen(JointState, "/joint_states")

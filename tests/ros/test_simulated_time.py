@@ -88,7 +88,6 @@ def client(fast: RobotProcess) -> Iterator[Client]:
     client.close()
 
 
-@pytest.mark.daily
 def test_a_goal_takes_a_fraction_of_its_time(client: Client) -> None:
     clocks = client.listen(Clock, "/clock")
     wait_until(lambda: clocks, "no clock")

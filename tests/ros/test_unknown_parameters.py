@@ -12,14 +12,14 @@ pytestmark = pytest.mark.ros
 BASE = ("--nodes", "diff_drive_controller")
 
 
-@pytest.mark.daily
 @pytest.mark.parametrize(
     ("robot", "parameter", "texts"),
     [
-        (
+        pytest.param(
             "baymax",
             "linear.x.max_velocty:=0.2",
             ("diff_drive_controller.linear.x.max_velocty", "mean 'linear.x.max_velocity'?"),
+            marks=pytest.mark.daily,
         ),
         (
             "cr3a",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.metadata import entry_points
 from typing import Any
 
 import click
@@ -18,6 +17,7 @@ from robotd.control.axis_limits import fit_device
 from robotd.control.joint_group import ON_DEVICE
 from robotd.descriptor import Override, RobotDescriptor, load_robot_descriptor
 from robotd.device.capabilities import Capability
+from robotd.entry_points import entry_points
 from robotd.errors import DescriptorError, PluginError, Unsupported
 from robotd.plugin.hookspecs import DeviceContext
 from robotd.plugin.manager import Backend, load_backend

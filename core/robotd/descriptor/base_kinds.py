@@ -7,7 +7,7 @@ that leads to a subclass of ``DriveSettings``; ``drive: {kind: NAME}`` chooses i
 from __future__ import annotations
 
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from typing import Annotated, Any
 
 from pydantic import ValidatorFunctionWrapHandler, WrapValidator
@@ -20,6 +20,7 @@ from robotd.descriptor.drive_settings import (
     TricycleDrive,
 )
 from robotd.descriptor.section import validation_error
+from robotd.entry_points import entry_points
 from robotd.errors import PluginError
 
 GROUP = "robotd.bases"

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from importlib.metadata import entry_points
 
+from robotd.entry_points import entry_points
 from robotd.errors import PluginError
 
 GROUP = "robotd.codes"

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from importlib.metadata import entry_points
 from typing import Any, Literal
 
 from robotd.descriptor import RobotDescriptor
+from robotd.entry_points import entry_points
 from robotd.errors import PluginError, RobotdError
 
 DOCTORS, SCANS = "robotd.doctors", "robotd.scans"

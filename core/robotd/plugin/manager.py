@@ -10,7 +10,7 @@ import inspect
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from typing import Any, TypeVar
 
 import pluggy
@@ -22,6 +22,7 @@ from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDr
 from robotd.device.fault_injector import FaultInjector
 from robotd.device.passive_joints import PassiveJoints
 from robotd.device.world import World
+from robotd.entry_points import entry_points
 from robotd.errors import PluginError, RobotdError, unknown_name
 from robotd.plugin.call_timeout import CallTimeout, call_with_timeout
 from robotd.plugin.code_table import CodeTable, load_code_tables

@@ -26,7 +26,6 @@ def run_on_a_cable(*command: str) -> str:
     return done.stdout
 
 
-@pytest.mark.daily
 def test_nothing_is_sent_to_an_interface_that_the_user_has_not_named() -> None:
     robot = ("--robot", "cr3a", "--backend", "ethercat")
     run = run_on_a_cable("run", *robot, "--nodes", "wmx_engine_node")
