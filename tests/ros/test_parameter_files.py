@@ -171,9 +171,7 @@ def test_the_file_of_the_base(tmp_path: Path) -> None:
     ("robot", "kind", "text", "node"),
     [
         (OTHER_ARM, "cr3a", INTEL, "manipulator_state"),
-        pytest.param(
-            OTHER_BASE, "baymax", BASE, "diff_drive_controller", marks=pytest.mark.long
-        ),
+        pytest.param(OTHER_BASE, "baymax", BASE, "diff_drive_controller", marks=pytest.mark.long),
     ],
     ids=["arm", "base"],
 )
