@@ -110,13 +110,13 @@ page: $(bundle) ## build the live page of robotd run --page; needs Node.js, or i
 	@:
 
 # Those of a release: without a clone and, with ROS from wheels, without a compiler.
-dist: $(bundle) $(stamps)/dist ## build wheels and source archives into dist/, and serve a robot from them on each Python
+dist: $(bundle) $(stamps)/dist ## build wheels and source archives into dist/, and serve a robot from them on each Python, or with ARGS=--newest on one
 	@$(say) 'building dist/'
 	rm -rf dist build/lib && mkdir -p build
 	.venv/bin/python -m build --outdir dist . >build/dist.log
 	.venv/bin/python -m build --sdist --outdir dist plugins/wmx >>build/dist.log
 	$(say) 'tools.wheels dist'
-	exec .venv/bin/python -m tools.wheels dist
+	exec .venv/bin/python -m tools.wheels dist $(ARGS)
 
 bench: $(tools) ## measure the cycle and the ROS surface; ARGS go to tools.bench
 	@$(say) 'tools.bench $(ARGS)'

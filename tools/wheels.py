@@ -1,11 +1,12 @@
 """``python -m tools.wheels dist``: build the interfaces for each Python, and try the wheels.
 
-The Pythons are those that ``interpreters`` finds. The wheels are tried as a user installs them, in
+The Pythons are those that ``interpreters`` finds; ``--newest`` takes the newest alone. The wheels are tried as a user installs them, in
 an environment of its own without a compiler: first robotd alone, then a robot with ROS.
 """
 
 from __future__ import annotations
 
+import argparse
 import itertools
 import os
 import platform
@@ -170,10 +171,14 @@ def build_and_try(python: str, robotd: Path) -> None:
 
 def main(arguments: Sequence[str]) -> None:
     """Build and try the wheels of a folder that has the one of robotd."""
-    (dist,) = (Path(each).absolute() for each in arguments)
-    (robotd,) = dist.glob("robotd-*.whl")
+    parser = argparse.ArgumentParser(prog="tools.wheels")
+    parser.add_argument("dist", type=Path, help="folder with the wheel of robotd")
+    parser.add_argument("--newest", action="store_true", help="try the newest Python alone")
+    options = parser.parse_args(arguments)
+    (robotd,) = options.dist.absolute().glob("robotd-*.whl")
+    pythons = interpreters()[-1 if options.newest else 0 :]
     with ThreadPoolExecutor(2) as pool:
-        list(pool.map(build_and_try, interpreters(), itertools.repeat(robotd)))
+        list(pool.map(build_and_try, pythons, itertools.repeat(robotd)))
 
 
 if __name__ == "__main__":
