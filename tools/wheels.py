@@ -1,7 +1,8 @@
 """``python -m tools.wheels dist``: build the interfaces for each Python, and try the wheels.
 
-The Pythons are those that ``interpreters`` finds; ``--newest`` takes the newest alone. The wheels are tried as a user installs them, in
-an environment of its own without a compiler: first robotd alone, then a robot with ROS.
+The Pythons are those that ``interpreters`` finds; ``--newest`` takes the newest alone. The wheels
+are tried as a user installs them, in an environment of its own without a compiler: first robotd
+alone, then a robot with ROS.
 """
 
 from __future__ import annotations
