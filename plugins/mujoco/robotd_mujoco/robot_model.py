@@ -31,7 +31,14 @@ from robotd_mujoco.base_model import (
     has_free_root,
     is_free,
 )
-from robotd_mujoco.gripper_model import Finger, add_gripper, find_fingers, make_stiff
+from robotd_mujoco.gripper_model import (
+    STIFF_IMPEDANCE,
+    STIFF_REFERENCE,
+    Finger,
+    add_gripper,
+    find_fingers,
+    make_stiff,
+)
 from robotd_mujoco.options import MujocoOptions, robot_file
 from robotd_mujoco.scene import (
     PREFIX,
@@ -216,6 +223,9 @@ def _add_drives(
         joint.armature = max(joint.armature, options.rotor_inertia_kg_m2)
         if not joint.damping[0]:
             joint.damping[0] = options.viscous_friction_nm_s
+        # MuJoCo's soft friction would let a loaded joint creep at 0.14 rad/s under its brake.
+        joint.solref_friction = [STIFF_REFERENCE * options.step_s, 1.0]
+        joint.solimp_friction = STIFF_IMPEDANCE
         effort = efforts.get(axis) or (joint.actfrcrange[1] if joint.actfrclimited else 0.0)
         joint.actfrcrange = [-effort, effort] if effort else [-UNLIMITED, UNLIMITED]
         joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_TRUE

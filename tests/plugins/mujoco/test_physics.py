@@ -8,9 +8,13 @@ import pytest
 from tests.plugins.mujoco.cell import LEFT, cell
 
 from robotd.control.trajectory_execution import Outcome
+from robotd.descriptor import load_robot_descriptor
+from robotd_mujoco.options import MujocoOptions
+from robotd_mujoco.physics import Physics
 
 STRETCHED = "initial_position_rad=[0.0,-1.57,0.0,0.0,0.0,0.0]"
 HELD_RAD = 1e-3
+MILLISECOND = 1_000_000
 
 
 def test_drives_hold_the_weight_and_measure_it() -> None:
@@ -30,6 +34,56 @@ def test_brakes_hold_a_joint_whose_servo_is_off() -> None:
         arm.robot.step(1000)
         assert arm.robot.image.position == pytest.approx(before, abs=HELD_RAD)
         assert arm.robot.image.torque[1] == 0.0
+
+
+class LateClock:
+    """Time that passes before the physics is asked for it, as on a busy computer."""
+
+    def __init__(self) -> None:
+        self.ns = 0
+
+    def now_ns(self) -> int:
+        return self.ns
+
+
+def late_arm() -> tuple[Physics, LateClock]:
+    """Return an arm with a payload, close above a cube, whose servos are off."""
+    robot = load_robot_descriptor("cr3a")
+    section = {**robot.backends["mujoco"], "initial_position_rad": LEFT}
+    clock = LateClock()
+    return Physics(robot, MujocoOptions.model_validate(section), clock), clock  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("late", [1, 20, 100])
+def test_brakes_hold_from_the_first_step_however_late_it_is(late: int) -> None:
+    physics, clock = late_arm()
+    for _ in range(400 // late):
+        clock.ns += late * MILLISECOND
+        physics.advance()
+    assert physics.positions()[:6] == pytest.approx(LEFT, abs=1e-4)
+
+
+@pytest.mark.parametrize("late", [1, 20, 100])
+def test_brakes_stop_a_loaded_arm_that_trips_in_motion(late: int) -> None:
+    physics, clock = late_arm()
+    physics.talking = True
+    for axis in range(physics.axes):
+        physics.enable(axis)
+    targets = physics.positions().copy()
+    for _ in range(150):
+        targets[1:3] += (-0.002, 0.002)
+        physics.follow(targets)
+        clock.ns += 2 * MILLISECOND
+        physics.advance()
+    assert physics.velocities()[2] > 0.9
+    before = physics.positions().copy()
+    for axis in range(physics.axes):
+        physics.trip(axis, 1)
+    for _ in range(800 // late):
+        clock.ns += late * MILLISECOND
+        physics.advance()
+    assert physics.positions() == pytest.approx(before, abs=2e-3)
+    assert physics.velocities() == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_joint_without_a_brake_falls_and_is_enabled_without_a_jump() -> None:
