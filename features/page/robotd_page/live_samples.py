@@ -36,6 +36,7 @@ class LiveSamples:
         self._head = struct.Struct(f"<{self._values}d")
         self._past = PlotHistory(tap.frames.axes, tap.robot.descriptor.cycle.rate_hz)
         self._past_cursor = 0
+        self._keep()  # what the tap holds already
         tap.add_reader(self._keep)
 
     def restart(self) -> None:

@@ -55,9 +55,8 @@ def test_a_sample_has_the_values_of_the_newest_period(arm: Observed) -> None:
 
 
 def test_the_history_is_sampled_at_the_rate_of_the_page(arm: Observed) -> None:
-    live = LiveSamples(arm.tap)
     arm.step(2.0)
-    history = rows(live.history())
+    history = rows(LiveSamples(arm.tap).history())
     step_s = np.diff(history[:, 0])
     assert 0.03 < np.median(step_s) < 0.04
     assert history[-1, 0] - history[0, 0] > 1.9
