@@ -115,8 +115,7 @@ class WheelMotion(SetpointSource):
         self.twist = ZERO_TWIST
         self.setpoint[0] = np.nan
         self._axes, self._wheel_axes, self._modes = axes, wheel_axes, modes
-        steered = [place for place, mode in enumerate(modes) if mode is CommandMode.POSITION]
-        self._steered = np.array(steered, np.intp)
+        self._steered = [place for place, mode in enumerate(modes) if mode is CommandMode.POSITION]
         self._follower, self._limiter, self._command = follower, limiter, command
         self._claimed_ns = claimed_ns
         self._sent = True
@@ -150,7 +149,8 @@ class WheelMotion(SetpointSource):
         follower.step(twist)
         self.twist = follower.twist
         velocities = np.array(follower.velocities)
-        self.setpoint[0, self._steered] = follower.angles
+        for place, angle in zip(self._steered, follower.angles, strict=True):
+            self.setpoint[0, place] = angle
         self.setpoint[2] = (velocities - self.setpoint[1]) * (NANOSECONDS / period_ns)
         self.setpoint[1] = velocities
 
