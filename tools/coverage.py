@@ -20,6 +20,7 @@ RESULT = ROOT / "build" / "coverage.json"
 SOURCES = (
     "core/robotd",
     "features",
+    "plugins/bases",
     "plugins/canopen",
     "plugins/cia402",
     "plugins/ethercat",

@@ -14,6 +14,7 @@ from robotd.descriptor import (
     list_robots,
     load_robot_descriptor,
 )
+from robotd_bases.two_sided import DifferentialDrive
 from robotd_wmx_parameters import default_wmx_parameters, read_wmx_parameters, write_wmx_parameters
 
 SERVICE_NODES = ("wmx_engine_node", "wmx_core_motion_node", "wmx_io_node", "wmx_ethercat_node")
@@ -88,6 +89,7 @@ def test_baymax_has_a_base_and_no_joints() -> None:
         }
     }
     assert (robot.axes, robot.drive.axes) == (2, (0, 1))
+    assert isinstance(robot.drive, DifferentialDrive)
     assert (robot.drive.wheel_radius_m, robot.drive.wheel_separation_m) == (0.09, 0.55)
 
 
@@ -123,7 +125,7 @@ def test_ethercat_has_the_scales_of_the_parameter_file(name: str) -> None:
 def test_baymax_urdf_has_the_wheels_of_the_descriptor() -> None:
     robot = load_robot_descriptor("baymax")
     assert robot.urdf is not None
-    assert robot.drive is not None
+    assert isinstance(robot.drive, DifferentialDrive)
     root = etree.parse(robot.urdf).getroot()
     for side, sign in (("left", 1), ("right", -1)):
         joint = root.find(f"joint[@name='{side}_wheel_joint']")

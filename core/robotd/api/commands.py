@@ -16,9 +16,10 @@ from robotd.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from robotd.cli.check_command import check_robot
+    from robotd.cli.check_report import CheckReport
     from robotd.cli.exit_codes import ExitCode
     from robotd.cli.installed import check_backend_overrides, load_installed, load_robot
-    from robotd.cli.layout import columns, field, heading, warn
+    from robotd.cli.layout import columns, field, heading, warn, warning
     from robotd.cli.options import (
         FILE,
         FOLDER,
@@ -48,6 +49,7 @@ __all__ = [
     "HAS_ROS_WHEELS",
     "MAX_OPEN_FILES",
     "PORT",
+    "CheckReport",
     "ExitCode",
     "IntegerRange",
     "Interrupt",
@@ -75,5 +77,6 @@ __all__ = [
     "stop_signals",
     "time_scale",
     "warn",
+    "warning",
     "which_robot",
 ]

@@ -36,7 +36,6 @@ if TYPE_CHECKING:
         Sample,
     )
     from robotd.observation.period_writer import period_writer
-    from robotd.observation.plot_history import HISTORY_COLUMNS, HISTORY_S
     from robotd.observation.robot_identity import identity
     from robotd.observation.tap import Tap
     from robotd.realtime import request_niceness
@@ -46,8 +45,6 @@ else:
 __all__ = [
     "FIELDBUS",
     "FLAGS",
-    "HISTORY_COLUMNS",
-    "HISTORY_S",
     "INPUTS",
     "MAX_IO_BYTES",
     "NUMBERS",

@@ -36,7 +36,14 @@ if TYPE_CHECKING:
     from robotd.motion.planar import ZERO_TWIST, PlanarTwist
     from robotd.motion.rejection import distinct, reject
     from robotd.motion.stopping import stoppable_velocity
-    from robotd.plugin.manager import Backend, discover, load_backend, load_plugins
+    from robotd.plugin.manager import (
+        Backend,
+        PluginOrigin,
+        discover,
+        find_backend,
+        load_backend,
+        load_plugins,
+    )
     from robotd.robot import Robot, build_robot, open_robot
 else:
     __getattr__, __dir__ = lazy_names(__name__)
@@ -58,6 +65,7 @@ __all__ = [
     "Outcome",
     "PacedClock",
     "PlanarTwist",
+    "PluginOrigin",
     "Problem",
     "ProblemKind",
     "Robot",
@@ -74,6 +82,7 @@ __all__ = [
     "discover",
     "distinct",
     "each",
+    "find_backend",
     "joint_limits",
     "load_backend",
     "load_plugins",

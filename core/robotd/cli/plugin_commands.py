@@ -21,7 +21,11 @@ from robotd.errors import PluginError
 
 COMMANDS = "robotd.commands"
 OWN = "robotd"  # distribution
-HEADINGS = {"robotd": "Robots and backends", "robotd_ros": "Commands for a running robot"}
+HEADINGS = {
+    "robotd": "Robots and backends",
+    "robotd_inventory": "Robots and backends",
+    "robotd_ros": "Commands for a running robot",
+}
 FEATURES, PLUGINS = "Features", "Commands of plugins"
 
 

@@ -12,7 +12,7 @@ from importlib.metadata import version
 from robotd.cli.layout import columns, field, heading, warning
 from robotd.cli.preflight import realtime_permitted
 from robotd.clock.simulated import PacedClock
-from robotd.descriptor import DriveSettings, MecanumDrive, TricycleDrive, TwoSidedDrive
+from robotd.descriptor import DriveSettings
 from robotd.motion.limits import AxisLimits
 from robotd.plugin.manager import PluginOrigin
 from robotd.robot import Robot
@@ -145,11 +145,8 @@ def _range(limits: AxisLimits) -> str:
 def _wheels(drive: DriveSettings) -> Iterator[str]:
     names = (name.replace(" wheel", "") for name in drive.wheel_names)
     yield ", ".join(f"{name} axis {axis}" for name, axis in zip(names, drive.axes, strict=True))
-    size = f"{drive.kind}, radius {drive.wheel_radius_m:g} m"
-    if isinstance(drive, TricycleDrive):
-        yield f"{size}, wheelbase {drive.wheelbase_m:g} m, steers {drive.steering_angle_rad:g} rad"
-    elif isinstance(drive, TwoSidedDrive | MecanumDrive):
-        yield f"{size}, {drive.wheel_separation_m:g} m apart"
+    size = (drive.kind, f"radius {drive.wheel_radius_m:g} m", drive.dimensions)
+    yield ", ".join(filter(None, size))
     yield f"at most {drive.velocity_m_s:g} m/s and {drive.angular_velocity_rad_s:g} rad/s"
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from itertools import product
 from pathlib import Path
 
-from robotd.descriptor import JointSettings, JointType, RobotDescriptor, TwoSidedDrive
+from robotd.descriptor import JointSettings, JointType, RobotDescriptor
 from robotd.descriptor.urdf import UrdfJoint, UrdfRobot, read_urdf, read_urdf_text
 from robotd.descriptor.urdf.package_files import mesh_files
 from robotd.errors import DescriptorError, did_you_mean
@@ -52,11 +52,10 @@ def urdf_warnings(urdf: UrdfRobot, path: Path, descriptor: RobotDescriptor) -> I
     yield from urdf.notes
     yield from _missing_meshes(path)
     drive = descriptor.drive
-    if not isinstance(drive, TwoSidedDrive) or not drive.wheel_joints:
+    if drive is None or not drive.wheel_joints:
         return
-    half = drive.wheels_per_side
     y = [float(urdf.pose(urdf.joint[name].child, {})[1, 3]) for name in drive.wheel_joints]
-    for left, right in product(range(half), range(half, 2 * half)):
+    for left, right in product(*drive.sides):
         if y[left] < y[right]:
             yield (
                 f"drive.wheel_joints: {drive.wheel_joints[left]}, a left wheel, is at y"

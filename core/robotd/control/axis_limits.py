@@ -12,22 +12,18 @@ import numpy as np
 from robotd.arrays import FloatArray
 from robotd.descriptor import (
     DriveSettings,
-    MecanumDrive,
     OmnidirectionalDrive,
     RobotDescriptor,
     TrajectorySettings,
-    TricycleDrive,
-    TwoSidedDrive,
 )
 from robotd.descriptor.joint_settings import JointSettings
 from robotd.device.drivers import AxisDriver
 from robotd.errors import DescriptorError, PluginError
 from robotd.motion import JointLimits, TrajectoryRules
+from robotd.motion.base_kinematics import BaseKinematics, SteeredKinematics
 from robotd.motion.limits import AxisLimits
 from robotd.motion.planar import PlanarTwist
-from robotd.motion.steering import SteeringLimits
 from robotd.motion.twist_limits import RampLimits, TwistLimits
-from robotd.motion.wheels import BaseKinematics, MecanumWheels, SteeredWheels, TwoSidedWheels
 
 
 def axis_names(descriptor: RobotDescriptor) -> list[str]:
@@ -46,10 +42,14 @@ def axis_limits(descriptor: RobotDescriptor) -> list[AxisLimits]:
         )
         for joint in descriptor.joints
     }
-    if descriptor.drive:
-        limits |= dict.fromkeys(descriptor.drive.axes, wheel_limits(descriptor.drive))
-        if isinstance(descriptor.drive, TricycleDrive):
-            limits[descriptor.drive.steering_axis] = _steering_limits(descriptor.drive)
+    if drive := descriptor.drive:
+        limits |= dict.fromkeys(drive.axes, wheel_limits(drive))
+        limits |= {
+            each.axis: AxisLimits(
+                each.lower_rad, each.upper_rad, each.velocity_rad_s, each.acceleration_rad_s2
+            )
+            for each in drive.steering
+        }
     return [limits.get(axis, AxisLimits.unlimited()) for axis in range(descriptor.axes)]
 
 
@@ -96,56 +96,23 @@ def trajectory_rules(settings: TrajectorySettings, units: Sequence[str]) -> Traj
 
 
 def base_kinematics(settings: DriveSettings) -> BaseKinematics:
-    """Return the kinematics of a base, calibrated, for its kind."""
-    match settings:
-        case TwoSidedDrive():
-            return TwoSidedWheels(
-                settings.wheel_radius_m,
-                settings.wheel_separation_m * settings.wheel_separation_multiplier,
-                settings.left_wheel_radius_multiplier,
-                settings.right_wheel_radius_multiplier,
-                settings.wheels_per_side,
-            )
-        case MecanumDrive():
-            return MecanumWheels(
-                settings.wheel_radius_m, settings.wheel_separation_m, settings.wheelbase_m
-            )
-        case TricycleDrive():
-            return steered_wheels(settings)
-        case _:
-            return _of_plugin(settings)
+    """Return the kinematics of a base, made by its kind.
 
-
-def _of_plugin(settings: DriveSettings) -> BaseKinematics:
-    """Return the kinematics of a plugin's kind of base. Raises PluginError."""
-    kind, function = settings.kind, settings.KINEMATICS
+    Raises PluginError: the kind's function fails, or does not fit its settings.
+    """
+    where = f"kind of base {settings.kind!r}: {settings.KINEMATICS}"
     try:
-        wheels: object = resolve_name(function)(settings)
+        wheels: object = resolve_name(settings.KINEMATICS)(settings)
     except Exception as error:
-        what = f"kind of base {kind!r}: {function} fails: {type(error).__name__}: {error}"
-        raise PluginError(what) from error
-    if not isinstance(wheels, BaseKinematics) or wheels.steered:
-        raise PluginError(f"kind of base {kind!r}: {function} returns no unsteered BaseKinematics")
+        raise PluginError(f"{where} fails: {type(error).__name__}: {error}") from error
+    contract = SteeredKinematics if settings.steering else BaseKinematics
+    if not isinstance(wheels, contract):
+        raise PluginError(f"{where} returns no {contract.__name__}")
+    steering = settings.steering_axes
+    places = tuple(place for place, axis in enumerate(settings.axes) if axis in steering)
+    if wheels.steered != places:
+        raise PluginError(f"{where} steers {wheels.steered}, its settings {places}")
     return wheels
-
-
-def steered_wheels(settings: TricycleDrive) -> SteeredWheels:
-    """Return the kinematics of a steered base."""
-    return SteeredWheels(
-        settings.wheel_radius_m,
-        settings.wheelbase_m,
-        settings.traction == "steered",
-        settings.steering_angle_rad,
-    )
-
-
-def steering_limits(settings: TricycleDrive) -> SteeringLimits:
-    """Return the limits of steering, and the ramp of the driven wheel."""
-    return SteeringLimits(
-        settings.steering_velocity_rad_s,
-        settings.steering_acceleration_rad_s2,
-        wheel_limits(settings).acceleration,
-    )
 
 
 def twist_limits(settings: DriveSettings) -> TwistLimits:
@@ -181,13 +148,6 @@ def wheel_limits(settings: DriveSettings) -> AxisLimits:
         math.inf,
         min(limits.rim_speed(fastest), limits.rim) / radius,
         limits.rim_speed(steepest) / radius,
-    )
-
-
-def _steering_limits(settings: TricycleDrive) -> AxisLimits:
-    angle = settings.steering_angle_rad
-    return AxisLimits(
-        -angle, angle, settings.steering_velocity_rad_s, settings.steering_acceleration_rad_s2
     )
 
 

@@ -8,29 +8,23 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
 from robotd.clock import NANOSECONDS, Clock
-from robotd.control.axis_limits import (
-    base_kinematics,
-    steered_wheels,
-    steering_limits,
-    twist_limits,
-    wheel_limits,
-)
+from robotd.control.axis_limits import base_kinematics, twist_limits, wheel_limits
 from robotd.control.base_worker import BaseWorker
 from robotd.control.completion import Outcome
 from robotd.control.open_stream import chosen_timeout
 from robotd.control.rearming import CommandSource, Rearming
 from robotd.control.source_slot import SourceSlot
-from robotd.control.wheel_motion import OWNER, SteeredMotion, TwistCommand, WheelMotion
-from robotd.descriptor import DriveSettings, TricycleDrive
+from robotd.control.wheel_motion import OWNER, TwistCommand, WheelMotion
+from robotd.descriptor import DriveSettings
 from robotd.device.axes import Axes
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode
 from robotd.errors import InvalidArgument, NotReady
 from robotd.events import noted
 from robotd.log import get_logger
+from robotd.motion.base_kinematics import RollingFollower, SteeredKinematics, WheelFollower
 from robotd.motion.dead_reckoning import Odometry
 from robotd.motion.planar import ORIGIN, ZERO_TWIST, PlanarTwist, Pose
-from robotd.motion.steering import SteeringFollower
 from robotd.motion.twist_limits import TwistLimiter
 
 log = get_logger("base")
@@ -42,9 +36,9 @@ JUMP = 3.0  # times the wheel speed limit: a larger step means the position was 
 class MobileBase:
     """Wheeled base that claims its wheels while it is commanded, and its odometry.
 
-    The control loop limits the commanded twist, streams wheel speeds (``WheelMotion``) and
-    integrates the odometry (``track``), once a period. The thread ``robotd-base`` claims the
-    wheels.
+    The control loop limits the commanded twist, streams wheel speeds and steering angles
+    (``WheelMotion``) and integrates the odometry (``track``), once a period. The thread
+    ``robotd-base`` claims the wheels.
 
     Between commands, and after a fault, no axis is claimed: the wheels are then ordinary axes.
     While the device is lost the odometry pauses; it continues from a new baseline.
@@ -84,6 +78,10 @@ class MobileBase:
         self.settings = settings
         self.wheels = base_kinematics(settings)
         self._wheel_axes = settings.axes
+        self._modes = tuple(
+            CommandMode.POSITION if axis in settings.steering_axes else CommandMode.VELOCITY
+            for axis in settings.axes
+        )
         self._command = TwistCommand()
         self._odometry = Odometry(self.wheels, settings.wheel_wrap_rad)
         self._jump = JUMP * wheel_limits(settings).velocity
@@ -217,16 +215,12 @@ class MobileBase:
 
     def _source(self, name: str, timeout_s: float) -> CommandSource:
         """Return the source of a client's commands."""
-        settings, steering = self.settings, self.settings.steering_axes
-        modes = [
-            CommandMode.POSITION if axis in steering else CommandMode.VELOCITY
-            for axis in settings.axes
-        ]
+        settings = self.settings
         source = CommandSource(
             self._rearming,
             name,
             settings.axes,
-            modes,
+            self._modes,
             timeout_s=max(timeout_s, settings.command_timeout_s),
             neutral=NEUTRAL,
             follows_speed=True,
@@ -260,23 +254,32 @@ class MobileBase:
             yield
 
     def _submit(self, claimed_ns: int) -> WheelMotion:
+        axes = self.settings.axes
         limiter = TwistLimiter(twist_limits(self.settings), self._period_s)
         while True:
-            motion = self._motion_from(limiter, claimed_ns, self._slot.next_start_ns)
-            self._rearming.interruptions.watch(motion.completion, self.settings.axes)
+            motion = WheelMotion(
+                self._axes,
+                axes,
+                self._modes,
+                self._follower(),
+                limiter,
+                self._command,
+                claimed_ns,
+                self._slot.next_start_ns,
+            )
+            self._rearming.interruptions.watch(motion.completion, axes)
             if self._slot.submit(motion, None):
                 self._motion = motion
                 return motion
 
-    def _motion_from(self, limiter: TwistLimiter, claimed_ns: int, start_ns: int) -> WheelMotion:
-        settings, command = self.settings, self._command
-        common = self._axes, settings.axes, self.wheels, limiter, command, claimed_ns, start_ns
-        if not isinstance(settings, TricycleDrive):
-            return WheelMotion(*common)
-        angle = float(self._axes.image.position_command[settings.steering_axis])
-        wheels, limits = steered_wheels(settings), steering_limits(settings)
-        follower = SteeringFollower(wheels, limits, angle, self._period_s)
-        return SteeredMotion(*common, follower)
+    def _follower(self) -> WheelFollower:
+        """Return the follower of a motion that begins at the present angles of steering."""
+        wheels, axes = self.wheels, self.settings.axes
+        if not isinstance(wheels, SteeredKinematics):
+            return RollingFollower(wheels)
+        positions = self._axes.image.position_command
+        angles = [float(positions[axes[place]]) for place in wheels.steered]
+        return wheels.follower(angles, wheel_limits(self.settings).acceleration, self._period_s)
 
     def _end_motion(self) -> None:
         for motion in self._slot.active:

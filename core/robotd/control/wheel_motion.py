@@ -14,10 +14,9 @@ from robotd.device.axes import Axes
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, Operation
 from robotd.log import get_logger
+from robotd.motion.base_kinematics import WheelFollower
 from robotd.motion.planar import ZERO_TWIST, PlanarTwist
-from robotd.motion.steering import SteeringFollower
 from robotd.motion.twist_limits import TwistLimiter
-from robotd.motion.wheels import BaseKinematics
 
 log = get_logger("base")
 
@@ -89,22 +88,24 @@ class WheelMotion(SetpointSource):
 
     Args:
         axes: for the reasons why a wheel cannot move.
-        wheel_axes: axes of the wheels, in the order of ``wheels``.
-        wheels: kinematics of the base.
+        wheel_axes: axes of the wheels, in the order of ``follower``.
+        modes: of these axes; those in position mode steer.
+        follower: of the limited twists, at rest; one for each motion.
         limiter: at rest; one for each motion.
         command: twist to reach.
         claimed_ns: time of the claim.
         start_ns: due time of the first setpoint, at the earliest.
 
     Attributes:
-        twist: limited twist of the last setpoint.
+        twist: of the base, by the last setpoint.
     """
 
     def __init__(
         self,
         axes: Axes,
         wheel_axes: tuple[int, ...],
-        wheels: BaseKinematics,
+        modes: tuple[CommandMode, ...],
+        follower: WheelFollower,
         limiter: TwistLimiter,
         command: TwistCommand,
         claimed_ns: int,
@@ -113,9 +114,9 @@ class WheelMotion(SetpointSource):
         super().__init__(wheel_axes, start_ns, np.zeros((3, len(wheel_axes))))
         self.twist = ZERO_TWIST
         self.setpoint[0] = np.nan
-        self._axes, self._wheel_axes = axes, wheel_axes
-        self._modes = (CommandMode.VELOCITY,) * len(wheel_axes)
-        self._wheels, self._limiter, self._command = wheels, limiter, command
+        self._axes, self._wheel_axes, self._modes = axes, wheel_axes, modes
+        self._steered = [place for place, mode in enumerate(modes) if mode is CommandMode.POSITION]
+        self._follower, self._limiter, self._command = follower, limiter, command
         self._claimed_ns = claimed_ns
         self._sent = True
 
@@ -130,7 +131,7 @@ class WheelMotion(SetpointSource):
         twist = ZERO_TWIST if ending else self._command.target(time_ns)
         twist = twist.scaled(self._axes.speed.scale)
         if self._sent:
-            is_at_rest = self._limiter.at_rest and not self._turns()
+            is_at_rest = self._limiter.at_rest and self._follower.at_rest
             if is_at_rest and (ending or self._command.ended):
                 self.completion.finish(*(ending or (Outcome.SUCCEEDED, "at rest")))
                 return False
@@ -143,15 +144,15 @@ class WheelMotion(SetpointSource):
         self._sent = True
 
     def _follow(self, twist: PlanarTwist, period_ns: int) -> None:
-        """Set the wheel speeds of the next setpoint; ``twist`` is within the limits."""
-        self.twist = twist
-        speeds = np.array(self._wheels.speeds(twist))
-        self.setpoint[2] = (speeds - self.setpoint[1]) * (NANOSECONDS / period_ns)
-        self.setpoint[1] = speeds
-
-    def _turns(self) -> bool:
-        """Return True while an axis moves although the limited twist is zero."""
-        return False
+        """Set the next setpoint of each axis; ``twist`` is within the limits."""
+        follower = self._follower
+        follower.step(twist)
+        self.twist = follower.twist
+        velocities = np.array(follower.velocities)
+        for place, angle in zip(self._steered, follower.angles, strict=True):
+            self.setpoint[0, place] = angle
+        self.setpoint[2] = (velocities - self.setpoint[1]) * (NANOSECONDS / period_ns)
+        self.setpoint[1] = velocities
 
     def _loss(self, time_ns: int, image: ProcessImage) -> str | None:
         """Return the reason why the claimed wheels cannot move; None: they can."""
@@ -162,40 +163,3 @@ class WheelMotion(SetpointSource):
             if time_ns > self._claimed_ns and image.operation[axis] != Operation.STREAM:
                 return f"{self._axes.names[axis]} was stopped by something else"
         return None
-
-
-class SteeredMotion(WheelMotion):
-    """Motion of a driven wheel in velocity mode and a steering axis in position mode.
-
-    Args:
-        follower: of the base's twists, at rest; the others are those of ``WheelMotion``.
-    """
-
-    def __init__(
-        self,
-        axes: Axes,
-        wheel_axes: tuple[int, ...],
-        wheels: BaseKinematics,
-        limiter: TwistLimiter,
-        command: TwistCommand,
-        claimed_ns: int,
-        start_ns: int,
-        follower: SteeringFollower,
-    ) -> None:
-        super().__init__(axes, wheel_axes, wheels, limiter, command, claimed_ns, start_ns)
-        self._modes = (CommandMode.VELOCITY, CommandMode.POSITION)
-        self._follower = follower
-
-    def _turns(self) -> bool:
-        return not self._follower.at_rest
-
-    def _follow(self, twist: PlanarTwist, period_ns: int) -> None:
-        """Set speed and angle of the next setpoint; ``twist`` is within the base's limits."""
-        follower, per_s = self._follower, NANOSECONDS / period_ns
-        before = follower.speed, follower.rate
-        follower.step(twist)
-        self.twist = follower.twist
-        now = follower.speed, follower.rate
-        self.setpoint[0, 1] = follower.angle
-        self.setpoint[1] = now
-        self.setpoint[2] = [(new - old) * per_s for new, old in zip(now, before, strict=True)]

@@ -1,14 +1,6 @@
 """Robot descriptors: models, and their loading from files."""
 
-from robotd.descriptor.drive_settings import (
-    DifferentialDrive,
-    DriveSettings,
-    MecanumDrive,
-    OmnidirectionalDrive,
-    SkidSteerDrive,
-    TricycleDrive,
-    TwoSidedDrive,
-)
+from robotd.descriptor.drive_settings import DriveSettings, OmnidirectionalDrive, SteeringAxis
 from robotd.descriptor.io_settings import GripperSettings, IoAddress
 from robotd.descriptor.joint_settings import JointSettings, JointType
 from robotd.descriptor.load import (
@@ -28,22 +20,18 @@ from robotd.descriptor.overrides import Override, override, parse_override
 
 __all__ = [
     "CycleSettings",
-    "DifferentialDrive",
     "DriveSettings",
     "EngineSettings",
     "GripperSettings",
     "IoAddress",
     "JointSettings",
     "JointType",
-    "MecanumDrive",
     "OmnidirectionalDrive",
     "Override",
     "RobotDescriptor",
     "RobotSummary",
-    "SkidSteerDrive",
+    "SteeringAxis",
     "TrajectorySettings",
-    "TricycleDrive",
-    "TwoSidedDrive",
     "default_search_path",
     "list_robots",
     "load_robot_descriptor",

@@ -1,57 +1,46 @@
-"""Kinds of mobile bases, of robotd and of plugins.
+"""Kinds of mobile bases, by entry points of the group ``robotd.bases``.
 
-A plugin's kind is an entry point of the group ``robotd.bases``, ``NAME = "package.module:Class"``,
-that leads to a subclass of ``DriveSettings``; ``drive: {kind: NAME}`` chooses it.
+``NAME = "package.module:Class"`` leads to a subclass of ``DriveSettings``; ``drive: {kind: NAME}``
+chooses it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import EntryPoint
 from typing import Annotated, Any
 
-from pydantic import ValidatorFunctionWrapHandler, WrapValidator
+from pydantic import GetJsonSchemaHandler
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, core_schema
 
-from robotd.descriptor.drive_settings import (
-    DifferentialDrive,
-    DriveSettings,
-    MecanumDrive,
-    SkidSteerDrive,
-    TricycleDrive,
-)
+from robotd.descriptor.drive_settings import DriveSettings
 from robotd.descriptor.section import validation_error
 from robotd.entry_points import entry_points
 from robotd.errors import PluginError
 
 GROUP = "robotd.bases"
-
-_BUILT_IN: dict[str, type[DriveSettings]] = {
-    "differential": DifferentialDrive,
-    "skid_steer": SkidSteerDrive,
-    "mecanum": MecanumDrive,
-    "tricycle": TricycleDrive,
-}
+DEFAULT = "differential"  # of a section without ``kind``
 
 
 def base_kinds() -> list[str]:
-    """Return the names of all kinds, robotd's own first. Any thread."""
-    return [*_BUILT_IN, *sorted({*_of_plugins()} - {*_BUILT_IN})]
+    """Return the names of all kinds, sorted. Any thread."""
+    return sorted(_entries())
 
 
 @cache
 def base_kind(name: str) -> type[DriveSettings]:
     """Return the model of a kind that is in ``base_kinds``. Any thread.
 
-    Raises PluginError: the kind of a plugin cannot be used, because its name is taken, it cannot
-    be imported, or it is no subclass of ``DriveSettings`` that names its kinematics.
+    Raises PluginError: the kind cannot be used, because its name is taken, it cannot be imported,
+    or it is no subclass of ``DriveSettings`` that names its kinematics.
     """
-    entries = _of_plugins().get(name, [])
-    if len(entries) + (name in _BUILT_IN) > 1:
-        others = ", ".join(entry.value for entry in entries)
-        raise PluginError(f"kind of base {name!r} exists more than once: {others}")
-    if not entries:
-        return _BUILT_IN[name]
-    [entry] = entries
+    [entry, *others] = _entries()[name]
+    if others:
+        all_of_them = ", ".join(each.value for each in (entry, *others))
+        raise PluginError(f"kind of base {name!r} exists more than once: {all_of_them}")
     try:
         kind = entry.load()
     except (Exception, SystemExit) as error:  # of a third party
@@ -64,29 +53,52 @@ def base_kind(name: str) -> type[DriveSettings]:
     return kind
 
 
+def base_models() -> Iterator[type[DriveSettings]]:
+    """Yield the models of all kinds that can be used. Any thread."""
+    for name in base_kinds():
+        with suppress(PluginError):
+            yield base_kind(name)
+
+
 @cache
-def _of_plugins() -> dict[str, list[EntryPoint]]:
+def _entries() -> dict[str, list[EntryPoint]]:
     found: dict[str, list[EntryPoint]] = {}
     for entry in entry_points(group=GROUP):
         found.setdefault(entry.name, []).append(entry)
     return found
 
 
-def _by_kind(value: Any, handler: ValidatorFunctionWrapHandler) -> DriveSettings:
+def _by_kind(value: Any) -> DriveSettings:
     """Validate by the model that ``kind`` names.
 
     Unlike those of a tagged union, the keys of errors do not contain the kind.
     """
-    del handler
     if isinstance(value, DriveSettings):
         return value
-    kind = value.get("kind", "differential") if isinstance(value, dict) else "differential"
+    kind = value.get("kind", DEFAULT) if isinstance(value, dict) else DEFAULT
     if isinstance(kind, str) and kind in base_kinds():
         return base_kind(kind).model_validate(value)
-    what = f"unknown kind of base (available: {', '.join(base_kinds())})"
+    what = f"unknown kind of base (available: {', '.join(base_kinds()) or 'none'})"
     raise validation_error("drive", [(("kind",), what, kind)])
 
 
-Drive = Annotated[
-    DifferentialDrive | SkidSteerDrive | MecanumDrive | TricycleDrive, WrapValidator(_by_kind)
-]
+class AnyKind:
+    """Annotation of a base of any kind: validated, written and described by its own model.
+
+    The models are imported when one is needed, not with the descriptor.
+    """
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(
+            _by_kind, serialization=core_schema.simple_ser_schema("any")
+        )
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        return handler(
+            core_schema.union_schema([each.__pydantic_core_schema__ for each in base_models()])
+        )
+
+
+Drive = Annotated[DriveSettings, AnyKind()]

@@ -16,7 +16,7 @@ from robotd.descriptor.model import RobotDescriptor
 from robotd.descriptor.overrides import FIXED_KEYS, Override, overridden
 from robotd.descriptor.problems import Model, join, problems_of, validate
 from robotd.descriptor.source import Node, merge, read_yaml
-from robotd.errors import DescriptorError, unknown_name
+from robotd.errors import DescriptorError, PluginError, unknown_name
 from robotd.feature import installed_features
 
 FILE_NAME = "robot.yaml"
@@ -74,6 +74,7 @@ def load_robot_descriptor(
     Raises:
         DescriptorError: the robot or its variant is not known, or the file is wrong. All
             variants are checked, so that one deployment cannot break another unseen.
+        PluginError: the kind of its base cannot be used.
     """
     tree = _extended(_find(robot, search_path), (), search_path)
     names, default = _variants(tree)
@@ -240,7 +241,7 @@ def _robots(search_path: Sequence[Path] | None) -> Iterator[tuple[str, Path]]:
 def _summarise(name: str, path: Path, search_path: Sequence[Path] | None) -> RobotSummary:
     try:
         robot = load_robot_descriptor(path, search_path=search_path)
-    except DescriptorError as error:
+    except (DescriptorError, PluginError) as error:  # the latter of a kind of base
         return RobotSummary(name, "", (), path, str(error))
     default = robot.default_variant
     variants = sorted(robot.variants, key=lambda variant: variant != default)

@@ -292,7 +292,7 @@ class RobotDescriptor(Section):
         ramps = {joint.axis: joint.acceleration for joint in self.joints}
         if self.drive:
             ramps |= dict.fromkeys(self.drive.axes, self.drive.wheel_deceleration)
-            ramps |= self.drive.steering_ramps
+            ramps |= {each.axis: each.acceleration_rad_s2 for each in self.drive.steering}
         return tuple(ramps.get(axis) for axis in range(self.axes))
 
     def problems(self) -> Iterator[Problem]:

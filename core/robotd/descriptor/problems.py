@@ -9,6 +9,7 @@ from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from robotd.descriptor.base_kinds import AnyKind, base_models
 from robotd.descriptor.source import Node
 from robotd.errors import DescriptorError, did_you_mean
 
@@ -117,7 +118,10 @@ def _below(annotation: Any, key: str) -> list[Any]:
 def _alternatives(annotation: Any) -> list[Any]:
     """Return the members of a union, without None; other types alone."""
     if get_origin(annotation) is Annotated:
-        return _alternatives(get_args(annotation)[0])
+        inner, *others = get_args(annotation)
+        if any(isinstance(each, AnyKind) for each in others):
+            return [*base_models()]
+        return _alternatives(inner)
     if get_origin(annotation) not in (Union, types.UnionType):
         return [] if annotation is type(None) else [annotation]
     return [item for member in get_args(annotation) for item in _alternatives(member)]

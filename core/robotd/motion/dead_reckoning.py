@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from robotd.motion.base_kinematics import BaseKinematics
 from robotd.motion.planar import ORIGIN, Pose, along_arc
-from robotd.motion.wheels import BaseKinematics
 
 
 class Odometry:

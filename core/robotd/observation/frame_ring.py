@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from robotd.arrays import FloatArray
 from robotd.device.process_image import image_type
 
-MEMORY_BYTES = 16 * 2**20  # of the frames; plots, events and samples take up to 8 MiB
+MEMORY_BYTES = 16 * 2**20  # of the frames; events and samples take up to 6 MiB
 COUNT_BYTES = 64  # before the first frame: number of frames written, int64
 MAX_REASONS = 100  # the tap reads them ten times a second
 PIECE_FRAMES = 64  # copied at once by a reader, which holds the interpreter: 10 us

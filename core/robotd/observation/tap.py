@@ -32,7 +32,6 @@ from robotd.observation.io_sampler import (
     Sample,
 )
 from robotd.observation.period_writer import period_writer
-from robotd.observation.plot_history import HISTORY_BYTES, PlotHistory
 from robotd.robot import Robot
 
 log = get_logger("tap")
@@ -43,8 +42,8 @@ MAX_SAMPLES = 16384
 SAMPLE_BYTES = 2 * 2**20 - QUEUE_BYTES
 SAMPLE_OVERHEAD_BYTES = 200
 VALUE_BYTES = 100  # of a value of the fieldbus with its name
-# 24 MiB; tests assert it.
-MAX_MEMORY_BYTES = MEMORY_BYTES + HISTORY_BYTES + MAX_BYTES + SAMPLE_BYTES + QUEUE_BYTES
+# 22 MiB; tests assert it.
+MAX_MEMORY_BYTES = MEMORY_BYTES + MAX_BYTES + SAMPLE_BYTES + QUEUE_BYTES
 _BUS_STATES = {state: number for number, state in enumerate(BusState)}
 
 
@@ -61,7 +60,6 @@ class Tap:
 
     Attributes:
         frames: last frames of the control loop.
-        history: last minute of them, at the rate of a plot.
         events: the robot's event log.
         samples: I/O where it changes, in every period on a backend with a live image, else at
             10 Hz, the fieldbus once a second, and objects of a simulated world at 10 Hz.
@@ -76,7 +74,6 @@ class Tap:
         self.events: EventLog = robot.events
         rate_hz = robot.descriptor.cycle.rate_hz
         self.frames = FrameRing(robot.image.axes, rate_hz, seconds)
-        self.history = PlotHistory(robot.image.axes, rate_hz)
         self.samples: BoundedLog[Sample] = BoundedLog(MAX_SAMPLES, SAMPLE_BYTES)
         self.fieldbus: NamedValues = {}
         self.buses: dict[int, BusStatus] = {}
@@ -99,7 +96,7 @@ class Tap:
     @property
     def nbytes(self) -> int:
         """Memory in use; at most ``MAX_MEMORY_BYTES``."""
-        held = (self.frames, self.history, self.events, self.samples)
+        held = (self.frames, self.events, self.samples)
         return sum(each.nbytes for each in held) + QUEUE_BYTES
 
     def __enter__(self) -> Self:
@@ -122,7 +119,6 @@ class Tap:
         """Look for changes, take a sample, call the readers. What fails is logged once."""
         try:
             frames, self._cursor, _ = self.frames.since(self._cursor)
-            self.history.add(frames)
             for event in self._detector.events(frames):
                 self.events.note(event)
             if self.robot.connection.state is ConnectionState.COMMUNICATING:

@@ -14,9 +14,8 @@ from robotd.api import InvalidArgument, PluginError
 from robotd.api.commands import FILE, ExitCode, load_robot, log_options
 from robotd.api.features import why_unwritable
 from robotd.api.models import parse_override
-from robotd.api.robots import load_backend
-from robotd.plugin.foreign_process import death_of, is_foreign, probe_backend, run_noted
-from robotd.plugin.manager import find_backend
+from robotd.api.robots import find_backend, load_backend
+from robotd_shared.foreign_process import death_of, is_foreign, probe_backend, run_noted
 
 PACKAGE = "robotd_conformance.checks"
 GRACE_S = 30.0  # for axes to come to rest and the device to be closed, after Ctrl-C

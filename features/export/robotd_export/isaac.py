@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from robotd.api.models import TwoSidedDrive
+from robotd.api.models import DriveSettings
 from robotd_export.export_input import ExportInput
 
 STATE = "manipulator_state"
 BASE = "diff_drive_controller"
+TWO_SIDED = ("differential", "skid_steer")  # kinds of bases that this node moves
 PARAMETER = "isaacsim_joint_topic"
+SEPARATION = "wheel_separation_m"
 MULTIPLIERS = (
     "wheel_separation_multiplier",
     "left_wheel_radius_multiplier",
@@ -23,11 +25,11 @@ def topic_map(source: ExportInput) -> str:
 
     Raises DescriptorError for a robot that publishes nothing for Isaac Sim.
     """
-    drive = source.descriptor.drive
+    drive = _two_sided(source)
     entries = []
     if STATE in source.descriptor.nodes and (topic := source.topic(STATE, PARAMETER)):
         entries.append(_joints(source, topic))
-    if isinstance(drive, TwoSidedDrive) and BASE in source.descriptor.nodes:
+    if drive is not None:
         entries.append(_base(source, drive))
     if not entries:
         raise source.rejection(_nothing(source))
@@ -40,7 +42,7 @@ def topic_map(source: ExportInput) -> str:
         }
     )
     remarks = ["Nodes of the action graph in Isaac Sim. Units: rad, m, rad/s, m/s."]
-    if isinstance(drive, TwoSidedDrive) and BASE in source.descriptor.nodes:
+    if drive is not None:
         remarks += _calibration(source, drive)
     return source.document(remarks, {"action_graph": entries})
 
@@ -57,7 +59,14 @@ def _joints(source: ExportInput, topic: str) -> dict[str, Any]:
     }
 
 
-def _base(source: ExportInput, drive: TwoSidedDrive) -> dict[str, Any]:
+def _two_sided(source: ExportInput) -> DriveSettings | None:
+    """Return the drive where ``BASE`` moves it, else None."""
+    drive = source.descriptor.drive
+    is_moved = drive is not None and drive.kind in TWO_SIDED and BASE in source.descriptor.nodes
+    return drive if is_moved else None
+
+
+def _base(source: ExportInput, drive: DriveSettings) -> dict[str, Any]:
     return {
         "node": "ROS2 Subscribe Twist",
         "topic": source.needed_topic(BASE, "encoder_vel_topic"),
@@ -65,12 +74,12 @@ def _base(source: ExportInput, drive: TwoSidedDrive) -> dict[str, Any]:
         "feeds": "Differential Controller",
         "wheel_radius_m": float(source.parameter(BASE, "wheel_radius", drive.wheel_radius_m)),
         "wheel_distance_m": float(
-            source.parameter(BASE, "wheel_to_wheel", drive.wheel_separation_m)
+            source.parameter(BASE, "wheel_to_wheel", getattr(drive, SEPARATION))
         ),
     }
 
 
-def _calibration(source: ExportInput, drive: TwoSidedDrive) -> Iterator[str]:
+def _calibration(source: ExportInput, drive: DriveSettings) -> Iterator[str]:
     """Explain the multipliers that calibrate the real wheels, where there are any."""
     factors = {name: source.parameter(BASE, name, getattr(drive, name)) for name in MULTIPLIERS}
     if any(factor != 1.0 for factor in factors.values()):

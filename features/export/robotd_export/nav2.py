@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from robotd.api.models import DriveSettings, MecanumDrive, TricycleDrive
+from robotd.api.models import DriveSettings
 from robotd_export.export_input import ExportInput
 
 DIFFERENTIAL = "diff_drive_controller"
@@ -42,10 +42,8 @@ def navigation_parameters(source: ExportInput) -> str:
     drive = source.descriptor.drive
     if drive is None:
         raise source.rejection(f"nav2: {source.descriptor.name} has no drive")
-    if isinstance(drive, MecanumDrive):
-        base = _mecanum(source)
-    else:
-        base = _tricycle(source) if isinstance(drive, TricycleDrive) else _differential(source)
+    of_kind = {"mecanum": _mecanum, "tricycle": _tricycle}
+    base = of_kind.get(drive.kind, _differential)(source)
     nodes = _nodes(source, base)
     for name in COMMANDING:
         nodes.setdefault(name, {})["enable_stamped_cmd_vel"] = base.stamped
@@ -138,8 +136,7 @@ def twist_limits(source: ExportInput) -> dict[str, list[float]]:
     drive = source.descriptor.drive
     if drive is None:
         raise source.rejection(f"{source.descriptor.name} has no drive")
-    names: dict[type[DriveSettings], str] = {MecanumDrive: MECANUM, TricycleDrive: TRICYCLE}
-    node = names.get(type(drive), DIFFERENTIAL)
+    node = {"mecanum": MECANUM, "tricycle": TRICYCLE}.get(drive.kind, DIFFERENTIAL)
 
     def of_node(name: str, default: float) -> float:
         return float(source.parameter(node, name, default))

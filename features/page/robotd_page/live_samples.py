@@ -8,15 +8,16 @@ import struct
 import numpy as np
 
 from robotd.api import NANOSECONDS, FloatArray
-from robotd.api.features import HISTORY_COLUMNS, VALUES, Tap
+from robotd.api.features import VALUES, Tap
 from robotd.api.robots import JointGroup, TrajectoryExecution
+from robotd_page.plot_history import HISTORY_COLUMNS, PlotHistory
 
 RATE_HZ = 30.0
 HEADER = ("time_s", "late_s", "closed", "x", "y", "heading")
 
 
 class LiveSamples:
-    """Samples of a robot for its viewers. One thread.
+    """Samples of a robot for its viewers, and those of its last minute. One thread.
 
     A sample is a row of float64, little-endian: ``HEADER``, the time of the running goal of each
     joint group on its path, then the rows of ``ProcessImage.values``, each with one number for each
@@ -24,7 +25,7 @@ class LiveSamples:
     values are NaN.
 
     Args:
-        tap: source of the frames.
+        tap: source of the frames, not started; its thread keeps the history.
     """
 
     def __init__(self, tap: Tap) -> None:
@@ -33,6 +34,10 @@ class LiveSamples:
         self._values = len(HEADER) + len(tap.robot.groups)  # column of the first value
         self.width = self._values + len(VALUES) * tap.frames.axes
         self._head = struct.Struct(f"<{self._values}d")
+        self._past = PlotHistory(tap.frames.axes, tap.robot.descriptor.cycle.rate_hz)
+        self._past_cursor = 0
+        self._keep()  # what the tap holds already
+        tap.add_reader(self._keep)
 
     def restart(self) -> None:
         """Skip the frames up to now."""
@@ -55,11 +60,16 @@ class LiveSamples:
 
     def history(self) -> bytes:
         """Return samples of the last minute, one behind the other."""
-        past = self._tap.history.rows()
+        past = self._past.rows()
         rows: FloatArray = np.full((len(past), self.width), np.nan)
         rows[:, :HISTORY_COLUMNS] = past[:, :HISTORY_COLUMNS]  # the first two of ``HEADER``
         rows[:, self._values :] = past[:, HISTORY_COLUMNS:]
         return rows.astype("<f8", copy=False).tobytes()
+
+    def _keep(self) -> None:
+        """Add the newest frames to the history. Thread of the tap."""
+        frames, self._past_cursor, _ = self._tap.frames.since(self._past_cursor)
+        self._past.add(frames)
 
     def _finger_position(self) -> float:
         """Return how far the fingers are closed, 0 to 1; NaN without a gripper."""

@@ -11,7 +11,7 @@ class RecorderSettings(Section):
 
     enabled: bool = Field(True, description="False: no recording, and no memory for it.")
     seconds: float = Field(
-        30.0, ge=5, le=600, description="Time before a fault, within 24 MiB of memory."
+        30.0, ge=5, le=600, description="Time before a fault, within 22 MiB of memory."
     )
     after_s: float = Field(2.0, ge=0, le=30, description="Time recorded after a fault.")
     folder: File | None = Field(

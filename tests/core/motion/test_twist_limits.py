@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from robotd.motion.planar import ZERO_TWIST, PlanarTwist
 from robotd.motion.twist_limits import RampLimits, TwistLimiter, TwistLimits
-from robotd.motion.wheels import MecanumWheels
+from robotd_bases.mecanum import MecanumWheels
 
 PERIOD_S = 0.01
 ROUNDING = 1e-9

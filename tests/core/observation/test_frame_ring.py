@@ -10,7 +10,6 @@ from robotd.device.process_image import ProcessImage
 from robotd.events import MAX_BYTES as EVENT_BYTES
 from robotd.observation.frame_ring import HEADER, MEMORY_BYTES, FrameRing
 from robotd.observation.io_sampler import QUEUE_BYTES
-from robotd.observation.plot_history import PlotHistory
 from robotd.observation.tap import MAX_MEMORY_BYTES, SAMPLE_BYTES
 
 
@@ -65,12 +64,11 @@ def test_the_newest_frame_comes_with_the_largest_lateness_since_the_last_one() -
 
 
 @pytest.mark.parametrize(("axes", "rate_hz"), [(6, 500.0), (12, 1000.0), (128, 2000.0)])
-def test_frames_and_events_take_at_most_24_mib(axes: int, rate_hz: float) -> None:
+def test_frames_and_events_take_at_most_22_mib(axes: int, rate_hz: float) -> None:
     ring = FrameRing(axes, rate_hz, 30.0)
     assert ring.nbytes <= MEMORY_BYTES
-    past = PlotHistory(axes, rate_hz).nbytes
-    used = ring.nbytes + past + EVENT_BYTES + SAMPLE_BYTES + QUEUE_BYTES
-    assert used <= MAX_MEMORY_BYTES == 24 * 2**20
+    used = ring.nbytes + EVENT_BYTES + SAMPLE_BYTES + QUEUE_BYTES
+    assert used <= MAX_MEMORY_BYTES == 22 * 2**20
     if axes == 6:
         assert ring.capacity == 15000  # all 30 s
 

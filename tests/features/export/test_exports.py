@@ -15,6 +15,7 @@ from robotd.errors import DescriptorError
 from robotd.observation.tap import Tap
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
+from robotd_bases.two_sided import DifferentialDrive
 from robotd_export.export_input import ExportInput
 from robotd_export.nav2 import twist_limits
 from robotd_export.targets import export_function, export_targets
@@ -240,14 +241,14 @@ def test_isaac_gets_the_joints_of_the_arm() -> None:
 def test_isaac_gets_the_wheels_of_a_base(baymax: RobotDescriptor) -> None:
     base, _ = yaml.safe_load(EXPORTS["isaac"](ExportInput(baymax, "/floor")))["action_graph"]
     assert base["topic"] == "/floor/cmd_vel_check"
-    assert baymax.drive is not None
+    assert isinstance(baymax.drive, DifferentialDrive)
     assert base["wheel_radius_m"] == baymax.drive.wheel_radius_m
     assert base["wheel_distance_m"] == baymax.drive.wheel_separation_m
 
 
 def test_isaac_is_told_of_a_calibration_of_the_real_wheels(baymax: RobotDescriptor) -> None:
     assert "calibrate" not in EXPORTS["isaac"](ExportInput(baymax))
-    assert baymax.drive is not None
+    assert isinstance(baymax.drive, DifferentialDrive)
     drive = baymax.drive.model_copy(update={"wheel_separation_multiplier": 1.02})
     text = EXPORTS["isaac"](ExportInput(baymax.model_copy(update={"drive": drive})))
     assert "wheel_separation_multiplier 1.02, left_wheel_radius_multiplier 1," in text

@@ -17,10 +17,11 @@ from tests.command_line import Robotd
 from robotd.cli.exit_codes import ExitCode
 from robotd.clock.simulated import SteppedClock
 from robotd.control.trajectory_execution import Outcome
-from robotd.descriptor import RobotDescriptor, SkidSteerDrive, load_robot_descriptor
+from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.motion import TrajectoryRequest
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot, open_robot
+from robotd_bases.two_sided import DifferentialDrive, SkidSteerDrive
 
 URDFS = Path(__file__).parents[2] / "urdf"
 SHAPES = sorted(path.stem for path in URDFS.glob("*.urdf"))
@@ -126,7 +127,7 @@ def test_wheels_are_told_apart_by_their_side(new: New) -> None:
     robot = new("mobile_base")
     assert robot.path is not None
     drive = robot.drive
-    assert drive is not None
+    assert isinstance(drive, DifferentialDrive)
     assert (drive.wheel_radius_m, drive.wheel_separation_m) == (0.1, 0.4)
     text = robot.path.read_text(encoding="utf-8")
     assert "# Wheels left_wheel_joint on the left, right_wheel_joint on the right." in text

@@ -16,10 +16,10 @@ from robotd.control.problem import ProblemKind
 from robotd.descriptor import load_robot_descriptor
 from robotd.events import sent_by
 from robotd.observation.frame_ring import frame_type
-from robotd.observation.plot_history import HISTORY_BYTES, HISTORY_COLUMNS, PlotHistory
 from robotd.robot import Robot
 from robotd_page.live_samples import HEADER, LiveSamples
 from robotd_page.page_description import describe
+from robotd_page.plot_history import HISTORY_BYTES, HISTORY_COLUMNS, PlotHistory
 from robotd_page.world_objects import WorldObjects
 from robotd_shared.mesh_files import MeshFiles, drawable_meshes
 from robotd_shared.robot_state import Goals, state_of
@@ -64,9 +64,10 @@ def test_the_history_is_sampled_at_the_rate_of_the_page(arm: Observed) -> None:
 
 
 def test_the_history_outlasts_the_frames_of_the_recorder(arm: Observed) -> None:
+    live = LiveSamples(arm.tap)
     arm.step(12.0)
     assert arm.tap.frames.capacity == 2500  # 5 s
-    history = rows(LiveSamples(arm.tap).history())
+    history = rows(live.history())
     assert history[-1, 0] - history[0, 0] == pytest.approx(12.0, abs=0.2)
     assert np.diff(history[:, 0]).max() < 0.04  # without a gap
 

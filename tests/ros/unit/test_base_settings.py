@@ -7,14 +7,11 @@ from typing import Any
 import pytest
 
 from robotd.control.axis_limits import base_kinematics
-from robotd.descriptor import (
-    MecanumDrive,
-    RobotDescriptor,
-    TricycleDrive,
-    load_robot_descriptor,
-)
+from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.errors import DescriptorError
 from robotd.plugin.parameter_reader import ParameterReader
+from robotd_bases.mecanum import MecanumDrive
+from robotd_bases.tricycle import TricycleDrive
 from robotd_ros.nodes.base_settings import (
     read_diff_drive,
     read_mecanum_drive,

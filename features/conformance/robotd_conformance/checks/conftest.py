@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 
 from robotd.api import Capability, FaultInjector, RobotdError
-from robotd.plugin.foreign_process import note_step
 from robotd_conformance.checks.harness import Harness, MakeHarness
 from robotd_conformance.checks.inconclusive import Repeats
 from robotd_conformance.checks.interruption import INTERRUPTION
@@ -19,6 +18,7 @@ from robotd_conformance.checks.results import Results
 from robotd_conformance.checks.start_pose import StartPose, parse_range
 from robotd_conformance.checks.surroundings import surroundings
 from robotd_conformance.checks.time_limits import TimeLimits
+from robotd_shared.foreign_process import note_step
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -9,14 +9,9 @@ from typing import Any
 import pytest
 
 from robotd.api import Capability, RobotdError
-from robotd.api.models import (
-    RobotDescriptor,
-    default_search_path,
-    load_robot_descriptor,
-    parse_override,
-)
-from robotd.api.robots import Backend, load_backend, load_plugins
-from robotd.plugin.manager import register_all
+from robotd.api.commands import load_robot
+from robotd.api.models import RobotDescriptor, parse_override
+from robotd.api.robots import Backend, load_backend
 from robotd_conformance.checks.harness import Harness
 from robotd_conformance.checks.interruption import INTERRUPTION
 from robotd_conformance.checks.start_pose import StartPose
@@ -132,10 +127,6 @@ def _uses_context_clock(backend: Backend, descriptor: RobotDescriptor) -> bool:
 
 def _find(robot: str | Path, overrides: Sequence[str]) -> RobotDescriptor:
     """Load a robot of robotd, of a plugin or a file, without its joint groups."""
-    robots, _ = register_all(load_plugins()[0])
-    descriptor = load_robot_descriptor(
-        robot,
-        search_path=(*default_search_path(), *robots.folders),
-        overrides=[parse_override(text) for text in overrides],
-    )
+    changes = [parse_override(text) for text in overrides]
+    descriptor = load_robot(str(robot), overrides=changes)
     return descriptor.model_copy(update={"groups": {}})

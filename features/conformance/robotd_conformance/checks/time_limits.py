@@ -9,8 +9,8 @@ from types import FrameType
 
 import pytest
 
-from robotd.plugin.foreign_process import note_step
 from robotd_conformance.checks.interruption import INTERRUPTION
+from robotd_shared.foreign_process import note_step
 
 CHECK_LIMIT_S = 60.0
 

@@ -10,17 +10,11 @@ from typing import Any, TypeVar
 
 import click
 
-from robotd.cli.check_report import CheckReport
-from robotd.cli.exit_codes import ExitCode
-from robotd.cli.installed import load_robot
-from robotd.descriptor import parse_override
-from robotd.device.capabilities import Capability
-from robotd.device.state import ConnectionState
-from robotd.errors import PluginError
-from robotd.plugin.driver_set import Drivers
-from robotd.plugin.foreign_process import death_of, is_foreign, note_step, run_noted
-from robotd.plugin.hookspecs import API_VERSION, DeviceContext
-from robotd.plugin.manager import Backend, discover, load_backend
+from robotd.api import API_VERSION, Capability, ConnectionState, DeviceContext, PluginError
+from robotd.api.commands import CheckReport, ExitCode, load_robot
+from robotd.api.models import parse_override
+from robotd.api.robots import Backend, discover, load_backend
+from robotd_shared.foreign_process import death_of, is_foreign, note_step, run_noted
 
 ROBOT = "standalone"  # bare axes: most backends can be made for them
 SLOW_S = 1.0  # of processor time: a hook or an import that takes more delays every start
@@ -92,7 +86,7 @@ def _check_drivers(report: CheckReport, backend: Backend, context: DeviceContext
     report.run("I/O", lambda: _presence(drivers.io))
     report.run("fieldbus", lambda: _presence(drivers.fieldbus))
     report.run("fault injector", lambda: _presence(drivers.make_fault_injector()))
-    report.run("capabilities", lambda: _undeclared(backend, drivers))
+    report.run("capabilities", lambda: _undeclared(drivers.undeclared(backend.info.capabilities)))
     if Capability.SIMULATED not in backend.capabilities:
         report.run("real hardware", lambda: "robotd conform moves its axes: read the docs first")
 
@@ -110,8 +104,7 @@ def _presence(made: object) -> str:
     return "none" if made is None else "present"
 
 
-def _undeclared(backend: Backend, drivers: Drivers) -> str | None:
-    found = drivers.undeclared(backend.info.capabilities)
+def _undeclared(found: Sequence[str]) -> str | None:
     return f"implemented, but not declared: {', '.join(found)}" if found else None
 
 

@@ -6,10 +6,8 @@ import threading
 
 import numpy as np
 
-from robotd.arrays import FloatArray
-from robotd.clock import NANOSECONDS
-from robotd.device.process_image import VALUES
-from robotd.observation.frame_ring import Frames
+from robotd.api import NANOSECONDS, FloatArray, Frames
+from robotd.api.features import VALUES
 
 HISTORY_S = 60.0
 RATE_HZ = 30.0  # lower where the rows would not fit into ``HISTORY_BYTES``

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import click
 
-from robotd.cli.listing import Row, print_rows
-from robotd.cli.options import as_json, log_options
-from robotd.feature import feature_failures, installed_features
+from robotd.api.commands import as_json, log_options
+from robotd.api.features import feature_failures, installed_features
+from robotd_inventory.listing import Row, print_rows
 
 
 @click.command("features")

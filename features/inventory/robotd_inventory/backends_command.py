@@ -6,13 +6,12 @@ from collections.abc import Sequence
 
 import click
 
-from robotd.cli.backend_check import ROBOT, check_backend
-from robotd.cli.exit_codes import ExitCode
-from robotd.cli.listing import Row, print_rows
-from robotd.cli.options import as_json, log_options
-from robotd.errors import PluginError
-from robotd.plugin.foreign_process import BackendSummary, is_foreign, probe_backend
-from robotd.plugin.manager import PluginOrigin, discover, load_backend
+from robotd.api import PluginError
+from robotd.api.commands import ExitCode, as_json, log_options
+from robotd.api.robots import PluginOrigin, discover, load_backend
+from robotd_inventory.backend_check import ROBOT, check_backend
+from robotd_inventory.listing import Row, print_rows
+from robotd_shared.foreign_process import BackendSummary, is_foreign, probe_backend
 
 
 @click.command("backends")

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from robotd.cli.exit_codes import ExitCode
-from robotd.plugin import foreign_process
-from robotd.plugin.foreign_process import run_noted
+from robotd_shared import foreign_process
+from robotd_shared.foreign_process import run_noted
 
 ORIGIN = "plugin 'odd' (odd_module of odd 1.0)"
 AT_IMPORT = "import os\nos._exit(9)\n"

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from robotd.cli.layout import field, heading, warning
+from robotd.api.commands import field, heading, warning
 
 Row = dict[str, Any]
 

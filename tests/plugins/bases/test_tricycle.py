@@ -11,24 +11,29 @@ from hypothesis import strategies as st
 
 from robotd.motion.dead_reckoning import Odometry
 from robotd.motion.planar import ORIGIN, PlanarTwist, Pose
-from robotd.motion.steering import SteeringFollower, SteeringLimits
-from robotd.motion.wheels import SteeredWheels
+from robotd_bases.tricycle import SteeredWheels, SteeringFollower
 
 RIGHT_ANGLE = math.pi / 2
 PERIOD_S = 0.005
-LIMITS = SteeringLimits(1.5, 6.0, 20.0)
+VELOCITY, ACCELERATION = 1.5, 6.0  # of steering
+WHEEL_ACCELERATION = 20.0
 linears = st.floats(0.01, 3.0) | st.floats(-3.0, -0.01)
 angulars = st.floats(-3.0, 3.0)
 twists = st.builds(PlanarTwist, linears, angulars, st.just(0.0))
 lengths = st.floats(0.05, 2.0)
 bases = st.builds(
-    partial(SteeredWheels, largest_angle=RIGHT_ANGLE),
+    partial(
+        SteeredWheels,
+        largest_angle=RIGHT_ANGLE,
+        steering_velocity=VELOCITY,
+        steering_acceleration=ACCELERATION,
+    ),
     radius=lengths,
     wheelbase=lengths,
     drives_steered=st.booleans(),
 )
-FRONT = SteeredWheels(0.1, 0.8, drives_steered=True, largest_angle=1.2)
-REAR = SteeredWheels(0.1, 0.8, drives_steered=False, largest_angle=1.2)
+FRONT = SteeredWheels(0.1, 0.8, True, 1.2, VELOCITY, ACCELERATION)
+REAR = SteeredWheels(0.1, 0.8, False, 1.2, VELOCITY, ACCELERATION)
 
 
 @given(bases, twists)
@@ -55,7 +60,7 @@ def test_no_rim_is_faster_than_the_lever_says(base: SteeredWheels, twist: Planar
 
 
 def test_a_driven_wheel_that_stands_across_turns_the_base_on_the_spot() -> None:
-    base = SteeredWheels(0.1, 0.8, drives_steered=True, largest_angle=RIGHT_ANGLE)
+    base = SteeredWheels(0.1, 0.8, True, RIGHT_ANGLE, VELOCITY, ACCELERATION)
     assert base.speeds(PlanarTwist(0.0, 0.5)) == pytest.approx((4.0, RIGHT_ANGLE))
     assert base.turns_on_the_spot
     assert not FRONT.turns_on_the_spot
@@ -85,10 +90,10 @@ def follow(follower: SteeringFollower, twist: PlanarTwist, seconds: float) -> li
     for _ in range(round(seconds / PERIOD_S)):
         angle, rate, speed = follower.angle, follower.rate, follower.speed
         follower.step(twist)
-        assert abs(follower.rate) <= LIMITS.velocity * (1 + 1e-9)
-        assert abs(follower.angle - angle) <= LIMITS.velocity * PERIOD_S * (1 + 1e-9)
-        assert abs(follower.rate - rate) <= LIMITS.acceleration * PERIOD_S * 1.01
-        assert abs(follower.speed - speed) <= LIMITS.wheel_acceleration * PERIOD_S * (1 + 1e-9)
+        assert abs(follower.rate) <= VELOCITY * (1 + 1e-9)
+        assert abs(follower.angle - angle) <= VELOCITY * PERIOD_S * (1 + 1e-9)
+        assert abs(follower.rate - rate) <= ACCELERATION * PERIOD_S * 1.01
+        assert abs(follower.speed - speed) <= WHEEL_ACCELERATION * PERIOD_S * (1 + 1e-9)
         found.append(follower.twist)
     return found
 
@@ -98,7 +103,7 @@ def follow(follower: SteeringFollower, twist: PlanarTwist, seconds: float) -> li
 def test_both_axes_keep_their_limits_and_arrive(
     linear: float, angular: float, other: float, turning: float
 ) -> None:
-    follower = SteeringFollower(FRONT, LIMITS, 0.0, PERIOD_S)
+    follower = SteeringFollower(FRONT, 0.0, WHEEL_ACCELERATION, PERIOD_S)
     for twist in (PlanarTwist(linear, angular), PlanarTwist(other, turning)):
         follow(follower, twist, 8.0)
         speed, angle = FRONT.speeds(twist)
@@ -107,7 +112,7 @@ def test_both_axes_keep_their_limits_and_arrive(
 
 
 def test_the_wheel_waits_for_the_steering() -> None:
-    follower = SteeringFollower(FRONT, LIMITS, 0.0, PERIOD_S)
+    follower = SteeringFollower(FRONT, 0.0, WHEEL_ACCELERATION, PERIOD_S)
     for twist in follow(follower, PlanarTwist(0.2, 0.5), 3.0):
         if abs(twist.linear) > 0.15:
             assert twist.angular / twist.linear == pytest.approx(2.5, rel=0.25)
@@ -117,7 +122,7 @@ def test_the_wheel_waits_for_the_steering() -> None:
 
 
 def test_a_stop_keeps_the_angle() -> None:
-    follower = SteeringFollower(FRONT, LIMITS, 0.0, PERIOD_S)
+    follower = SteeringFollower(FRONT, 0.0, WHEEL_ACCELERATION, PERIOD_S)
     follow(follower, PlanarTwist(0.3, 0.3), 3.0)
     angle = follower.angle
     follow(follower, PlanarTwist(0.0, 0.0), 2.0)

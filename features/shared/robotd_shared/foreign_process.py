@@ -18,9 +18,9 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from robotd.errors import PluginError
-from robotd.plugin.manager import PluginOrigin, find_backend, load_backend
-from robotd.stop_signals import Interrupt, stop_signals
+from robotd.api import PluginError
+from robotd.api.commands import Interrupt, stop_signals
+from robotd.api.robots import PluginOrigin, find_backend, load_backend
 
 STEPS = "ROBOTD_STEP_FILE"
 STEP_LIMIT_S = 150.0  # longest time between two notes; each step has shorter limits of its own

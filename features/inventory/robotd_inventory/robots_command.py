@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import click
 
-from robotd.cli.installed import load_installed
-from robotd.cli.listing import print_rows
-from robotd.cli.options import as_json, log_options
-from robotd.descriptor import list_robots
+from robotd.api.commands import as_json, load_installed, log_options
+from robotd.api.models import list_robots
+from robotd_inventory.listing import print_rows
 
 
 @click.command("robots")

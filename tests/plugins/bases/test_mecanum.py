@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from robotd.motion.dead_reckoning import Odometry
 from robotd.motion.planar import ORIGIN, ZERO_TWIST, PlanarTwist, Pose
-from robotd.motion.wheels import MecanumWheels
+from robotd_bases.mecanum import MecanumWheels
 
 speeds = st.floats(-10.0, 10.0)
 twists = st.builds(PlanarTwist, speeds, speeds, speeds)

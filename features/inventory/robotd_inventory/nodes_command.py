@@ -6,9 +6,7 @@ import json
 
 import click
 
-from robotd.cli.installed import load_installed
-from robotd.cli.layout import columns
-from robotd.cli.options import as_json, log_options
+from robotd.api.commands import as_json, columns, load_installed, log_options
 
 
 @click.command("nodes")

@@ -1,0 +1,1 @@
+"""Kinds of mobile bases: differential, skid steering, mecanum, tricycle."""
