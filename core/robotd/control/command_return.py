@@ -24,7 +24,7 @@ class CommandReturn:
         start_ns: monotonic time at which it begins.
 
     Attributes:
-        start_ns: as above; later after a pause.
+        start_ns: when it begins; later after a pause.
         duration_s: of the move.
     """
 

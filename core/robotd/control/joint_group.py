@@ -38,7 +38,7 @@ class JointGroup:
         rearming: of the robot.
 
     Attributes:
-        name: as above.
+        name: of the group.
         joint_names, joint_axes: names and axes, in the order of the group's commands.
         motion_limits: of the motion of all joints together, for features.
         motion: hands the joints from one setpoint source to the next.

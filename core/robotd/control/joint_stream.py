@@ -428,7 +428,7 @@ class JointStreams:
 
         Args:
             owner: of the joints.
-            timeout_s: as above.
+            timeout_s: silence of the client that ends a stream.
             name: of the client; "": ``owner``.
         """
         source = self.source(name or owner, timeout_s)

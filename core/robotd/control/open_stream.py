@@ -35,7 +35,7 @@ class StreamCommands:
         clock: of the control loop.
 
     Attributes:
-        joints, source: as above.
+        joints, source: of the commands.
     """
 
     def __init__(self, joints: Sequence[str], source: CommandSource, clock: Clock) -> None:

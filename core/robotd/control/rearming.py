@@ -36,7 +36,7 @@ class Rearming:
 
     Attributes:
         interruptions: of the robot.
-        clock: as above.
+        clock: of the control loop.
     """
 
     def __init__(self, axes: Axes, connection: Connection, clock: Clock) -> None:
@@ -106,7 +106,7 @@ class CommandSource:
         follows_speed: its motion slows down in a pause and continues after it.
 
     Attributes:
-        name, axes: as above.
+        name, axes: of the source.
         silence_s: time without a command that arms it.
     """
 

@@ -254,7 +254,7 @@ class AxisDriver(ABC):
 
         Args:
             torque: (n_axes,) in N·m or N; NaN: unchanged, at first the torque that holds the axis.
-            due_ns: as of ``stream``.
+            due_ns: see ``stream``.
         """
         raise Unsupported("torque setpoints")
 

@@ -35,7 +35,7 @@ class MotionLimits:
         axes: of the joints, in their order.
 
     Attributes:
-        axes: as above.
+        axes: of the joints.
         factors: of the limit of the speed in force, for the control loop; None: there is none.
         reason, remedy: of that limit, one line each for people; "" without one.
         check_path: of each trajectory before it begins; None: none.

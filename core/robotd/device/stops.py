@@ -25,7 +25,7 @@ class StopLatch:
         repeated: called with the reason of a stop while motion is stopped already.
 
     Attributes:
-        read_only: as above.
+        read_only: the axes cannot be commanded at all.
         reason: of the first stop since the last reset; "" while motion is allowed.
         inactive: state of a managed robot in which nothing moves; "": it is active, or not managed.
         servos_allowed: servos may be switched on.

@@ -57,7 +57,7 @@ def _chains(urdf: UrdfRobot, joints: Sequence[UrdfJoint]) -> list[list[UrdfJoint
 def _names(chains: Sequence[Sequence[UrdfJoint]], taken: set[str]) -> list[str]:
     """Return a name for each chain that is none of ``taken``.
 
-    Where the common beginnings of the joints say nothing, as of joint_1 to joint_14, the links say
+    Where the common beginnings of the joints say nothing, as in joint_1 to joint_14, the links say
     more; where they do not either, the last link names the chain.
     """
     for part in ("name", "child"):

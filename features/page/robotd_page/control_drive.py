@@ -101,7 +101,7 @@ class HeldDrive:
         robot: of the base.
         sender: of the commands.
         ended: called with the end of each hold that the client does not end.
-        timeout_s: as above, in time of the robot.
+        timeout_s: silence that ends a hold, in time of the robot.
     """
 
     def __init__(

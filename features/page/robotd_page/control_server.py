@@ -183,7 +183,7 @@ class Controller:
         hold_timeout_s: of ``HeldJog``.
 
     Attributes:
-        viewer: as above.
+        viewer: of the client.
     """
 
     def __init__(

@@ -178,7 +178,7 @@ class HeldMotion(ABC, Generic[Beat]):
         owner: of the joints while they move.
         workers: open the motion and wait for its end.
         ended: called by a worker with the end of each hold.
-        timeout_s: as above, in time of the robot.
+        timeout_s: silence that ends a hold, in time of the robot.
         noted: called by ``beat`` with hold and note, where the note of a motion has changed.
     """
 

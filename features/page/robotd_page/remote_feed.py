@@ -38,7 +38,7 @@ class RemoteFeed:
         clock: monotonic time, seconds; for tests.
 
     Attributes:
-        name: as above.
+        name: of the robot.
         is_watched: it has viewers, so that its topics are wanted.
     """
 

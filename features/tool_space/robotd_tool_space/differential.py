@@ -18,7 +18,7 @@ class Rates(NamedTuple):
     Attributes:
         velocity: (n,) of the joints.
         inverse: (n, 6) takes any twist to the velocities.
-        singularity: smallest singular value, as of ``Kinematics.singularity``.
+        singularity: smallest singular value, see ``Kinematics.singularity``.
         missing: share of the twist that no velocity of the joints gives, 0 to 1.
     """
 

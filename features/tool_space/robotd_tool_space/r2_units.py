@@ -40,7 +40,7 @@ def joints_of_r2(values: Sequence[float], names: Sequence[str], factors: FloatAr
     Args:
         values: one for each joint.
         names: of the joints.
-        factors: as of ``r2_factors``.
+        factors: see ``r2_factors``.
 
     Raises InvalidArgument: another number of values, or one that is not finite.
     """

@@ -82,7 +82,7 @@ class ReducedSpeed:
         Motion slows down within the limits of the joints; moves and jogs of single axes that are
         faster are stopped, torque streams end.
 
-        Raises Unsupported, DescriptorError: it cannot be on, as of the class with an input.
+        Raises Unsupported, DescriptorError: it cannot be on; see the class.
         """
         if on:
             self._require_possible()

@@ -61,7 +61,7 @@ class RobotTool:
         group: joint group that moves it.
 
     Attributes:
-        group: as above.
+        group: joint group that moves the tool.
         at_link: kinematics of the link that the tools are fixed to.
         on_change: called when a tool or a work frame was chosen.
 
@@ -154,7 +154,10 @@ class RobotTool:
         self._use_tool(name, self._with_tool(name))
 
     def set_tool(self, frame: FloatArray) -> None:
-        """Use a tool at ``frame`` (4, 4) in the link until another is chosen; raises as above."""
+        """Use a tool at ``frame`` (4, 4) in the link until another is chosen.
+
+        Raises NotReady: the joints move.
+        """
         self._use_tool(CUSTOM_TOOL, self.at_link.with_tool(frame))
 
     def _use_tool(self, name: str, kinematics: Kinematics) -> None:
@@ -166,7 +169,10 @@ class RobotTool:
         self.on_change()
 
     def select_work_frame(self, name: str) -> None:
-        """Choose a work frame by its name; "" for the base. Raises as above."""
+        """Choose a work frame by its name; "" for the base.
+
+        Raises InvalidArgument: unknown name; NotReady: the joints move.
+        """
         self._require_known("work frame", name, self.work_frame_names)
         with self.group.motion.lock, self._lock:
             self._require_rest(f"work frame {name!r}")
@@ -223,7 +229,7 @@ class RobotTool:
         return self.relative(pose_of(numbers[:3], numbers[3:]), frame)
 
     def relative(self, way: FloatArray, frame: str = BASE) -> FloatArray:
-        """Return the pose at ``way`` (4, 4) from the present one; ``frame`` as above."""
+        """Return the pose at ``way`` (4, 4) from the present one; see ``pose_relative``."""
         if frame not in (BASE, TOOL):
             raise InvalidArgument(f"frame {frame!r} must be {BASE!r} or {TOOL!r}")
         pose, way = self.pose, checked_pose(way, "way")
@@ -295,7 +301,7 @@ class RobotTool:
             return plan_lines(self._kinematics, limits, self.start(), targets, tool, blend_m)
 
     def move_to(self, pose: FloatArray, speed: float = 1.0) -> None:
-        """Move to a pose, and return when the tool is there. Arguments as of ``plan_move``.
+        """Move to a pose, and return when the tool is there. Arguments: see ``plan_move``.
 
         Raises Unreachable, InvalidArgument, NotReady: nothing has moved; OperationError: the
         motion ended elsewhere, with the reason.
@@ -305,7 +311,7 @@ class RobotTool:
     def move_line(self, *poses: FloatArray, speed: float = 1.0, blend_m: float = 0.0) -> None:
         """Move along straight lines through ``poses``, and return when the tool is there.
 
-        Arguments as of ``plan_lines``, errors as of ``move_to``.
+        Arguments: see ``plan_lines``; errors: see ``move_to``.
         """
         self.execute(self.plan_lines(poses, speed, blend_m))
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 
 class ServoCode(IntEnum):
-    """Codes of moveit_msgs/ServoStatus, as of MoveIt 2.
+    """Codes of moveit_msgs/ServoStatus of MoveIt 2.
 
     Before a collision the tool is stopped: ``DECELERATE_FOR_COLLISION`` does not occur.
     """

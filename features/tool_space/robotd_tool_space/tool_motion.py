@@ -98,9 +98,9 @@ def plan_lines(
         kinematics: with the tool that moves.
         limits: of the joints.
         start: (n,) positions of the joints, at rest.
-        poses: (4, 4) each, in the base, as of ``checked_pose``; the line begins where the tool is.
+        poses: (4, 4) each, in the base; the line begins where the tool is.
         speed: of the tool.
-        blend_m: as of ``ToolPath.through``.
+        blend_m: see ``ToolPath.through``.
 
     Raises:
         Unreachable: the line leaves the limits or the reach, or is singular; with the place.
@@ -151,7 +151,7 @@ def plan_joint_motion(
     """Return the motion of all joints together to ``goal`` (n,).
 
     Args:
-        kinematics, limits, start, speed: as of ``plan_lines``.
+        kinematics, limits, start, speed: see ``plan_lines``.
         goal: positions, rad or m.
         part: 0 to 1 of the joints' speeds.
     """

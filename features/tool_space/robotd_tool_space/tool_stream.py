@@ -22,7 +22,7 @@ class ToolStream:
         stage: moves them.
 
     Attributes:
-        joints: as above, for its end and its counts.
+        joints: the stream of the joints, for its end and its counts.
     """
 
     def __init__(self, joints: JointStream, stage: TwistStage) -> None:

@@ -92,7 +92,8 @@ class WmxParameters:
     def with_values(self, changes: Mapping[str, Mapping[int, Scalar]]) -> WmxParameters:
         """Return a copy with ``changes``: element name → axis → value.
 
-        Raises DescriptorError naming element, axis, value and limit; KeyError as above.
+        Raises DescriptorError naming element, axis, value and limit; KeyError naming the nearest
+        element.
         """
         columns = dict(self.columns)
         for name, values in changes.items():

@@ -27,7 +27,7 @@ class StartPose:
     Raises InvalidArgument: the excursion is not more than the way of one check.
 
     Attributes:
-        max_excursion: as above.
+        max_excursion: rad or m, at which a run on hardware ends.
         position: (n_axes,) rad or m; None: not known yet.
         left: (n_axes,) where the last connection has left the axes; None: not known.
         farthest: (n_axes,) largest distance from ``position`` that was measured.
