@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from rclpy.node import Node
@@ -57,12 +56,10 @@ class JointStateTopics:
 
     def __init__(self, node: Node, robot: Robot, settings: ManipulatorStateSettings) -> None:
         self.topics: list[str] = []
-        self._node = node
         self._connection, self._control_loop = robot.connection, robot.control_loop
         self._slow = robot.axes.feedback_period_s > 0.0  # stamps are those of the values
         self._clock = StampClock(node.get_clock())
         self._joints = len(robot.joint_axes)
-        self._names = list(settings.names)
         self._gripper = robot.gripper
         self._finger_m = 0.0
         self._all: list[tuple[HotPublisher, bool]] = []  # and whether it is stamped
@@ -72,13 +69,22 @@ class JointStateTopics:
         self._is_gathered = not isinstance(self._index, slice)  # the axes are not side by side
         if self._is_gathered:
             self._measured = np.ascontiguousarray(self._measured)
-        # Effort in N·m, NaN where it is not known; none for a reader that takes it as a command.
-        self._add_joint_state(settings.joint_states, ("position", "velocity", "effort"), True)
-        if settings.unstamped:
-            self._add_joint_state(settings.unstamped, ("position", "velocity"), False)
-        if settings.positions:
-            template = Float64MultiArray(data=[0.0] * len(self._names))
-            self._add(settings.positions, template, ("data",), False)
+        names, rest = list(settings.names), [0.0] * len(settings.names)
+        full = JointState(name=names, position=rest, velocity=rest)
+        full.effort = [math.nan] * len(names)  # N·m; nothing measures the fingers' force
+        # Without effort, for a reader that takes it as a command.
+        bare = JointState(name=names, position=rest, velocity=rest)
+        for topic, template, fields in (
+            (settings.joint_states, full, ("position", "velocity", "effort")),
+            (settings.unstamped, bare, ("position", "velocity")),
+            (settings.positions, Float64MultiArray(data=rest), ("data",)),
+        ):
+            if topic:
+                sources = dict(zip(fields, self._measured, strict=False))
+                message = HotPublisher(node, topic, DEPTH, template, sources=sources)
+                self.topics.append(message.topic)
+                self._positions.append(message.view(fields[0]))
+                self._all.append((message, template is full))
 
     def publish(self, image: ProcessImage) -> None:
         """Publish the image of the present period, stamped with the start of the period."""
@@ -110,18 +116,3 @@ class JointStateTopics:
         self._finger_m = position_m
         for positions in self._positions:
             np.multiply(gripper.multipliers, position_m, positions[self._joints :])
-
-    def _add_joint_state(self, topic: str, fields: tuple[str, ...], stamped: bool) -> None:
-        rest = [0.0] * len(self._names)
-        template = JointState(name=self._names, position=rest, velocity=rest)
-        if "effort" in fields:
-            template.effort = [math.nan] * len(rest)  # nothing measures the fingers' force
-        self._add(topic, template, fields, stamped)
-
-    def _add(self, topic: str, template: Any, fields: tuple[str, ...], stamped: bool) -> None:
-        """``fields`` are the first of position, velocity and effort."""
-        sources = dict(zip(fields, self._measured, strict=False))
-        message = HotPublisher(self._node, topic, DEPTH, template, sources=sources)
-        self.topics.append(message.topic)
-        self._positions.append(message.view(fields[0]))
-        self._all.append((message, stamped))
