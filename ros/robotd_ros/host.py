@@ -244,11 +244,12 @@ class _Workers:
             if len(self._pending) >= _PENDING_LIMIT:
                 raise OperationError(f"{self._name}: {_PENDING_LIMIT} calls are waiting already")
             try:
-                call = self._pool.submit(_logged, function, *args)
+                call = self._pool.submit(function, *args)
             except RuntimeError as error:
                 raise NotReady("ROS is not running") from error
             self._pending.add(call)
-        call.add_done_callback(self._forget)
+        name = getattr(function, "__name__", "?")
+        call.add_done_callback(lambda call: self._ended(call, name))
 
     def close(self, timeout_s: float) -> None:
         """Cancel waiting calls, wait ``timeout_s`` for running ones, abandon the rest."""
@@ -261,13 +262,8 @@ class _Workers:
         else:
             self._pool.shutdown(wait=True)
 
-    def _forget(self, call: concurrent.futures.Future[None]) -> None:
+    def _ended(self, call: concurrent.futures.Future[None], name: str) -> None:
         with self._lock:
             self._pending.discard(call)
-
-
-def _logged(function: Callable[..., Any], *args: Any) -> None:
-    try:
-        function(*args)
-    except Exception:
-        log.exception("a call in a worker raised", function=getattr(function, "__name__", "?"))
+        if not call.cancelled() and (error := call.exception()) is not None:
+            log.error("a call in a worker raised", function=name, exc_info=error)

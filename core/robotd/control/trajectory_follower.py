@@ -74,19 +74,7 @@ class TrajectoryFollower:
         self._events = axes.events
         self._clock = clock
         self._joint_axes = np.array([joint.axis for joint in joints], np.int64)
-        self._on_device = on_device is not None
-        self._make_execution: Callable[[PlannedGoal, int], TrajectoryExecution] = (
-            partial(DeviceTrajectory, on_device)
-            if on_device
-            else partial(
-                StreamedTrajectory,
-                feedback_period_s=axes.feedback_period_s,
-                underrun=axes.underrun,
-                buffer_s=axes.stream_buffer_s,
-                speed=axes.speed,
-                motion_limits=motion_limits,
-            )
-        )
+        self._on_device, self._axes = on_device, axes
         self._checked: Trajectory | None = None  # path that passed last
         self._recent: deque[TrajectoryExecution] = deque(maxlen=MAX_RECENT)
 
@@ -154,19 +142,35 @@ class TrajectoryFollower:
             TrajectoryRejected: the request is not acceptable; a running trajectory continues.
             NotReady: a joint cannot be commanded now, or a newer request was started already.
         """
-        limits, allowed = self.limits, tolerances or self.tolerances()
+        limits, axes, allowed = self.limits, self._axes, tolerances or self.tolerances()
 
         def planned(state: MotionState) -> Callable[[int], TrajectoryExecution]:
             trajectory = plan(request, limits, self.rules, state, recent_path)
-            self._check_end(trajectory)
+            if self._on_device is not None and trajectory.goal_s is not None:
+                raise reject(
+                    f"the last point, at {trajectory.goal_s:.3f} s, has a velocity: a device"
+                    " that interpolates trajectories itself ends them at rest"
+                )
             self._check_path(trajectory)
             goal = PlannedGoal(
                 trajectory, self._joint_axes, limits, allowed, self.rules.stopped_velocity
             )
-            return partial(self._make_execution, goal)
+            if self._on_device is not None:
+                return partial(DeviceTrajectory, self._on_device, goal)
+            return partial(
+                StreamedTrajectory,
+                goal,
+                feedback_period_s=axes.feedback_period_s,
+                underrun=axes.underrun,
+                buffer_s=axes.stream_buffer_s,
+                speed=axes.speed,
+                motion_limits=self._motion_limits,
+            )
 
         with noted_rejection(self._events, request), self._motion.lock, held(self._clock):
-            self._check_start(request, start_ns)
+            if start_ns is not None and len(request.times_s):
+                delay_s = (start_ns - self._clock.now_ns()) / NANOSECONDS
+                check_start_delay(delay_s, float(request.times_s[-1]))
             recent_path = self._recent_path(start_ns or 0)
             execution = self._motion.start(
                 planned, start_ns or 0, takeover=self._takeover, ticket=ticket
@@ -209,20 +213,6 @@ class TrajectoryFollower:
             return running.rate
         return self._speed.scale
 
-    def _check_start(self, request: TrajectoryRequest, start_ns: int | None) -> None:
-        """Reject a trajectory whose last point is in the past."""
-        if start_ns is not None and len(request.times_s):
-            delay_s = (start_ns - self._clock.now_ns()) / NANOSECONDS
-            check_start_delay(delay_s, float(request.times_s[-1]))
-
-    def _check_end(self, trajectory: Trajectory) -> None:
-        """Reject a last point with a velocity where the device interpolates the trajectory."""
-        if self._on_device and trajectory.goal_s is not None:
-            raise reject(
-                f"the last point, at {trajectory.goal_s:.3f} s, has a velocity: a device"
-                " that interpolates trajectories itself ends them at rest"
-            )
-
     def _check_path(self, trajectory: Trajectory) -> None:
         """Check a path once: planning is repeated where it has taken too long."""
         check_path, checked = self._motion_limits.check_path, self._checked
@@ -246,7 +236,8 @@ class TrajectoryFollower:
         first_ns = now_ns - round(REPLAN_S * NANOSECONDS)
         while len(self._recent) > 1 and self._recent[1].start_ns <= first_ns:
             self._recent.popleft()
-        moving = bool(self._recent) and not self._recent[-1].done and self._recent[-1].on_path
+        newest = self._recent[-1].completion if self._recent else None
+        moving = newest is not None and not newest.done and newest.goes_on
         seconds = (2.0 if moving else 1.0) * REPLAN_S
         # As dense as the fastest joint needs, but a velocity limit may be any number.
         steps = self.limits.velocity * seconds / self.rules.start_tolerance
@@ -256,7 +247,7 @@ class TrajectoryFollower:
         for execution in self._recent:
             path_s = times_s + (first_ns - execution.start_ns) / NANOSECONDS
             end_s = execution.trajectory.duration_s
-            if not execution.on_path:  # stopped, or being stopped
+            if not execution.completion.goes_on:  # stopped, or being stopped
                 end_s = execution.progress().time_s
             covered = (path_s >= 0.0) & (path_s <= end_s)
             path[covered] = execution.trajectory.evaluate(path_s[covered])[0]

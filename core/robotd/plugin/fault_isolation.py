@@ -57,8 +57,8 @@ def isolated(driver: Driver, contract: type[Driver], plugin: str, backend: str) 
     for name in (name for name in dir(contract) if not name.startswith("_")):
         what, attribute = f"plugin {plugin}: {contract.__name__}.{name}", getattr(contract, name)
         if isinstance(attribute, property):
-            get = partial(_property_value, driver, name)
-            members[name] = property(_guarded(get, what, backend))
+            get = partial(getattr, driver, name)
+            members[name] = property(_guarded(lambda _, get=get: get(), what, backend))
             continue
         signature = None if name in _UNTIMED[contract] else inspect.signature(attribute)
         own_s = COMMAND_BUDGET_S if contract in (AxisDriver, IoDriver) else CALL_BUDGET_S
@@ -72,10 +72,6 @@ def isolated(driver: Driver, contract: type[Driver], plugin: str, backend: str) 
     guard = type(f"Guarded{contract.__name__}", (contract,), members)()
     guard.__dict__["wrapped"] = driver
     return cast(Driver, guard)
-
-
-def _property_value(driver: object, name: str, _: object) -> Any:
-    return getattr(driver, name)
 
 
 def _guarded(
