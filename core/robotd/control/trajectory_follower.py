@@ -14,8 +14,8 @@ from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, Clock
 from robotd.clock.simulated import held
 from robotd.control.axis_limits import joint_limits, trajectory_rules
+from robotd.control.completion import Outcome
 from robotd.control.device_trajectory import DeviceTrajectory
-from robotd.control.goal_events import note_goal, note_result, noted_rejection
 from robotd.control.joint_motion import JointMotion
 from robotd.control.rearming import CommandSource, Rearming
 from robotd.control.streamed_trajectory import StreamedTrajectory
@@ -25,6 +25,8 @@ from robotd.device.axes import Axes
 from robotd.device.drivers import AxisDriver
 from robotd.device.motion_limits import MotionLimits
 from robotd.device.state import CommandMode
+from robotd.errors import RobotdError
+from robotd.events import EventKind, Level
 from robotd.motion import (
     JointTolerance,
     MotionState,
@@ -38,6 +40,8 @@ from robotd.motion.rejection import reject
 
 REPLAN_S = 0.5  # age of the joint positions that a client may have planned from
 MAX_RECENT = 50  # trajectories within that time
+SUBJECT = "goal"  # of events
+BAD = frozenset({Outcome.FAULT, Outcome.PATH_TOLERANCE, Outcome.GOAL_TOLERANCE})
 MAX_SAMPLES = 10_000  # of their path: one each 0.1 ms, more often than any client is told of it
 
 
@@ -167,22 +171,28 @@ class TrajectoryFollower:
                 motion_limits=self._motion_limits,
             )
 
-        with noted_rejection(self._events, request), self._motion.lock, held(self._clock):
-            if start_ns is not None and len(request.times_s):
-                delay_s = (start_ns - self._clock.now_ns()) / NANOSECONDS
-                check_start_delay(delay_s, float(request.times_s[-1]))
-            recent_path = self._recent_path(start_ns or 0)
-            execution = self._motion.start(
-                planned, start_ns or 0, takeover=self._takeover, ticket=ticket
-            )
-            self._recent.append(execution)
-            execution.begin()
-        note_goal(self._events, request, execution)
+        try:
+            with self._motion.lock, held(self._clock):
+                if start_ns is not None and len(request.times_s):
+                    delay_s = (start_ns - self._clock.now_ns()) / NANOSECONDS
+                    check_start_delay(delay_s, float(request.times_s[-1]))
+                recent_path = self._recent_path(start_ns or 0)
+                execution = self._motion.start(
+                    planned, start_ns or 0, takeover=self._takeover, ticket=ticket
+                )
+                self._recent.append(execution)
+                execution.begin()
+        except RobotdError as error:
+            data = {"outcome": "rejected", "joints": list(request.joint_names)}
+            text = f"goal rejected: {error}"
+            self._events.add(EventKind.GOAL, SUBJECT, text, level=Level.WARNING, data=data)
+            raise
+        self._note_goal(request, execution)
         try:
             yield execution
         finally:
             self._motion.release(execution)
-            note_result(self._events, execution)
+            self._note_result(execution)
 
     def check(self, request: TrajectoryRequest) -> None:
         """Check a trajectory from rest where the joints are commanded to be; nothing moves.
@@ -212,6 +222,35 @@ class TrajectoryFollower:
         if isinstance(running, TrajectoryExecution) and not running.done:
             return running.rate
         return self._speed.scale
+
+    def _note_goal(self, request: TrajectoryRequest, execution: TrajectoryExecution) -> None:
+        """Note an accepted goal with the points as the client gave them."""
+        rows = {
+            "positions": request.positions,
+            "velocities": request.velocities,
+            "accelerations": request.accelerations,
+        }
+        data = {
+            "outcome": "accepted",
+            "id": id(execution),
+            "start_ns": execution.start_ns,
+            "joints": list(request.joint_names),
+            "times_s": request.times_s,
+            **{name: given for name, given in rows.items() if given is not None},
+        }
+        count = len(request.times_s)
+        duration_s = float(request.times_s[-1]) if count else 0.0
+        text = f"goal of {count} point{'s' if count != 1 else ''} over {duration_s:.3f} s"
+        self._events.add(EventKind.GOAL, SUBJECT, text, data=data)
+
+    def _note_result(self, execution: TrajectoryExecution) -> None:
+        outcome, completion = execution.outcome or Outcome.FAULT, execution.completion
+        text = f"goal {outcome.name.lower()}: {execution.message}"
+        if completion.outcome not in (outcome, Outcome.PREEMPTED, None):
+            text = f"{text}; behind its last point: {completion.message}"
+        data = {"outcome": outcome.name.lower(), "id": id(execution)}
+        level = Level.INFO if BAD.isdisjoint({outcome, completion.outcome}) else Level.ERROR
+        self._events.add(EventKind.RESULT, SUBJECT, text, level=level, data=data)
 
     def _check_path(self, trajectory: Trajectory) -> None:
         """Check a path once: planning is repeated where it has taken too long."""

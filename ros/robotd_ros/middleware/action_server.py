@@ -131,7 +131,15 @@ class WorkerActionServer(ActionServer):
             self._is_goal_request_ready = False
             with self._lock:
                 request = self._requests.take(self._handle)
-            accepted = request and self._answered(request)
+            if request is not None:
+                now_ns = self._clock.now_ns()
+                accepted = self._accepted(request, now_ns)
+                stamp_ns = None if accepted is None else now_ns
+                try:
+                    self._requests.answer(self._handle, request, stamp_ns)
+                except RCLError as error:
+                    log.warning("goal not answered: its client has gone", reason=str(error))
+                    accepted = None
         data = super().take_data() or {}
         if accepted is not None:
             data["goal"] = accepted
@@ -142,20 +150,6 @@ class WorkerActionServer(ActionServer):
         self._handle.publish_status()
         goal._update_state(GoalEvent.EXECUTE)  # noqa: SLF001 - execute() would do it at the end
         self._handle_accepted_callback(goal)
-
-    def _answered(self, request: GoalRequest) -> ServerGoalHandle | None:
-        """Answer a goal; return its handle, None where it is not carried out.
-
-        It is rejected, or its client has gone.
-        """
-        now_ns = self._clock.now_ns()
-        goal = self._accepted(request, now_ns)
-        try:
-            self._requests.answer(self._handle, request, None if goal is None else now_ns)
-        except RCLError as error:
-            log.warning("goal not answered: its client has gone", reason=str(error))
-            return None
-        return goal
 
     def _accepted(self, request: GoalRequest, now_ns: int) -> ServerGoalHandle | None:
         """Return the handle of a goal that is accepted, else None."""
