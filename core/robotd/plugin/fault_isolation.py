@@ -136,9 +136,6 @@ class _Question(Generic[Answer]):
         return self._silent
 
     def _await_answer(self) -> Answer:
-        return self._answer()
-
-    def _answer(self) -> Answer:
         """In a thread that may hang for ever; it is not called again then."""
         try:
             return self._call()
@@ -159,7 +156,7 @@ class _FaultQuestion(_Question[str]):
 
     def _await_answer(self) -> str:
         try:
-            text = call_with_timeout(ANSWER_BUDGET_S, self._answer, "robotd-fault")
+            text = call_with_timeout(ANSWER_BUDGET_S, super()._await_answer, "robotd-fault")
         except CallTimeout:
             self._hangs = True
             return self._silent
