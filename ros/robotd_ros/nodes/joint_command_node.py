@@ -75,7 +75,7 @@ class JointCommandNode(Node):
         if topics.state:
             publisher = ControllerStateTopic(self, robot, group, topics.state)
             robot.control_loop.every(self._state_rate_hz, "controller state", publisher.publish)
-            self.rates_hz[publisher.topic] = float(self._state_rate_hz)
+            self.rates_hz |= dict.fromkeys(publisher.topics, float(self._state_rate_hz))
         if topics.query:
             answer = TrajectoryQuery(self, group, robot.clock).answer
             add_service(self, host, QueryTrajectoryState, topics.query, answer, blocking=False)

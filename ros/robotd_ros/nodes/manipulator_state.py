@@ -13,8 +13,8 @@ from robotd.arrays import FloatArray
 from robotd.device.process_image import ProcessImage, columns
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
-from robotd_ros.middleware import HotPublisher, StampClock
 from robotd_ros.nodes.arm_settings import ManipulatorStateSettings, read_manipulator_state
+from robotd_ros.nodes.hot_topics import HotTopics
 from robotd_ros.nodes.latched_topics import publish_description
 from robotd_ros.nodes.node_parameters import read_settings
 
@@ -44,25 +44,15 @@ class ManipulatorState(Node):
         self.rates_hz = dict.fromkeys(topics.topics, float(settings.rate_hz))
 
 
-class JointStateTopics:
-    """Joint states in up to three types of message; ``publish`` belongs to the control loop.
-
-    Nothing is published without subscribers, nor while the engine is not ready: old values
-    must not look current.
-
-    Attributes:
-        topics: their resolved names.
-    """
+class JointStateTopics(HotTopics):
+    """Joint states in up to three types of message."""
 
     def __init__(self, node: Node, robot: Robot, settings: ManipulatorStateSettings) -> None:
-        self.topics: list[str] = []
-        self._connection, self._control_loop = robot.connection, robot.control_loop
+        super().__init__(node, robot)
         self._slow = robot.axes.feedback_period_s > 0.0  # stamps are those of the values
-        self._clock = StampClock(node.get_clock())
         self._joints = len(robot.joint_axes)
         self._gripper = robot.gripper
         self._finger_m = 0.0
-        self._all: list[tuple[HotPublisher, bool]] = []  # and whether it is stamped
         self._positions: list[FloatArray] = []  # of each message
         self._index = columns(robot.joint_axes)
         self._measured: FloatArray = robot.image.measured[:, self._index]
@@ -81,38 +71,22 @@ class JointStateTopics:
         ):
             if topic:
                 sources = dict(zip(fields, self._measured, strict=False))
-                message = HotPublisher(node, topic, DEPTH, template, sources=sources)
-                self.topics.append(message.topic)
+                stamped = template is full
+                message = self.add(topic, DEPTH, template, sources=sources, stamped=stamped)
                 self._positions.append(message.view(fields[0]))
-                self._all.append((message, template is full))
 
-    def publish(self, image: ProcessImage) -> None:
-        """Publish the image of the present period, stamped with the start of the period."""
-        if not self._connection.ready:
-            return
-        wanted = [each for each in self._all if each[0].has_readers]
-        if not wanted:
-            return
+    def fill(self, image: ProcessImage) -> bool:
+        if self._slow:
+            self.age_ns = max(0, image.stamp_ns - image.fresh_ns)
         if self._is_gathered:
             self._measured[:] = image.measured[:, self._index]
-        self._move_fingers()
-        stamp_ns = self._clock.at_ns(self._control_loop.started_ns)
-        if self._slow:
-            stamp_ns -= max(0, image.stamp_ns - image.fresh_ns)
-        for message, is_stamped in wanted:
-            if is_stamped:
-                message.stamp(stamp_ns)
-            message.publish()
-
-    def _move_fingers(self) -> None:
         gripper = self._gripper
         if gripper is not None and gripper.is_measured:
             fingers = gripper.finger_positions
             for positions in self._positions:
                 positions[self._joints :] = fingers
-            return
-        if gripper is None or (position_m := gripper.position_m) == self._finger_m:
-            return
-        self._finger_m = position_m
-        for positions in self._positions:
-            np.multiply(gripper.multipliers, position_m, positions[self._joints :])
+        elif gripper is not None and (position_m := gripper.position_m) != self._finger_m:
+            self._finger_m = position_m
+            for positions in self._positions:
+                np.multiply(gripper.multipliers, position_m, positions[self._joints :])
+        return True
