@@ -83,8 +83,9 @@ class RosHost:
         self._nodes: list[Node] = []
         self._stopping = threading.Event()
         # Threads of a pool start with its first call, so these two cost nothing yet.
-        self._workers = _Workers("robotd-worker", workers)
-        self._urgent = _Workers("robotd-urgent", _URGENT_WORKERS)
+        self._workers = _Pool("robotd-worker", workers)
+        self._urgent = _Pool("robotd-urgent", _URGENT_WORKERS)
+        self._lock = threading.Lock()  # of the calls of the pools
 
     @property
     def context(self) -> Context:
@@ -165,7 +166,23 @@ class RosHost:
             NotReady: the host is closed.
             OperationError: too many calls are waiting already.
         """
-        (self._urgent if urgent else self._workers).submit(function, *args)
+        pool, name = self._urgent if urgent else self._workers, getattr(function, "__name__", "?")
+
+        def ended(call: concurrent.futures.Future[None]) -> None:
+            with self._lock:
+                pool.pending.discard(call)
+            if not call.cancelled() and (error := call.exception()) is not None:
+                log.error("a call in a worker raised", function=name, exc_info=error)
+
+        with self._lock:
+            if len(pool.pending) >= _PENDING_LIMIT:
+                raise OperationError(f"{pool.name}: {_PENDING_LIMIT} calls are waiting already")
+            try:
+                call = pool.executor.submit(function, *args)
+            except RuntimeError as error:
+                raise NotReady("ROS is not running") from error
+            pool.pending.add(call)
+        call.add_done_callback(ended)
 
     def close(self) -> None:
         """End callbacks, calls, nodes and ROS, in this order; a second call does nothing.
@@ -188,7 +205,15 @@ class RosHost:
             )
             return
         for pool in (self._urgent, self._workers):
-            pool.close(max(0.0, deadline - time.monotonic()))
+            # Waiting calls are canceled, running ones abandoned when they take too long.
+            pool.executor.shutdown(wait=False, cancel_futures=True)
+            with self._lock:
+                pending = set(pool.pending)
+            _, hanging = concurrent.futures.wait(pending, max(0.0, deadline - time.monotonic()))
+            if hanging:
+                log.error("calls still run at shut-down", pool=pool.name, count=len(hanging))
+            else:
+                pool.executor.shutdown(wait=True)
         for node in self._nodes:
             destroy_node(node)
         self._nodes.clear()
@@ -230,44 +255,10 @@ class _Running(NamedTuple):
     thread: threading.Thread
 
 
-class _Workers:
-    """Thread pool with a bounded queue and a time limit for closing."""
+class _Pool:
+    """Threads, and the calls that have not ended."""
 
     def __init__(self, name: str, threads: int) -> None:
-        self._name = name
-        self._pool = concurrent.futures.ThreadPoolExecutor(threads, thread_name_prefix=name)
-        self._lock = threading.Lock()
-        self._pending: set[concurrent.futures.Future[None]] = set()
-
-    def submit(self, function: Callable[..., Any], *args: Any) -> None:
-        with self._lock:
-            if len(self._pending) >= _PENDING_LIMIT:
-                raise OperationError(f"{self._name}: {_PENDING_LIMIT} calls are waiting already")
-            try:
-                call = self._pool.submit(_logged, function, *args)
-            except RuntimeError as error:
-                raise NotReady("ROS is not running") from error
-            self._pending.add(call)
-        call.add_done_callback(self._forget)
-
-    def close(self, timeout_s: float) -> None:
-        """Cancel waiting calls, wait ``timeout_s`` for running ones, abandon the rest."""
-        self._pool.shutdown(wait=False, cancel_futures=True)
-        with self._lock:
-            pending = set(self._pending)
-        _, running = concurrent.futures.wait(pending, timeout_s)
-        if running:
-            log.error("calls still run at shut-down", pool=self._name, count=len(running))
-        else:
-            self._pool.shutdown(wait=True)
-
-    def _forget(self, call: concurrent.futures.Future[None]) -> None:
-        with self._lock:
-            self._pending.discard(call)
-
-
-def _logged(function: Callable[..., Any], *args: Any) -> None:
-    try:
-        function(*args)
-    except Exception:
-        log.exception("a call in a worker raised", function=getattr(function, "__name__", "?"))
+        self.name = name
+        self.executor = concurrent.futures.ThreadPoolExecutor(threads, thread_name_prefix=name)
+        self.pending: set[concurrent.futures.Future[None]] = set()

@@ -26,7 +26,7 @@ def make_node(name: str, info: NodeInfo, robot: Robot, host: RosHost) -> Any:  #
         DescriptorError: a parameter is wrong.
         PluginError: the factory cannot be imported or fails.
     """
-    from rclpy._rclpy_pybind11 import RCLError
+    from robotd_ros.middleware import RCLError
 
     try:
         return resolve_name(info.factory)(robot, host)

@@ -24,38 +24,33 @@ def problem_array(problems: Sequence[Problem], stamp_ns: int, ahead_ns: int) -> 
         stamp_ns: ROS time of the message.
         ahead_ns: ROS time minus the robot's clock.
     """
-    message = DiagnosticArray(status=[_status(each, ahead_ns) for each in problems])
+    message = DiagnosticArray()
+    for problem in problems:
+        values = {
+            "kind": str(problem.kind),
+            "code": str(problem.code),
+            "remedy": problem.remedy,
+            "since_ns": str(problem.since_ns + ahead_ns),
+        }
+        message.status.append(
+            DiagnosticStatus(
+                level=DiagnosticStatus.ERROR if problem.is_fault else DiagnosticStatus.WARN,
+                name=SEPARATOR.join(problem.axes),
+                message=problem.reason,
+                values=[KeyValue(key=key, value=value) for key, value in values.items()],
+            )
+        )
     message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, NANOSECONDS)
     return message
 
 
 def read_problems(message: DiagnosticArray) -> tuple[Problem, ...]:
     """Return the problems of a message; ``since_ns`` is in ROS time."""
-    return tuple(map(_problem, message.status))
-
-
-def _status(problem: Problem, ahead_ns: int) -> DiagnosticStatus:
-    values = {
-        "kind": str(problem.kind),
-        "code": str(problem.code),
-        "remedy": problem.remedy,
-        "since_ns": str(problem.since_ns + ahead_ns),
-    }
-    return DiagnosticStatus(
-        level=DiagnosticStatus.ERROR if problem.is_fault else DiagnosticStatus.WARN,
-        name=SEPARATOR.join(problem.axes),
-        message=problem.reason,
-        values=[KeyValue(key=key, value=value) for key, value in values.items()],
-    )
-
-
-def _problem(status: DiagnosticStatus) -> Problem:
-    values = {each.key: each.value for each in status.values}
-    return Problem(
-        ProblemKind(values["kind"]),
-        status.message,
-        tuple(filter(None, status.name.split(SEPARATOR))),
-        int(values["code"]),
-        values["remedy"],
-        int(values["since_ns"]),
-    )
+    found = []
+    for status in message.status:
+        values = {each.key: each.value for each in status.values}
+        axes = tuple(filter(None, status.name.split(SEPARATOR)))
+        code, since_ns = int(values["code"]), int(values["since_ns"])
+        kind = ProblemKind(values["kind"])
+        found.append(Problem(kind, status.message, axes, code, values["remedy"], since_ns))
+    return tuple(found)

@@ -10,11 +10,9 @@ import threading
 import time
 from typing import Any
 
-from rclpy._rclpy_pybind11 import RCLError
-from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 
-from robotd_ros.middleware import request_id_of
+from robotd_ros.middleware import NODE_GONE, request_id_of
 
 PREFIX_BYTES = 12  # of a GUID: the participant; RTPS 2.5, table 9.1
 MAX_KNOWN = 256
@@ -72,7 +70,7 @@ class Senders:
     def _names(self, topic: str, prefix: bytes) -> str:
         try:
             found = self._node.get_publishers_info_by_topic(topic)
-        except (InvalidHandle, RCLError):
+        except NODE_GONE:
             return ""
         names = {
             f"{each.node_namespace.rstrip('/')}/{each.node_name}"

@@ -29,6 +29,7 @@ def test_other_modules_use_the_one_door() -> None:
         if path.parent.name != "middleware":
             text = path.read_text(encoding="utf-8")
             assert "robotd_ros.middleware." not in text, path
+            assert "rclpy._" not in text, path
 
 
 @pytest.mark.parametrize(("distro", "used"), [("jazzy", True), ("kilted", False)])

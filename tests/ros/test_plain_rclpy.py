@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import runpy
+import sys
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -16,7 +19,16 @@ from tests.ros.action_client import GoalClient
 from tests.ros.robot_process import WAIT_S, wait_for, wait_until
 
 from robotd_ros.host import RosHost
-from robotd_ros.middleware import action_server, release_gil, request_id_of, worker_action_server
+from robotd_ros.middleware import (
+    RCLError,
+    action_server,
+    overrides_of,
+    rcl_error,
+    release_gil,
+    request_id_of,
+    start_arguments,
+    worker_action_server,
+)
 from robotd_ros.middleware.plain_action_server import PlainActionServer
 from robotd_ros.middleware.release_gil import LayoutError
 from robotd_ros.services import add_service
@@ -155,6 +167,21 @@ def test_goals_are_executed_and_canceled(
     end(server, goals[1], "canceled", "stopped")
     answer = wait_for(handle.get_result_async())
     assert (answer.status, answer.result.error_string) == (GoalStatus.STATUS_CANCELED, "stopped")
+
+
+def test_another_extension_module(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "rclpy._rclpy_pybind11", None)
+    names = runpy.run_path(rcl_error.__file__)
+    assert names["RCLError"] is RuntimeError
+    assert issubclass(RCLError, RuntimeError)
+
+
+def test_hidden_overrides_are_none_with_one_warning() -> None:
+    start_arguments._hidden_overrides.cache_clear()
+    with capture_logs() as logs:
+        assert not overrides_of(SimpleNamespace())
+        assert not overrides_of(SimpleNamespace())
+    assert ["plain rclpy" in log["event"] for log in logs] == [True]
 
 
 def end(server: Any, goal: Any, how: str, text: str) -> None:

@@ -95,7 +95,12 @@ class JointMotion:
         # Simulated time must not outrun planning.
         with self.lock, held(self._clock), self._released_on_failure():
             ticket = ticket or self.ticket()
-            self._check_request(owner, takeover, ticket)
+            if ticket < self._newest:
+                raise NotReady(PREEMPTED)
+            foreign = self._owner != owner and not takeover
+            if self._is_alone or (self._slot.active and foreign):
+                name = self._axes.names[self._joint_axes[0]]
+                raise NotReady(f"{name}: in use by {self._owner}")
             for attempt in range(PLANNINGS):
                 self._axes.stop_latch.check()
                 lead_ns = round(LEAD_S * 2**attempt * NANOSECONDS)
@@ -136,7 +141,10 @@ class JointMotion:
             self._axes.stop_latch.check()
             self._claim.enter_context(_in_command_mode(self._axes, axes, mode))
             self._claim.enter_context(self._axes.claimed(owner, axes, mode))
-            source = self._submit_at_rest(make)
+            while True:  # again when making it took longer than a period
+                source = make(max(self._slot.next_start_ns, self._clock.now_ns()))
+                if self._slot.submit(source, None):
+                    break
             self._owner, self._is_alone = owner, True
             self._active += 1
             return source
@@ -199,20 +207,16 @@ class JointMotion:
                 self._claim.close()
             raise
 
-    def _check_request(self, owner: str, takeover: bool, ticket: int) -> None:
-        """Raise NotReady after a later request, and while the joints move for another owner."""
-        if ticket < self._newest:
-            raise NotReady(PREEMPTED)
-        foreign = self._owner != owner and not takeover
-        if self._is_alone or (self._slot.active and foreign):
-            name = self._axes.names[self._joint_axes[0]]
-            raise NotReady(f"{name}: in use by {self._owner}")
-
     def _splice(
         self, plan: Planner[Source], running: SetpointSource, splice_ns: int
     ) -> Source | None:
         """Submit a source from the motion of ``running``; None: plan again, maybe at its rest."""
-        state, planned_ns = _splice_state(running, splice_ns)
+        while True:
+            # The control loop moves ``start_ns`` once a period while the source is slowed down.
+            planned_ns = running.start_ns
+            state = running.splice_state(splice_ns)
+            if running.start_ns == planned_ns:
+                break
         if state is not None:
             source = plan(state)(splice_ns)
             return source if self._slot.submit(source, running, planned_ns) else None
@@ -228,7 +232,10 @@ class JointMotion:
         self, plan: Planner[Source], running: SetpointSource | None, start_ns: int, owner: str
     ) -> Source | None:
         """Claim the axes and submit a source from standstill; None when they have moved."""
-        state = self._rest_state()
+        for axis in self._joint_axes:
+            if error := self._axes.rejection(axis, CommandMode.POSITION, self._owner):
+                raise error
+        state = MotionState.at_rest(self.command())  # a plan from the measured position would jump
         make = plan(state)
         if not self._slot.release_after(running):
             return None
@@ -242,34 +249,8 @@ class JointMotion:
         source = make(max(earliest_ns, start_ns))
         return source if self._slot.submit(source, None) else None
 
-    def _submit_at_rest(self, make: Callable[[int], Source]) -> Source:
-        """Submit a source of claimed axes; again when making it took longer than a period."""
-        while True:
-            source = make(max(self._slot.next_start_ns, self._clock.now_ns()))
-            if self._slot.submit(source, None):
-                return source
-
-    def _rest_state(self) -> MotionState:
-        """Return the commanded position; a plan from the measured one would jump."""
-        for axis in self._joint_axes:
-            if error := self._axes.rejection(axis, CommandMode.POSITION, self._owner):
-                raise error
-        return MotionState.at_rest(self.command())
-
     def _await_end(self, source: SetpointSource, timeout_s: float) -> bool:
         return wait_until(lambda: source.completion.done, timeout_s, self._clock)
-
-
-def _splice_state(running: SetpointSource, time_ns: int) -> tuple[MotionState | None, int]:
-    """Return the state of ``running`` at ``time_ns``, and the ``start_ns`` that it belongs to.
-
-    The control loop moves ``start_ns`` once a period while the source is slowed down.
-    """
-    while True:
-        start_ns = running.start_ns
-        state = running.splice_state(time_ns)
-        if running.start_ns == start_ns:
-            return state, start_ns
 
 
 @contextmanager

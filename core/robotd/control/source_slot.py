@@ -196,22 +196,18 @@ class SourceSlot:
             return
         if successor.completion.requested is not None:
             self._drop_next(*successor.completion.requested)
-        elif not running.completion.goes_on:
+            return
+        if not running.completion.goes_on:
             self._drop_next(Outcome.FAULT, SPLICE_LOST)
-        elif running.completion.done or self._has_reached(running, successor):
-            successor.take_over(running, advanced_ns, self._delay_ns)
+            return
+        # How far the running source was slowed down since its successor was planned, and is now.
+        delay_ns = running.start_ns - self._planned_ns
+        slower_ns = round((1.0 - running.rate) * self.period_ns)
+        has_reached = self._due_ns - slower_ns >= successor.start_ns + delay_ns
+        if running.completion.done or has_reached:
+            successor.take_over(running, advanced_ns, delay_ns)
             running.completion.finish(Outcome.PREEMPTED, PREEMPTED)
             self._running, self._next = successor, None
-
-    @property
-    def _delay_ns(self) -> int:
-        """Time by which the running source was slowed down since its successor was planned."""
-        return 0 if self._running is None else self._running.start_ns - self._planned_ns
-
-    def _has_reached(self, running: SetpointSource, successor: SetpointSource) -> bool:
-        """The running source is where its successor begins, at the end of this period."""
-        slower_ns = round((1.0 - running.rate) * self.period_ns)
-        return self._due_ns - slower_ns >= successor.start_ns + self._delay_ns
 
     def _drop(self, outcome: Outcome, message: str) -> None:
         self._drop_next(outcome, message)

@@ -125,7 +125,8 @@ class StreamMotion(JointSource):
                 state = MotionState(position, velocity, np.zeros_like(position))
                 self._setpoints.reset(state, AFTER_STALL)
                 self.stall_recovery.left_plan = self._due_ns <= self._settled_until_ns
-            self._follow_commands(time_ns)
+            if self._phase is Phase.RUNNING:
+                self._follow_commands(time_ns)
             self.setpoint[:] = self._setpoints.advance(self._due_ns)
             if self._setpoints.failure:
                 self.completion.request(Outcome.FAULT, self._setpoints.failure)
@@ -141,8 +142,6 @@ class StreamMotion(JointSource):
 
     def _follow_commands(self, time_ns: int) -> None:
         """Take what has arrived; slow to rest when nothing has, or an end was requested."""
-        if self._phase is not Phase.RUNNING:
-            return
         if self.completion.requested is None and self._due_ns > self._settled_until_ns:
             while self._commands:
                 command = self._commands.popleft()

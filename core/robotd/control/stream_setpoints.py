@@ -144,7 +144,11 @@ class StreamSetpoints:
         self._command, self._settles = command, False
         if command.reference is not None:
             self._spline = self._window = None
-            self._refer(command.reference, command.value)
+            self._stop_left_s = np.inf
+            reference, value = command.reference, command.value
+            if self._reference is not reference:
+                self._begin(reference)
+            self._call(lambda: reference.take(value))
             return
         self._reference = None
         if command.window is not None:
@@ -236,13 +240,6 @@ class StreamSetpoints:
             self._limiter.approach(command.position)
         elif command.velocity is not None and command.position is None:
             self._limiter.move(np.nan_to_num(command.velocity))
-
-    def _refer(self, reference: MovingReference, value: Any) -> None:
-        """Let ``reference`` take a command."""
-        self._stop_left_s = np.inf
-        if self._reference is not reference:
-            self._begin(reference)
-        self._call(lambda: reference.take(value))
 
     def _begin(self, reference: MovingReference) -> None:
         self._reference = reference

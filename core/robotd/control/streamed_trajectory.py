@@ -75,7 +75,7 @@ class StreamedTrajectory(TrajectoryExecution):
 
     def splice_state(self, time_ns: int) -> MotionState | None:
         """Return the state at ``time_ns`` if the path is not left until then."""
-        if not self.on_path:
+        if not self.completion.goes_on:
             return None
         time_s = (time_ns - self.start_ns) / NANOSECONDS
         state = self.trajectory.state_at(time_s)
@@ -113,7 +113,10 @@ class StreamedTrajectory(TrajectoryExecution):
                 scale(self.setpoint, self._rate.value, self._rate.slope)
         else:
             stop_plan, began_ns = self._stop_plan
-            at_rest = self._sample_stop(stop_plan, (due_ns - began_ns) / NANOSECONDS)
+            self.time_s, rate, deceleration = stop_plan.at((due_ns - began_ns) / NANOSECONDS)
+            self._sampler.sample(self.time_s, self.setpoint)
+            scale(self.setpoint, rate, -deceleration)
+            at_rest = rate == 0.0
         self._held[0] = self.setpoint[0]
         self._recover(due_ns, period_ns)
         if at_rest and self.stall_recovery.active and self._stands(period_ns):
@@ -133,17 +136,13 @@ class StreamedTrajectory(TrajectoryExecution):
         slow = np.minimum(self._stopped_velocity, in_one_period)
         return bool((np.abs(self._motion[1]) <= slow).all())
 
-    def _sample_stop(self, stop_plan: StopPlan, elapsed_s: float) -> bool:
-        """Sample the path along the stop; return True at its end."""
-        self.time_s, rate, deceleration = stop_plan.at(elapsed_s)
-        self._sampler.sample(self.time_s, self.setpoint)
-        scale(self.setpoint, rate, -deceleration)
-        return rate == 0.0
-
     def _advance_time(self, due_ns: int, period_ns: int) -> bool:
         """Set ``time_s`` for ``due_ns``; return True while the rate of the operator is not 1."""
         if self._sent_time_s is not None and self.stall_recovery.stood(due_ns, period_ns):
-            self._continue_from_standstill(due_ns - period_ns, self._sent_time_s)
+            # The device has held the last setpoint until this period: go on from there.
+            self._due_ns = due_ns - period_ns
+            self.start_ns = self._due_ns - round(self._sent_time_s * NANOSECONDS)
+            self._rate.stand()
         scaled = due_ns > self.start_ns and not self._rate.is_full
         if due_ns <= self.start_ns:
             self._rate.wait()
@@ -154,12 +153,6 @@ class StreamedTrajectory(TrajectoryExecution):
         self._due_ns = due_ns
         self.time_s = (due_ns - self.start_ns) / NANOSECONDS
         return scaled
-
-    def _continue_from_standstill(self, time_ns: int, time_s: float) -> None:
-        """Go on from trajectory time ``time_s``, where the device has stood until ``time_ns``."""
-        self.start_ns = time_ns - round(time_s * NANOSECONDS)
-        self._due_ns = time_ns
-        self._rate.stand()
 
     def _hold(self, due_ns: int, period_ns: int) -> None:
         """Stay at the end of the path, or return to it."""
@@ -190,13 +183,11 @@ class StreamedTrajectory(TrajectoryExecution):
 
     def _check_deviation(self) -> None:
         """Request a fault when too far off the path."""
-        if self.stall_recovery.is_far.any():
-            self.completion.request(Outcome.FAULT, self._deviation_text())
-
-    def _deviation_text(self) -> str:
         recovery = self.stall_recovery
-        joint = int(np.argmax(recovery.is_far))
-        return (
-            f"{self.trajectory.names[joint]} is {abs(recovery.offset[joint]):.3f}"
-            f" {self._limits.units[joint]} off its path {after_stall(recovery.pause_s)}"
-        )
+        if recovery.is_far.any():
+            joint = int(np.argmax(recovery.is_far))
+            text = (
+                f"{self.trajectory.names[joint]} is {abs(recovery.offset[joint]):.3f}"
+                f" {self._limits.units[joint]} off its path {after_stall(recovery.pause_s)}"
+            )
+            self.completion.request(Outcome.FAULT, text)

@@ -85,11 +85,6 @@ class TrajectoryExecution(JointSource):
         return self._tracking.max_error
 
     @property
-    def ending(self) -> tuple[Outcome, str] | None:
-        """Outcome and message of the requested end, None: none requested."""
-        return self.completion.requested
-
-    @property
     def outcome(self) -> Outcome | None:
         """Result; None until it is known, see ``wait``."""
         return self.completion.result[0] if self.completion.result else None
@@ -103,11 +98,6 @@ class TrajectoryExecution(JointSource):
     def done(self) -> bool:
         """It moves the joints no more, also not behind its last point."""
         return self.completion.done
-
-    @property
-    def on_path(self) -> bool:
-        """It follows its path or reached its end; a successor may continue it."""
-        return self.completion.goes_on
 
     def cancel(self) -> None:
         """Request a controlled stop, which ends at standstill; no effect after the end."""
@@ -152,7 +142,12 @@ class TrajectoryExecution(JointSource):
         if self.completion.outcome is not None:
             return self.streams
         pause_ns = self._begin_period(time_ns)
-        self._observe(image, time_ns)
+        desired = self._tracking.desired
+        time_s = self._expect(time_ns, image, desired)
+        if self._history is not None and self._phase in (Phase.RUNNING, Phase.STOPPING):
+            self._history.add(time_ns, desired)
+            time_s -= self.rate * self._history.recall(image.fresh_ns, desired)
+        self._tracking.update(image.measured[:2, self.columns], time_s)
         self._check_drives(image, self.time_s, pause_ns)
         if self._phase in (Phase.RUNNING, Phase.ARRIVING):
             self._check_path(time_ns, pause_ns)
@@ -172,26 +167,18 @@ class TrajectoryExecution(JointSource):
                 self._rest(time_ns, image)
         return self.streams
 
-    def _observe(self, image: ProcessImage, time_ns: int) -> None:
-        time_s = self._expect(time_ns, image, self._tracking.desired)
-        if self._history is not None and self._phase in (Phase.RUNNING, Phase.STOPPING):
-            desired = self._tracking.desired
-            self._history.add(time_ns, desired)
-            time_s -= self.rate * self._history.recall(image.fresh_ns, desired)
-        self._tracking.update(image.measured[:2, self.columns], time_s)
-
     def _check_path(self, time_ns: int, pause_ns: int) -> None:
         """Check the path tolerance; begin to stop when an end is requested."""
         # Until a stall is recovered from, the joints are where it left them.
         stalled = pause_ns > STALL_S * NANOSECONDS or self._deviates
-        if self.ending is None and self._phase is Phase.RUNNING and not stalled:
+        if self.completion.requested is None and self._phase is Phase.RUNNING and not stalled:
             desired, measured = self._tracking.desired, self._tracking.measured
             violation = self._tolerances.path.check(
                 self.time_s, desired[0], measured[0], desired[1], measured[1]
             )
             if violation is not None:
                 self.completion.request(Outcome.PATH_TOLERANCE, str(violation))
-        if self.ending is not None:
+        if self.completion.requested is not None:
             self._enter(self._stop(time_ns), time_ns)
 
     def _pass_goal(self, passage: GoalPassage, time_ns: int) -> None:
@@ -223,9 +210,9 @@ class TrajectoryExecution(JointSource):
             return
         moving = self._moves(image)
         ready = self._is_settled(time_ns, at_rest=not moving and not self._is_active(image))
-        if self.ending is None or not (ready or self._returning):
+        if self.completion.requested is None or not (ready or self._returning):
             return
-        if self._returning or (self.ending[0] in TOLERANCES and not moving):
+        if self._returning or (self.completion.requested[0] in TOLERANCES and not moving):
             # Once begun it ends, also when a joint that is free again moves.
             offset = self._tracking.measured[0] - image.position_command[self.columns]
             self._returning = self._return_command(time_ns, offset)

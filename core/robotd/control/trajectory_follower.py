@@ -14,8 +14,8 @@ from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, Clock
 from robotd.clock.simulated import held
 from robotd.control.axis_limits import joint_limits, trajectory_rules
+from robotd.control.completion import Outcome
 from robotd.control.device_trajectory import DeviceTrajectory
-from robotd.control.goal_events import note_goal, note_result, noted_rejection
 from robotd.control.joint_motion import JointMotion
 from robotd.control.rearming import CommandSource, Rearming
 from robotd.control.streamed_trajectory import StreamedTrajectory
@@ -25,6 +25,8 @@ from robotd.device.axes import Axes
 from robotd.device.drivers import AxisDriver
 from robotd.device.motion_limits import MotionLimits
 from robotd.device.state import CommandMode
+from robotd.errors import RobotdError
+from robotd.events import EventKind, Level
 from robotd.motion import (
     JointTolerance,
     MotionState,
@@ -38,6 +40,8 @@ from robotd.motion.rejection import reject
 
 REPLAN_S = 0.5  # age of the joint positions that a client may have planned from
 MAX_RECENT = 50  # trajectories within that time
+SUBJECT = "goal"  # of events
+BAD = frozenset({Outcome.FAULT, Outcome.PATH_TOLERANCE, Outcome.GOAL_TOLERANCE})
 MAX_SAMPLES = 10_000  # of their path: one each 0.1 ms, more often than any client is told of it
 
 
@@ -74,19 +78,7 @@ class TrajectoryFollower:
         self._events = axes.events
         self._clock = clock
         self._joint_axes = np.array([joint.axis for joint in joints], np.int64)
-        self._on_device = on_device is not None
-        self._make_execution: Callable[[PlannedGoal, int], TrajectoryExecution] = (
-            partial(DeviceTrajectory, on_device)
-            if on_device
-            else partial(
-                StreamedTrajectory,
-                feedback_period_s=axes.feedback_period_s,
-                underrun=axes.underrun,
-                buffer_s=axes.stream_buffer_s,
-                speed=axes.speed,
-                motion_limits=motion_limits,
-            )
-        )
+        self._on_device, self._axes = on_device, axes
         self._checked: Trajectory | None = None  # path that passed last
         self._recent: deque[TrajectoryExecution] = deque(maxlen=MAX_RECENT)
 
@@ -154,31 +146,53 @@ class TrajectoryFollower:
             TrajectoryRejected: the request is not acceptable; a running trajectory continues.
             NotReady: a joint cannot be commanded now, or a newer request was started already.
         """
-        limits, allowed = self.limits, tolerances or self.tolerances()
+        limits, axes, allowed = self.limits, self._axes, tolerances or self.tolerances()
 
         def planned(state: MotionState) -> Callable[[int], TrajectoryExecution]:
             trajectory = plan(request, limits, self.rules, state, recent_path)
-            self._check_end(trajectory)
+            if self._on_device is not None and trajectory.goal_s is not None:
+                raise reject(
+                    f"the last point, at {trajectory.goal_s:.3f} s, has a velocity: a device"
+                    " that interpolates trajectories itself ends them at rest"
+                )
             self._check_path(trajectory)
             goal = PlannedGoal(
                 trajectory, self._joint_axes, limits, allowed, self.rules.stopped_velocity
             )
-            return partial(self._make_execution, goal)
-
-        with noted_rejection(self._events, request), self._motion.lock, held(self._clock):
-            self._check_start(request, start_ns)
-            recent_path = self._recent_path(start_ns or 0)
-            execution = self._motion.start(
-                planned, start_ns or 0, takeover=self._takeover, ticket=ticket
+            if self._on_device is not None:
+                return partial(DeviceTrajectory, self._on_device, goal)
+            return partial(
+                StreamedTrajectory,
+                goal,
+                feedback_period_s=axes.feedback_period_s,
+                underrun=axes.underrun,
+                buffer_s=axes.stream_buffer_s,
+                speed=axes.speed,
+                motion_limits=self._motion_limits,
             )
-            self._recent.append(execution)
-            execution.begin()
-        note_goal(self._events, request, execution)
+
+        try:
+            with self._motion.lock, held(self._clock):
+                if start_ns is not None and len(request.times_s):
+                    delay_s = (start_ns - self._clock.now_ns()) / NANOSECONDS
+                    check_start_delay(delay_s, float(request.times_s[-1]))
+                recent_path = self._recent_path(start_ns or 0)
+                execution = self._motion.start(
+                    planned, start_ns or 0, takeover=self._takeover, ticket=ticket
+                )
+                self._recent.append(execution)
+                execution.begin()
+        except RobotdError as error:
+            data = {"outcome": "rejected", "joints": list(request.joint_names)}
+            text = f"goal rejected: {error}"
+            self._events.add(EventKind.GOAL, SUBJECT, text, level=Level.WARNING, data=data)
+            raise
+        self._note_goal(request, execution)
         try:
             yield execution
         finally:
             self._motion.release(execution)
-            note_result(self._events, execution)
+            self._note_result(execution)
 
     def check(self, request: TrajectoryRequest) -> None:
         """Check a trajectory from rest where the joints are commanded to be; nothing moves.
@@ -209,19 +223,34 @@ class TrajectoryFollower:
             return running.rate
         return self._speed.scale
 
-    def _check_start(self, request: TrajectoryRequest, start_ns: int | None) -> None:
-        """Reject a trajectory whose last point is in the past."""
-        if start_ns is not None and len(request.times_s):
-            delay_s = (start_ns - self._clock.now_ns()) / NANOSECONDS
-            check_start_delay(delay_s, float(request.times_s[-1]))
+    def _note_goal(self, request: TrajectoryRequest, execution: TrajectoryExecution) -> None:
+        """Note an accepted goal with the points as the client gave them."""
+        rows = {
+            "positions": request.positions,
+            "velocities": request.velocities,
+            "accelerations": request.accelerations,
+        }
+        data = {
+            "outcome": "accepted",
+            "id": id(execution),
+            "start_ns": execution.start_ns,
+            "joints": list(request.joint_names),
+            "times_s": request.times_s,
+            **{name: given for name, given in rows.items() if given is not None},
+        }
+        count = len(request.times_s)
+        duration_s = float(request.times_s[-1]) if count else 0.0
+        text = f"goal of {count} point{'s' if count != 1 else ''} over {duration_s:.3f} s"
+        self._events.add(EventKind.GOAL, SUBJECT, text, data=data)
 
-    def _check_end(self, trajectory: Trajectory) -> None:
-        """Reject a last point with a velocity where the device interpolates the trajectory."""
-        if self._on_device and trajectory.goal_s is not None:
-            raise reject(
-                f"the last point, at {trajectory.goal_s:.3f} s, has a velocity: a device"
-                " that interpolates trajectories itself ends them at rest"
-            )
+    def _note_result(self, execution: TrajectoryExecution) -> None:
+        outcome, completion = execution.outcome or Outcome.FAULT, execution.completion
+        text = f"goal {outcome.name.lower()}: {execution.message}"
+        if completion.outcome not in (outcome, Outcome.PREEMPTED, None):
+            text = f"{text}; behind its last point: {completion.message}"
+        data = {"outcome": outcome.name.lower(), "id": id(execution)}
+        level = Level.INFO if BAD.isdisjoint({outcome, completion.outcome}) else Level.ERROR
+        self._events.add(EventKind.RESULT, SUBJECT, text, level=level, data=data)
 
     def _check_path(self, trajectory: Trajectory) -> None:
         """Check a path once: planning is repeated where it has taken too long."""
@@ -246,7 +275,8 @@ class TrajectoryFollower:
         first_ns = now_ns - round(REPLAN_S * NANOSECONDS)
         while len(self._recent) > 1 and self._recent[1].start_ns <= first_ns:
             self._recent.popleft()
-        moving = bool(self._recent) and not self._recent[-1].done and self._recent[-1].on_path
+        newest = self._recent[-1].completion if self._recent else None
+        moving = newest is not None and not newest.done and newest.goes_on
         seconds = (2.0 if moving else 1.0) * REPLAN_S
         # As dense as the fastest joint needs, but a velocity limit may be any number.
         steps = self.limits.velocity * seconds / self.rules.start_tolerance
@@ -256,7 +286,7 @@ class TrajectoryFollower:
         for execution in self._recent:
             path_s = times_s + (first_ns - execution.start_ns) / NANOSECONDS
             end_s = execution.trajectory.duration_s
-            if not execution.on_path:  # stopped, or being stopped
+            if not execution.completion.goes_on:  # stopped, or being stopped
                 end_s = execution.progress().time_s
             covered = (path_s >= 0.0) & (path_s <= end_s)
             path[covered] = execution.trajectory.evaluate(path_s[covered])[0]

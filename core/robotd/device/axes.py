@@ -208,14 +208,26 @@ class Axes:
         setpoints from before would be far away, and after a request to end.
         """
         self.check_axes([axis])
-        group = self.servo_group(axis)
+        group, connection = self.servo_group(axis), self._connection
+        timeout_s = connection.settings.servo_timeout_s
         with self._naming(axis):
             if not on:
-                self._driver.servo(axis, False, self._connection.settings.servo_timeout_s)
+                self._driver.servo(axis, False, timeout_s)
             else:
                 self.stop_latch.check_servos()
-                with self._connection.scaling_lock:
-                    self._enable(axis, group)
+                with connection.scaling_lock:
+                    connection.require_ready()
+                    connection.require_alive()
+                    self._require_position(group)
+                    for other in group:
+                        if self.image.amp_alarm[other]:
+                            raise self._fault_error(other, "; clear it first")
+                        if not self.image.servo_on[other]:
+                            self._check_axis(other)
+                    self._driver.servo(axis, True, timeout_s)
+                    if connection.ending:  # the request came while the drive was enabling
+                        self._driver.servo(axis, False, timeout_s)
+                        connection.require_alive()
         self._wait_for(lambda: bool((self.image.servo_on[list(group)] == on).all()))
 
     @noted
@@ -435,21 +447,6 @@ class Axes:
         except RobotdError as error:
             log.warning("a stream could not be ended", reason=str(error))
         self._wait_for(lambda: not self._moving(axes))
-
-    def _enable(self, axis: int, group: Sequence[int]) -> None:
-        connection, timeout_s = self._connection, self._connection.settings.servo_timeout_s
-        connection.require_ready()
-        connection.require_alive()
-        self._require_position(group)
-        for other in group:
-            if self.image.amp_alarm[other]:
-                raise self._fault_error(other, "; clear it first")
-            if not self.image.servo_on[other]:
-                self._check_axis(other)
-        self._driver.servo(axis, True, timeout_s)
-        if connection.ending:  # the request came while the drive was enabling
-            self._driver.servo(axis, False, timeout_s)
-            connection.require_alive()
 
     def _require_position(self, axes: Sequence[int]) -> None:
         """Wait for the first positions of a new connection; raise NotReady where one is missing.

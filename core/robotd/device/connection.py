@@ -300,7 +300,11 @@ class Connection:
         with self._lock:
             try:
                 if self._driver.state() in (ConnectionState.COMMUNICATING, ConnectionState.UNKNOWN):
-                    self._end_communication()
+                    try:
+                        self.before_stop()
+                    finally:
+                        self.established = False
+                        self._driver.stop_communication(self.settings.communication_timeout_s)
                     log.info("communication stopped")
             finally:
                 self.established, self._wanted, self._start_failure = False, False, ""
@@ -433,10 +437,3 @@ class Connection:
     def _require_parameters(self) -> None:
         if not self._has_parameters:
             raise Unsupported("parameter files", self._backend)
-
-    def _end_communication(self) -> None:
-        try:
-            self.before_stop()
-        finally:
-            self.established = False
-            self._driver.stop_communication(self.settings.communication_timeout_s)

@@ -57,8 +57,8 @@ def isolated(driver: Driver, contract: type[Driver], plugin: str, backend: str) 
     for name in (name for name in dir(contract) if not name.startswith("_")):
         what, attribute = f"plugin {plugin}: {contract.__name__}.{name}", getattr(contract, name)
         if isinstance(attribute, property):
-            get = partial(_property_value, driver, name)
-            members[name] = property(_guarded(get, what, backend))
+            get = partial(getattr, driver, name)
+            members[name] = property(_guarded(lambda _, get=get: get(), what, backend))
             continue
         signature = None if name in _UNTIMED[contract] else inspect.signature(attribute)
         own_s = COMMAND_BUDGET_S if contract in (AxisDriver, IoDriver) else CALL_BUDGET_S
@@ -72,10 +72,6 @@ def isolated(driver: Driver, contract: type[Driver], plugin: str, backend: str) 
     guard = type(f"Guarded{contract.__name__}", (contract,), members)()
     guard.__dict__["wrapped"] = driver
     return cast(Driver, guard)
-
-
-def _property_value(driver: object, name: str, _: object) -> Any:
-    return getattr(driver, name)
 
 
 def _guarded(
@@ -140,9 +136,6 @@ class _Question(Generic[Answer]):
         return self._silent
 
     def _await_answer(self) -> Answer:
-        return self._answer()
-
-    def _answer(self) -> Answer:
         """In a thread that may hang for ever; it is not called again then."""
         try:
             return self._call()
@@ -163,7 +156,7 @@ class _FaultQuestion(_Question[str]):
 
     def _await_answer(self) -> str:
         try:
-            text = call_with_timeout(ANSWER_BUDGET_S, self._answer, "robotd-fault")
+            text = call_with_timeout(ANSWER_BUDGET_S, super()._await_answer, "robotd-fault")
         except CallTimeout:
             self._hangs = True
             return self._silent

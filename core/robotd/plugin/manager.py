@@ -7,7 +7,7 @@ distribution; so does an import or a hook that does not return.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property, partial
 from importlib.metadata import EntryPoint
@@ -92,11 +92,6 @@ class PluginManager(pluggy.PluginManager):
         """Return the names of the hooks that ``plugin`` implements."""
         return frozenset(caller.name for caller in self.get_hookcallers(plugin) or ())
 
-    def call(self, plugin: object, hook: str, arguments: Mapping[str, object]) -> Any:
-        """Call ``hook`` of ``plugin`` alone: there may be several backends in a process."""
-        others = [other for other in self.get_plugins() if other is not plugin]
-        return self.subset_hook_caller(hook, others)(**arguments)
-
 
 MANAGER = PluginManager()
 
@@ -132,7 +127,9 @@ class Plugin:
 
     def call(self, hook: str, **arguments: object) -> Any:
         """Call ``hook``; None: no answer. Raises PluginError: it fails or does not return."""
-        return self._limited(hook, partial(MANAGER.call, self._module, hook, arguments))
+        # Of this plugin alone: there may be several backends in a process.
+        others = [other for other in MANAGER.get_plugins() if other is not self._module]
+        return self._limited(hook, partial(MANAGER.subset_hook_caller(hook, others), **arguments))
 
     def _limited(self, hook: str, call: Callable[[], Answer]) -> Answer:
         try:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import click
+import numpy as np
 
-from robotd.api import RecordingError
+from robotd.api import NANOSECONDS, RecordingError
 from robotd.api.commands import ExitCode, columns, escaped, load_robot
 from robotd.api.robots import load_backend
 from robotd_recording.recording_reader import read_recording
-from robotd_scenario.motion_comparison import Difference, compare
-from robotd_scenario.recorded_commands import CommandRepeater
+from robotd_scenario.recorded_commands import POSITION, CommandRepeater, Repetition
 
 
 def repeat_recording(path: Path, robot: str | None) -> ExitCode:
@@ -62,3 +64,54 @@ HEADING = ("axis", "largest difference", "at", "beyond the tolerance from")
 def _row(each: Difference) -> tuple[str, ...]:
     first = "-" if each.first_s is None else f"{each.first_s:.3f} s"
     return each.name, f"{each.largest:.5f} {each.unit}", f"{each.largest_s:.3f} s", first
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Difference of one axis.
+
+    Attributes:
+        name, unit: of the axis; rad or m.
+        largest: largest difference of the measured position.
+        largest_s: its time from the start of the comparison, seconds.
+        first_s: time at which the tolerance was exceeded first; None: never.
+        recorded, simulated: positions at that time, else at the time of the largest difference.
+    """
+
+    name: str
+    unit: str
+    largest: float
+    largest_s: float
+    first_s: float | None
+    recorded: float
+    simulated: float
+
+
+def compare(
+    repetition: Repetition, axes: Sequence[tuple[str, str]], tolerances: Mapping[str, float]
+) -> Iterator[Difference]:
+    """Yield the difference of each axis.
+
+    Args:
+        repetition: recorded and simulated motion.
+        axes: name and unit of each.
+        tolerances: of each unit.
+    """
+    recorded = repetition.recorded["values"][:, POSITION]
+    simulated = repetition.simulated["values"][:, POSITION]
+    starts = repetition.recorded["start_ns"]
+    times_s = (starts - starts[0]) / NANOSECONDS
+    errors = np.nan_to_num(np.abs(recorded - simulated))
+    for axis, (name, unit) in enumerate(axes):
+        worst = int(np.argmax(errors[:, axis]))
+        beyond = np.flatnonzero(errors[:, axis] > tolerances[unit])
+        shown = int(beyond[0]) if len(beyond) else worst
+        yield Difference(
+            name,
+            unit,
+            float(errors[worst, axis]),
+            float(times_s[worst]),
+            float(times_s[shown]) if len(beyond) else None,
+            float(recorded[shown, axis]),
+            float(simulated[shown, axis]),
+        )

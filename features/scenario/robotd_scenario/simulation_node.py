@@ -14,6 +14,7 @@ from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.clock import ClockType
 from rclpy.node import Node
 from rclpy.time import Time
+from rclpy.time_source import TimeSource
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
@@ -69,9 +70,11 @@ class _TimeServices:
         self._robot, self._time = robot, clock
         self._clocks = [each.get_clock() for each in (*nodes, node)]
         self._message = HotPublisher(node, "/clock", 10, Clock(), [])
-        self._set_clocks()
+        source = TimeSource()  # of no node: it subscribes to nothing
+        source.ros_time_is_active = True
+        source.clock_callback(Clock(clock=self._now().to_msg()))
         for each in self._clocks:
-            each._set_ros_time_is_active(enabled=True)  # noqa: SLF001 - what use_sim_time does
+            source.attach_clock(each)
         control_loop, rate_hz = robot.control_loop, robot.descriptor.cycle.rate_hz
         control_loop.every(rate_hz, "clocks of the nodes", self._follow, first=True)
         control_loop.every(min(CLOCK_RATE_HZ, rate_hz), "clock", self._publish, first=True)
@@ -79,12 +82,12 @@ class _TimeServices:
         add_service(node, host, SetParametersAtomically, "~/step", named_values(self._step))
 
     def _follow(self, image: ProcessImage) -> None:
-        self._set_clocks()
-
-    def _set_clocks(self) -> None:
-        now = Time(nanoseconds=self._time.now_ns(), clock_type=ClockType.ROS_TIME)
+        now = self._now()
         for clock in self._clocks:
             clock.set_ros_time_override(now)
+
+    def _now(self) -> Time:
+        return Time(nanoseconds=self._time.now_ns(), clock_type=ClockType.ROS_TIME)
 
     def _publish(self, image: ProcessImage) -> None:
         self._message.stamp(self._time.now_ns())

@@ -72,7 +72,7 @@ class Goals:
         source = group.motion.running
         if not isinstance(source, TrajectoryExecution):
             return None
-        ending = source.ending
+        ending = source.completion.requested
         return {
             "duration_s": source.trajectory.duration_s,
             "joints": [*source.trajectory.names],

@@ -91,7 +91,7 @@ def motion_fault(
 
 def moving_state(execution: TrajectoryExecution, *, is_line: bool) -> R2State:
     """Return the state of a motion that has not ended."""
-    ending = execution.ending
+    ending = execution.completion.requested
     if ending is None:
         if execution.rate == 0.0:
             return R2State.PAUSED_LINE if is_line else R2State.PAUSED_JOINTS

@@ -131,9 +131,6 @@ class Bus:
         """Call ``handler`` with the frames of ``cob_id``; one handler each."""
         self._handlers[cob_id] = handler
 
-    def unsubscribe(self, cob_id: int) -> None:
-        self._handlers.pop(cob_id, None)
-
     def send(self, message: can.Message) -> bool:
         """Send a frame; False when it failed, which is counted. Never raises."""
         opened = self._can

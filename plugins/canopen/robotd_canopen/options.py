@@ -6,14 +6,15 @@ identity and COB-IDs may be written in hexadecimal.
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, field_validator
 
-from robotd.api import BackendOptions
 from robotd_cia402.options import (
     DriveOptions,
+    FieldbusOptions,
     Identity,
     Integer,
     ModuleOptions,
@@ -22,8 +23,6 @@ from robotd_cia402.options import (
     SdoWrite,
     Section,
     StartupWrite,
-    given_twice,
-    with_axis_defaults,
 )
 
 NodeId = Annotated[Integer, Field(ge=1, le=127)]
@@ -98,7 +97,7 @@ class IoOptions(ModuleOptions, NodeOptions):
     output_length: int = Field(0, ge=0, le=8, description="Bytes of outputs (object 0x6200).")
 
 
-class CanopenOptions(BackendOptions):
+class CanopenOptions(FieldbusOptions):
     """The section ``backends.canopen``."""
 
     bus: BusOptions = Field(BusOptions(), description="The CAN bus.")
@@ -126,19 +125,6 @@ class CanopenOptions(BackendOptions):
     axis_defaults: dict[str, Any] = Field({}, description="Keys that all axes have in common.")
     io: tuple[IoOptions, ...] = Field((), description="The I/O modules.")
 
-    @model_validator(mode="before")
-    @classmethod
-    def _with_defaults(cls, data: Any) -> Any:
-        return with_axis_defaults(data)
-
-    @model_validator(mode="after")
-    def _unique(self) -> Self:
-        """Each axis and each part of a node once."""
-        drives = [(axis.node, axis.axis_offset) for axis in self.axes]
-        modules = [module.node for module in self.io]
-        problems = given_twice("node", [axis.axis for axis in self.axes], drives, modules)
-        if self.master_node in {*modules, *(node for node, _ in drives)}:
-            problems.append(f"node {self.master_node} is the master's own")
-        if problems:
-            raise ValueError("; ".join(dict.fromkeys(problems)))
-        return self
+    def problems(self, nodes: Collection[int]) -> Iterator[str]:
+        if self.master_node in nodes:
+            yield f"node {self.master_node} is the master's own"

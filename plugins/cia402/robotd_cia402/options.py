@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
 from enum import StrEnum
-from typing import Annotated, Any, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -18,7 +18,7 @@ from pydantic import (
     model_validator,
 )
 
-from robotd.api import DescriptorError, RobotDescriptor
+from robotd.api import BackendOptions, DescriptorError, RobotDescriptor
 
 
 def _from_hexadecimal(value: object) -> object:
@@ -157,15 +157,51 @@ class ModuleOptions(Section):
 Drive = TypeVar("Drive", bound=DriveOptions)
 
 
-def with_axis_defaults(data: Any) -> Any:
-    """Lay each item of ``axes`` over ``axis_defaults``, in a section before it is checked."""
-    if not isinstance(data, dict):
-        return data
-    defaults, axes = data.get("axis_defaults"), data.get("axes")
-    if not isinstance(defaults, dict) or not isinstance(axes, list | tuple):
-        return data
-    merged = [{**defaults, **axis} if isinstance(axis, dict) else axis for axis in axes]
-    return {**data, "axes": merged}
+class FieldbusOptions(BackendOptions):
+    """Base of a fieldbus' section: ``axes`` lie over ``axis_defaults``, and nothing is given twice.
+
+    A subclass has these keys, and ``io``.
+    """
+
+    node_kind: ClassVar[str] = "node"
+    """Key of an item of ``axes`` or ``io`` that names its node."""
+
+    def problems(self, nodes: Collection[int]) -> Iterator[str]:
+        """Yield what else is wrong; ``nodes`` are those of axes and modules."""
+        return iter(())
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_defaults(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            return data
+        defaults, axes = data.get("axis_defaults"), data.get("axes")
+        if not isinstance(defaults, dict) or not isinstance(axes, list | tuple):
+            return data
+        merged = [{**defaults, **axis} if isinstance(axis, dict) else axis for axis in axes]
+        return {**data, "axes": merged}
+
+    @model_validator(mode="after")
+    def _unique(self) -> Self:
+        """Each axis and each part of a node once."""
+        kind, given = self.node_kind, vars(self)
+        drives = [(getattr(axis, kind), axis.axis_offset) for axis in given["axes"]]
+        modules = [getattr(module, kind) for module in given["io"]]
+        taken = {node for node, _ in drives}
+
+        def doubled(values: Sequence[Any]) -> list[Any]:
+            return [value for value, count in Counter(values).items() if count > 1]
+
+        problems = (
+            *(f"axis {n} is given twice" for n in doubled([axis.axis for axis in given["axes"]])),
+            *(f"{kind} {n} is given twice with axis_offset {o}" for n, o in doubled(drives)),
+            *(f"{kind} {node} is given twice" for node in doubled(modules)),
+            *(f"{kind} {node} is given twice" for node in modules if node in taken),
+            *self.problems({*taken, *modules}),
+        )
+        if problems:
+            raise ValueError("; ".join(dict.fromkeys(problems)))
+        return self
 
 
 def with_robot_ramps(drives: Sequence[Drive], robot: RobotDescriptor) -> tuple[Drive, ...]:
@@ -179,30 +215,6 @@ def with_robot_ramps(drives: Sequence[Drive], robot: RobotDescriptor) -> tuple[D
         return drive.model_copy(update={"stop_deceleration_rad_s2": ramp})
 
     return tuple(filled(drive) for drive in drives)
-
-
-def given_twice(
-    kind: str, axes: Sequence[int], drives: Sequence[tuple[int, int]], modules: Sequence[int]
-) -> list[str]:
-    """Name axes, nodes and parts of nodes that occur more than once.
-
-    Args:
-        kind: of the nodes, "slave".
-        axes: axis of each drive.
-        drives: its node and axis offset.
-        modules: nodes of the I/O modules.
-    """
-
-    def doubled(values: Sequence[Any]) -> list[Any]:
-        return [value for value, count in Counter(values).items() if count > 1]
-
-    taken = {node for node, _ in drives}
-    return [
-        *(f"axis {axis} is given twice" for axis in doubled(axes)),
-        *(f"{kind} {n} is given twice with axis_offset {o}" for n, o in doubled(drives)),
-        *(f"{kind} {node} is given twice" for node in doubled(modules)),
-        *(f"{kind} {node} is given twice" for node in modules if node in taken),
-    ]
 
 
 def parse_object(name: str) -> tuple[int, int]:

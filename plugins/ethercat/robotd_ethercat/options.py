@@ -6,14 +6,15 @@ the alias may be written in hexadecimal.
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterator
 from enum import StrEnum
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from robotd.api import BackendOptions
 from robotd_cia402.options import (
     DriveOptions,
+    FieldbusOptions,
     Identity,
     Integer,
     ModuleOptions,
@@ -22,8 +23,6 @@ from robotd_cia402.options import (
     SdoWrite,
     Section,
     VelocityMode,
-    given_twice,
-    with_axis_defaults,
 )
 
 MAX_SLAVES = 199  # of SOEM
@@ -87,8 +86,10 @@ class IoOptions(ModuleOptions, SlaveOptions):
     output_length: int = Field(0, ge=0, le=MAX_IO_BYTES, description="Bytes of outputs.")
 
 
-class EthercatOptions(BackendOptions):
+class EthercatOptions(FieldbusOptions):
     """The section ``backends.ethercat``."""
+
+    node_kind = "slave"
 
     interface: str | None = Field(
         None,
@@ -121,25 +122,11 @@ class EthercatOptions(BackendOptions):
     axis_defaults: dict[str, Any] = Field({}, description="Keys that all axes have in common.")
     io: tuple[IoOptions, ...] = Field((), description="The I/O modules.")
 
-    @model_validator(mode="before")
-    @classmethod
-    def _with_defaults(cls, data: Any) -> Any:
-        """Lay each axis over ``axis_defaults``."""
-        return with_axis_defaults(data)
-
-    @model_validator(mode="after")
-    def _unique(self) -> Self:
-        """Each axis and each part of a slave once."""
-        drives = [(axis.slave, axis.axis_offset) for axis in self.axes]
-        modules = [module.slave for module in self.io]
-        problems = given_twice("slave", [axis.axis for axis in self.axes], drives, modules)
+    def problems(self, nodes: Collection[int]) -> Iterator[str]:
         if self.redundant_interface is not None and self.redundant_interface == self.interface:
-            problems.append(f"redundant_interface is {self.interface!r} as well")
+            yield f"redundant_interface is {self.interface!r} as well"
         if self.redundant_interface is not None and self.clocks is not Clocks.OFF:
-            problems.append(
+            yield (
                 "redundant_interface needs clocks: off: behind a cut cable the time in the frame is"
                 " up to a period old"
             )
-        if problems:
-            raise ValueError("; ".join(dict.fromkeys(problems)))
-        return self

@@ -67,7 +67,7 @@ def test_a_new_goal_takes_over_at_rest_and_a_rejected_one_does_not(tmp_path: Pat
             eventually(lambda: robot.image.position[0] > 0.05)
             with pytest.raises(OperationError, match="joint1"):
                 robot.follower.follow(goal([0.5], 9.0)).__enter__()
-            assert not first.ending
+            assert not first.completion.requested
             with robot.follower.follow(goal([0.5], 0.0)) as second:
                 assert second.wait(5.0)
         assert first.outcome is Outcome.PREEMPTED

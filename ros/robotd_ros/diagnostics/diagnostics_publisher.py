@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from typing import Self
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy._rclpy_pybind11 import RCLError
-from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 
 from robotd.clock import NANOSECONDS, MonotonicClock
@@ -17,6 +15,7 @@ from robotd.robot import Robot
 from robotd_ros.diagnostics.name_clash import NameClash
 from robotd_ros.diagnostics.part_status import Status
 from robotd_ros.diagnostics.robot_health import Health
+from robotd_ros.middleware import NODE_GONE
 from robotd_ros.nodes.operator_node import OperatorNode
 
 log = get_logger("diagnostics")
@@ -89,7 +88,7 @@ class Diagnostics:
             statuses = self._health.statuses()
             self._publish([*statuses, self._clash_status] if self._clash_status else statuses)
             self._failing = False
-        except (InvalidHandle, RCLError):
+        except NODE_GONE:
             self._stop.set()  # the node is gone
         except Exception:
             if not self._failing:

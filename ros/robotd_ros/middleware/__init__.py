@@ -15,6 +15,7 @@ from robotd_ros.middleware.log_files import log_file_arguments
 from robotd_ros.middleware.message_info import with_message_info
 from robotd_ros.middleware.participants import Participant
 from robotd_ros.middleware.rate_limit import RateLimit
+from robotd_ros.middleware.rcl_error import NODE_GONE, RCLError
 from robotd_ros.middleware.release_gil import request_id_of
 from robotd_ros.middleware.service_responses import ServiceResponses
 from robotd_ros.middleware.shared_memory import remove_leftovers
@@ -28,9 +29,11 @@ from robotd_ros.middleware.start_arguments import (
 from robotd_ros.middleware.type_mismatch import TypeMismatchCheck
 
 __all__ = [
+    "NODE_GONE",
     "EventsExecutor",
     "HotPublisher",
     "Participant",
+    "RCLError",
     "RateLimit",
     "ServiceResponses",
     "StampClock",

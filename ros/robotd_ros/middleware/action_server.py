@@ -21,8 +21,8 @@ from typing import Any, Unpack
 
 import numpy as np
 from action_msgs.msg import GoalInfo
-from rclpy._rclpy_pybind11 import GoalEvent, RCLError
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action import server as rclpy_server
 from rclpy.action.server import ServerGoalHandle
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -33,12 +33,14 @@ from robotd.clock import NANOSECONDS
 from robotd.log import get_logger
 from robotd_ros.middleware.goal_requests import GoalRequest, GoalRequests
 from robotd_ros.middleware.plain_action_server import GoalCallbacks, PlainActionServer
+from robotd_ros.middleware.rcl_error import RCLError
 from robotd_ros.middleware.release_gil import LayoutError, RequestId
 from robotd_ros.middleware.stamp_clock import StampClock
 from robotd_ros.qos import SERVICE
 
 log = get_logger("ros")
 
+GoalEvent: Any = getattr(rclpy_server, "GoalEvent", None)  # see ``_INTERNALS``
 
 # Real time for which a result can be asked for, with its goal in memory: the default of rcl.
 # rclpy's own, 15 min, is 150 MB when goals of 1000 points come one a second.
@@ -51,7 +53,7 @@ _INTERNALS = (
     (ActionServer, "take_data", "_is_goal_request_ready"),
     (ActionServer, "execute", "_execute_goal_request _execute_cancel_request"),
     (ActionServer, "_execute_goal_request", "_goal_callback _handle_accepted_callback"),
-    (ActionServer, "_execute_cancel_request", "_cancel_callback process_cancel_request"),
+    (ActionServer, "_execute_cancel_request", "_cancel_callback process_cancel_request GoalEvent"),
     (ServerGoalHandle, "__init__", "_goal_handle _action_server _goal_request _lock"),
     (ServerGoalHandle, "_update_state", "update_goal_state publish_status"),
 )
@@ -129,7 +131,15 @@ class WorkerActionServer(ActionServer):
             self._is_goal_request_ready = False
             with self._lock:
                 request = self._requests.take(self._handle)
-            accepted = request and self._answered(request)
+            if request is not None:
+                now_ns = self._clock.now_ns()
+                accepted = self._accepted(request, now_ns)
+                stamp_ns = None if accepted is None else now_ns
+                try:
+                    self._requests.answer(self._handle, request, stamp_ns)
+                except RCLError as error:
+                    log.warning("goal not answered: its client has gone", reason=str(error))
+                    accepted = None
         data = super().take_data() or {}
         if accepted is not None:
             data["goal"] = accepted
@@ -140,20 +150,6 @@ class WorkerActionServer(ActionServer):
         self._handle.publish_status()
         goal._update_state(GoalEvent.EXECUTE)  # noqa: SLF001 - execute() would do it at the end
         self._handle_accepted_callback(goal)
-
-    def _answered(self, request: GoalRequest) -> ServerGoalHandle | None:
-        """Answer a goal; return its handle, None where it is not carried out.
-
-        It is rejected, or its client has gone.
-        """
-        now_ns = self._clock.now_ns()
-        goal = self._accepted(request, now_ns)
-        try:
-            self._requests.answer(self._handle, request, None if goal is None else now_ns)
-        except RCLError as error:
-            log.warning("goal not answered: its client has gone", reason=str(error))
-            return None
-        return goal
 
     def _accepted(self, request: GoalRequest, now_ns: int) -> ServerGoalHandle | None:
         """Return the handle of a goal that is accepted, else None."""

@@ -20,9 +20,7 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from rclpy._rclpy_pybind11 import RCLError
 from rclpy.event_handler import PublisherEventCallbacks, UnsupportedEventTypeError
-from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.serialization import serialize_message
@@ -30,6 +28,7 @@ from rclpy.serialization import serialize_message
 from robotd.clock import NANOSECONDS
 from robotd.log import get_logger
 from robotd_ros.middleware.message_fields import MessageEncoder, MessageField, time_paths
+from robotd_ros.middleware.rcl_error import NODE_GONE
 
 log = get_logger("ros")
 
@@ -215,7 +214,7 @@ class HotPublisher:
             copy()
         try:
             self._publisher.publish(self._message.payload())
-        except (InvalidHandle, RCLError) as error:
+        except NODE_GONE as error:
             # The control loop outlives ROS by a period or two at shut-down: one warning.
             if not self._lost:
                 self._lost = True

@@ -14,9 +14,8 @@ import ctypes
 from functools import cached_property
 from typing import Any
 
-from rclpy._rclpy_pybind11 import RCLError
-
 from robotd.clock import NANOSECONDS
+from robotd_ros.middleware.rcl_error import RCLError
 from robotd_ros.middleware.release_gil import MessageFunctions, RequestId, c_function, last_error
 
 _OK, _TAKE_FAILED = 0, 2201  # rcl_action/types.h

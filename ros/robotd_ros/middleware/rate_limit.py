@@ -20,7 +20,7 @@ QUIET_S = 1.0
 
 
 class RateLimit:
-    """``share`` of the time, and ``IN_HAND_S`` saved for what comes at once. One thread.
+    """``share`` of the time, and ``BURST_S`` of it saved for what comes at once. One thread.
 
     Attributes:
         is_news: whether the last rejection was the first for ``QUIET_S``.

@@ -20,12 +20,11 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import rclpy
-from rclpy._rclpy_pybind11 import RCLError
-from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.service import Service
 
 from robotd.log import get_logger
+from robotd_ros.middleware.rcl_error import NODE_GONE
 from robotd_ros.middleware.release_gil import (
     LayoutError,
     RequestId,
@@ -125,7 +124,7 @@ class ServiceResponses:
                 failure = ""
             else:
                 failure = self._send_unlocked(waiting.response, waiting.request)
-        except (InvalidHandle, RCLError) as error:
+        except NODE_GONE as error:
             failure = str(error)
         if not failure:
             self._remember(waiting.reader)
@@ -151,7 +150,7 @@ class ServiceResponses:
         topic = f"rr{self._name}Reply"
         try:
             found = self._node.get_subscriptions_info_by_topic(topic, no_mangle=True)
-        except (InvalidHandle, RCLError):
+        except NODE_GONE:
             return None
         return {bytes(each.endpoint_gid) for each in found}
 

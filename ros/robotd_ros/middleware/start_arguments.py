@@ -17,6 +17,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -104,7 +105,7 @@ def check_overrides(
         for name in overrides_of(node):
             if name in accepted or name.startswith(_ROS_PREFIX):
                 continue
-            hint = did_you_mean(name, [*node._parameters])  # noqa: SLF001 - rclpy shows no list
+            hint = did_you_mean(name, [*node.get_parameters_by_prefix("")])
             error = DescriptorError(
                 f"the node has no such parameter{hint}", key=f"{node.get_name()}.{name}"
             )
@@ -118,9 +119,19 @@ def check_overrides(
 
 
 def overrides_of(node: Node) -> Mapping[str, Any]:
-    """Parameters that the command line and files give a node, by name; rclpy hides them."""
-    overrides: Mapping[str, Any] = node._parameter_overrides  # noqa: SLF001
-    return overrides
+    """Return the parameters that the command line and files give a node, by name.
+
+    rclpy hides them. Where it has another place for them there are none, which is logged once:
+    unknown parameters are ignored then, as by other nodes, and errors name no value.
+    """
+    overrides: Mapping[str, Any] | None = getattr(node, "_parameter_overrides", None)
+    return _hidden_overrides() if overrides is None else overrides
+
+
+@cache
+def _hidden_overrides() -> Mapping[str, Any]:
+    log.warning("unknown parameters are ignored by plain rclpy: it has other internals")
+    return {}
 
 
 def remapped_action(node: Node, name: str) -> str:

@@ -13,7 +13,7 @@ from robotd.clock import Clock
 from robotd.control.joint_group import JointGroup
 from robotd.device.process_image import ProcessImage, columns
 from robotd.robot import Robot
-from robotd_ros.middleware import HotPublisher, StampClock
+from robotd_ros.nodes.hot_topics import HotTopics
 from robotd_ros.nodes.trajectory_conversions import clock_time_ns, stamp_ns
 
 DEPTH = 10
@@ -21,33 +21,22 @@ SPEED = "speed_scaling_factor"
 POINTS = ("reference", "output", "feedback", "error")
 
 
-class ControllerStateTopic:
-    """Publishes commanded and measured motion of a joint group while there are subscribers.
-
-    ``publish`` belongs to the control loop.
-
-    Attributes:
-        topic: its resolved name.
-    """
+class ControllerStateTopic(HotTopics):
+    """Commanded and measured motion of a joint group."""
 
     def __init__(self, node: Node, robot: Robot, group: JointGroup, topic: str) -> None:
+        super().__init__(node, robot)
         rest = [0.0] * len(group.joint_names)
         template = JointTrajectoryControllerState(joint_names=list(group.joint_names))
         for name in POINTS:
             setattr(template, name, JointTrajectoryPoint(positions=rest, velocities=rest))
         paths = [f"{name}.{field}" for name in POINTS for field in ("positions", "velocities")]
-        self._message = HotPublisher(node, topic, DEPTH, template, [*paths, SPEED])
-        self.topic = self._message.topic
-        self._views = {path: self._message.view(path) for path in paths}
-        self._speed, self._follower = self._message.view(SPEED), group.follower
-        self._connection, self._control_loop = robot.connection, robot.control_loop
-        self._clock = StampClock(node.get_clock())
+        message = self.add(topic, DEPTH, template, [*paths, SPEED])
+        self._views = {path: message.view(path) for path in paths}
+        self._speed, self._follower = message.view(SPEED), group.follower
         self._columns = columns(group.joint_axes)
 
-    def publish(self, image: ProcessImage) -> None:
-        """Publish the present period."""
-        if not self._connection.ready or not self._message.has_readers:
-            return
+    def fill(self, image: ProcessImage) -> bool:
         commanded, measured = image.commands[:, self._columns], image.measured[:2, self._columns]
         for row, field in enumerate(("positions", "velocities")):
             self._views[f"reference.{field}"][:] = commanded[row]
@@ -55,8 +44,7 @@ class ControllerStateTopic:
             self._views[f"feedback.{field}"][:] = measured[row]
             self._views[f"error.{field}"][:] = commanded[row] - measured[row]
         self._speed[:] = self._follower.rate
-        self._message.stamp(self._clock.at_ns(self._control_loop.started_ns))
-        self._message.publish()
+        return True
 
 
 class TrajectoryQuery:

@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from typing import Any
 
 from control_msgs.action import GripperCommand, ParallelGripperCommand
-from rclpy.action import CancelResponse, GoalResponse
 from rclpy.node import Node
 
+from robotd.control.completion import Outcome
 from robotd.device.gripper import Gripper, GripperState
-from robotd.errors import DescriptorError, InvalidArgument, RobotdError
+from robotd.errors import DescriptorError, InvalidArgument
 from robotd.log import get_logger
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
-from robotd_ros.middleware import worker_action_server
 from robotd_ros.nodes.command_settings import read_gripper_controller
 from robotd_ros.nodes.node_parameters import read_settings
+from robotd_ros.worker_action import WorkerAction
 
 log = get_logger("gripper")
 
 NAME = "gripper_controller"
-MAX_ACTIVE_GOALS = 8
 
 
 class GripperController(Node):
@@ -46,8 +46,8 @@ class GripperController(Node):
         ]
 
 
-class GripperAction:
-    """One action of the gripper; each goal runs in a worker until standstill.
+class GripperAction(WorkerAction):
+    """One action of the gripper; each goal runs until standstill.
 
     Args:
         node: its owner.
@@ -69,67 +69,18 @@ class GripperAction:
         wanted: Callable[[Any, Gripper], float],
         fill: Callable[[Any, Gripper, GripperState], None],
     ) -> None:
-        self._host, self._gripper, self._type = host, gripper, action_type
-        self._wanted, self._fill = wanted, fill
-        self._live = 0  # goals that have not ended; executor thread
-        self._server = worker_action_server(
-            node,
-            action_type,
-            name,
-            admit=self._admit,
-            accepted=self._accepted,
-            cancel=lambda goal: CancelResponse.ACCEPT,
-        )
+        self._gripper, self._wanted, self._fill = gripper, wanted, fill
+        super().__init__(node, host, action_type, name, log)
 
-    def _admit(self, request: Any) -> GoalResponse:
+    def check(self, request: Any) -> None:
         with self._host.callback_guard():
-            try:
-                if self._live >= MAX_ACTIVE_GOALS:
-                    raise InvalidArgument(f"{MAX_ACTIVE_GOALS} goals have not ended yet")
-                self._wanted(request.goal, self._gripper)
-            except RobotdError as error:
-                log.warning("goal rejected", reason=str(error))
-                return GoalResponse.REJECT
-            return GoalResponse.ACCEPT
+            self._wanted(request.goal, self._gripper)
 
-    def _accepted(self, goal: Any) -> None:
-        """Executor thread: hand the goal to a worker."""
-        self._live += 1
-        try:
-            self._host.submit(self._run, goal)
-        except RobotdError as error:
-            self._end(goal, None, str(error))
-
-    def _run(self, goal: Any) -> None:
-        """Worker: move, and let the executor thread end the goal."""
-        try:
-            target = self._wanted(goal.request, self._gripper)
-            state = self._gripper.move(target, lambda: bool(goal.is_cancel_requested))
-        except RobotdError as error:
-            self._end(goal, None, str(error))
-        except Exception as error:
-            log.exception("gripper goal failed")
-            self._end(goal, None, f"internal error: {error}")
-        else:
-            self._end(goal, state, "")
-
-    def _end(self, goal: Any, state: GripperState | None, reason: str) -> None:
-        self._server.notify_execute(goal, lambda goal: self._finish(goal, state, reason))
-
-    def _finish(self, goal: Any, state: GripperState | None, reason: str) -> Any:
-        """Executor thread."""
-        self._live -= 1
-        result = self._type.Result()
-        if state is not None:
-            self._fill(result, self._gripper, state)
-        if goal.is_cancel_requested and state is not None and not state.at_rest:
-            goal.canceled()
-        elif state is None or not state.at_rest:
-            goal.abort()
-        else:
-            goal.succeed()
-        log.info("gripper goal ended", reason=reason or str(state))
-        return result
+    def execute(self, goal: Any, result: Any, after: ExitStack) -> tuple[Outcome, str]:
+        target = self._wanted(goal.request, self._gripper)
+        state = self._gripper.move(target, lambda: bool(goal.is_cancel_requested))
+        self._fill(result, self._gripper, state)
+        return Outcome.SUCCEEDED if state.at_rest else Outcome.CANCELED, str(state)
 
 
 def _wanted(request: Any, gripper: Gripper) -> float:

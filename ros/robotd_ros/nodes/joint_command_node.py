@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -14,6 +14,7 @@ from std_msgs.msg import Float64MultiArray
 from robotd.control.joint_group import JointGroup
 from robotd.control.joint_motion import OWNER
 from robotd.control.joint_stream import JointCommands
+from robotd.control.open_stream import StreamClient
 from robotd.control.stream_setpoints import StreamCommand
 from robotd.control.torque_stream import TorqueCommand, TorqueCommands
 from robotd.errors import DescriptorError, InvalidArgument, unknown_name
@@ -58,40 +59,26 @@ class JointCommandNode(Node):
             client = group.stream.client(OWNER, self._timeout_s, topics.trajectory)
             stream = TopicStream(client, host, topics.trajectory)
             TrajectoryTopic(self, robot, group, host, topics.trajectory, stream, self._timeout_s)
-        for topic, message_type, command in (
-            (topics.position, Float64MultiArray, _positions),
-            (topics.velocity, Float64MultiArray, _velocities),
-            (topics.jog, JointJog, _jog),
+        command: Callable[..., Any]
+        for topic, message_type, streams, command in (
+            (topics.position, Float64MultiArray, group.stream, _positions),
+            (topics.velocity, Float64MultiArray, group.stream, _velocities),
+            (topics.jog, JointJog, group.stream, _jog),
+            (topics.effort, Float64MultiArray, group.torque_stream, _efforts),
         ):
             if topic:
-                streams = TopicStream(group.stream.client(topic, self._timeout_s), host, topic)
-                self._forward(topic, message_type, streams, command)
-        if topics.effort:
-            torques = group.torque_stream.client(topics.effort, self._timeout_s)
-            efforts = TopicStream(torques, host, topics.effort)
-            self._forward(topics.effort, Float64MultiArray, efforts, _efforts)
+                opened: StreamClient[Any] = streams.client(topic, self._timeout_s)
+                apply = partial(TopicStream(opened, host, topic).apply, command)
+                add_command_subscription(
+                    self, host, robot, message_type, topic, apply, STREAM, self._timeout_s
+                )
         if topics.state:
             publisher = ControllerStateTopic(self, robot, group, topics.state)
             robot.control_loop.every(self._state_rate_hz, "controller state", publisher.publish)
-            self.rates_hz[publisher.topic] = float(self._state_rate_hz)
+            self.rates_hz |= dict.fromkeys(publisher.topics, float(self._state_rate_hz))
         if topics.query:
             answer = TrajectoryQuery(self, group, robot.clock).answer
             add_service(self, host, QueryTrajectoryState, topics.query, answer, blocking=False)
-
-    def _forward(
-        self, topic: str, message_type: Any, stream: TopicStream[Any], command: Any
-    ) -> None:
-        """Let every message of ``topic`` command ``stream``."""
-        add_command_subscription(
-            self,
-            self._host,
-            self._robot,
-            message_type,
-            topic,
-            partial(stream.apply, command),
-            STREAM,
-            self._timeout_s,
-        )
 
 
 def joint_values(

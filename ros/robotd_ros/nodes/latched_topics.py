@@ -6,15 +6,14 @@ import threading
 from contextlib import suppress
 from typing import Any
 
-from rclpy._rclpy_pybind11 import RCLError
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from std_msgs.msg import Bool, String
 
 from robotd.device.connection import Connection
+from robotd_ros.middleware import NODE_GONE
 from robotd_ros.qos import LATCHED
 
 PERIOD_S = 1.0
@@ -40,7 +39,7 @@ class ReadyTopic:
 
 def publish_if_alive(publisher: Publisher, message: Any) -> None:
     """Publish, unless the node is gone; the robot outlives it where a program has both."""
-    with suppress(InvalidHandle, RCLError):
+    with suppress(*NODE_GONE):
         publisher.publish(message)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from rclpy.node import Node
@@ -14,8 +13,8 @@ from robotd.arrays import FloatArray
 from robotd.device.process_image import ProcessImage, columns
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
-from robotd_ros.middleware import HotPublisher, StampClock
 from robotd_ros.nodes.arm_settings import ManipulatorStateSettings, read_manipulator_state
+from robotd_ros.nodes.hot_topics import HotTopics
 from robotd_ros.nodes.latched_topics import publish_description
 from robotd_ros.nodes.node_parameters import read_settings
 
@@ -45,83 +44,49 @@ class ManipulatorState(Node):
         self.rates_hz = dict.fromkeys(topics.topics, float(settings.rate_hz))
 
 
-class JointStateTopics:
-    """Joint states in up to three types of message; ``publish`` belongs to the control loop.
-
-    Nothing is published without subscribers, nor while the engine is not ready: old values
-    must not look current.
-
-    Attributes:
-        topics: their resolved names.
-    """
+class JointStateTopics(HotTopics):
+    """Joint states in up to three types of message."""
 
     def __init__(self, node: Node, robot: Robot, settings: ManipulatorStateSettings) -> None:
-        self.topics: list[str] = []
-        self._node = node
-        self._connection, self._control_loop = robot.connection, robot.control_loop
+        super().__init__(node, robot)
         self._slow = robot.axes.feedback_period_s > 0.0  # stamps are those of the values
-        self._clock = StampClock(node.get_clock())
         self._joints = len(robot.joint_axes)
-        self._names = list(settings.names)
         self._gripper = robot.gripper
         self._finger_m = 0.0
-        self._all: list[tuple[HotPublisher, bool]] = []  # and whether it is stamped
         self._positions: list[FloatArray] = []  # of each message
         self._index = columns(robot.joint_axes)
         self._measured: FloatArray = robot.image.measured[:, self._index]
         self._is_gathered = not isinstance(self._index, slice)  # the axes are not side by side
         if self._is_gathered:
             self._measured = np.ascontiguousarray(self._measured)
-        # Effort in N·m, NaN where it is not known; none for a reader that takes it as a command.
-        self._add_joint_state(settings.joint_states, ("position", "velocity", "effort"), True)
-        if settings.unstamped:
-            self._add_joint_state(settings.unstamped, ("position", "velocity"), False)
-        if settings.positions:
-            template = Float64MultiArray(data=[0.0] * len(self._names))
-            self._add(settings.positions, template, ("data",), False)
+        names, rest = list(settings.names), [0.0] * len(settings.names)
+        full = JointState(name=names, position=rest, velocity=rest)
+        full.effort = [math.nan] * len(names)  # N·m; nothing measures the fingers' force
+        # Without effort, for a reader that takes it as a command.
+        bare = JointState(name=names, position=rest, velocity=rest)
+        for topic, template, fields in (
+            (settings.joint_states, full, ("position", "velocity", "effort")),
+            (settings.unstamped, bare, ("position", "velocity")),
+            (settings.positions, Float64MultiArray(data=rest), ("data",)),
+        ):
+            if topic:
+                sources = dict(zip(fields, self._measured, strict=False))
+                stamped = template is full
+                message = self.add(topic, DEPTH, template, sources=sources, stamped=stamped)
+                self._positions.append(message.view(fields[0]))
 
-    def publish(self, image: ProcessImage) -> None:
-        """Publish the image of the present period, stamped with the start of the period."""
-        if not self._connection.ready:
-            return
-        wanted = [each for each in self._all if each[0].has_readers]
-        if not wanted:
-            return
+    def fill(self, image: ProcessImage) -> bool:
+        if self._slow:
+            self.age_ns = max(0, image.stamp_ns - image.fresh_ns)
         if self._is_gathered:
             self._measured[:] = image.measured[:, self._index]
-        self._move_fingers()
-        stamp_ns = self._clock.at_ns(self._control_loop.started_ns)
-        if self._slow:
-            stamp_ns -= max(0, image.stamp_ns - image.fresh_ns)
-        for message, is_stamped in wanted:
-            if is_stamped:
-                message.stamp(stamp_ns)
-            message.publish()
-
-    def _move_fingers(self) -> None:
         gripper = self._gripper
         if gripper is not None and gripper.is_measured:
             fingers = gripper.finger_positions
             for positions in self._positions:
                 positions[self._joints :] = fingers
-            return
-        if gripper is None or (position_m := gripper.position_m) == self._finger_m:
-            return
-        self._finger_m = position_m
-        for positions in self._positions:
-            np.multiply(gripper.multipliers, position_m, positions[self._joints :])
-
-    def _add_joint_state(self, topic: str, fields: tuple[str, ...], stamped: bool) -> None:
-        rest = [0.0] * len(self._names)
-        template = JointState(name=self._names, position=rest, velocity=rest)
-        if "effort" in fields:
-            template.effort = [math.nan] * len(rest)  # nothing measures the fingers' force
-        self._add(topic, template, fields, stamped)
-
-    def _add(self, topic: str, template: Any, fields: tuple[str, ...], stamped: bool) -> None:
-        """``fields`` are the first of position, velocity and effort."""
-        sources = dict(zip(fields, self._measured, strict=False))
-        message = HotPublisher(self._node, topic, DEPTH, template, sources=sources)
-        self.topics.append(message.topic)
-        self._positions.append(message.view(fields[0]))
-        self._all.append((message, stamped))
+        elif gripper is not None and (position_m := gripper.position_m) != self._finger_m:
+            self._finger_m = position_m
+            for positions in self._positions:
+                np.multiply(gripper.multipliers, position_m, positions[self._joints :])
+        return True

@@ -54,7 +54,8 @@ class Parameters(ParameterReader):
         try:
             return self._node.declare_parameter(name, default, descriptor).value
         except ParameterException as error:
-            raise WrongType(overrides_of(self._node)[name].value) from error
+            given = overrides_of(self._node).get(name)
+            raise WrongType("the given value" if given is None else given.value) from error
 
     def _own_description(self) -> str:
         """Return the robot's URDF. Raises DescriptorError where it cannot be read."""

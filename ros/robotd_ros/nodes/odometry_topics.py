@@ -16,8 +16,8 @@ from robotd.arrays import FloatArray
 from robotd.control.mobile_base import MobileBase
 from robotd.device.process_image import ProcessImage
 from robotd.robot import Robot
-from robotd_ros.middleware import HotPublisher, StampClock
 from robotd_ros.nodes.base_settings import BaseSettings
+from robotd_ros.nodes.hot_topics import HotTopics
 
 DEPTH = 10
 TF_DEPTH = 100
@@ -27,52 +27,32 @@ _TRANSFORM = ("translation.x", "translation.y", "rotation.z", "rotation.w")
 _TWIST = ("linear.x", "angular.z", "linear.y")  # in the order of ``PlanarTwist``
 
 
-class OdometryTopics:
-    """Made in any thread; ``publish`` belongs to the control loop.
-
-    Nothing is published without subscribers, nor while the engine is not ready: old values
-    must not look current.
-
-    Attributes:
-        topics: resolved names of all that is published.
-    """
+class OdometryTopics(HotTopics):
+    """Odometry, its transform, the limited command and the speeds of the wheels."""
 
     def __init__(self, node: Node, robot: Robot, base: MobileBase, settings: BaseSettings) -> None:
+        super().__init__(node, robot)
         self._base = base
-        self._connection, self._control_loop = robot.connection, robot.control_loop
-        self._clock = StampClock(node.get_clock())
         self._axes = list(robot.wheel_axes)
-        speeds = Float64MultiArray(data=[0.0] * len(self._axes))
-        self._omega = HotPublisher(node, settings.wheel_speeds, DEPTH, speeds, ["data"])
-        self.topics = [self._omega.topic]
-        self._wheels = self._omega.view("data")
-        self._stamped: list[HotPublisher] = []
         paths = [f"pose.pose.{name}" for name in _POSE] + [f"twist.twist.{name}" for name in _TWIST]
-        views = self._add(node, settings.odometry, DEPTH, _odometry(settings), paths)
+        views = self._add(settings.odometry, DEPTH, _odometry(settings), paths)
         self._poses, self._twists = [views[: len(_POSE)]], [views[len(_POSE) :]]
         if settings.transform:
             paths = [f"transforms.0.transform.{name}" for name in _TRANSFORM]
-            views = self._add(node, settings.transform, TF_DEPTH, _transform(settings), paths)
-            self._poses.append(views)
+            self._poses.append(self._add(settings.transform, TF_DEPTH, _transform(settings), paths))
         if settings.limited:
             paths = [f"twist.{name}" for name in _TWIST]
-            views = self._add(node, settings.limited, DEPTH, _limited(settings), paths)
-            self._twists.append(views)
+            self._twists.append(self._add(settings.limited, DEPTH, _limited(settings), paths))
+        speeds = Float64MultiArray(data=[0.0] * len(self._axes))
+        message = self.add(settings.wheel_speeds, DEPTH, speeds, ["data"], stamped=False)
+        self._wheels = message.view("data")
 
-    def _add(
-        self, node: Node, topic: str, depth: int, message: Any, paths: Sequence[str]
-    ) -> list[FloatArray]:
-        """Add a topic with a stamp; return the views of the message's values at ``paths``."""
-        hot = HotPublisher(node, topic, depth, message, paths)
-        self.topics.append(hot.topic)
-        self._stamped.append(hot)
-        return [hot.view(path) for path in paths]
+    def _add(self, topic: str, depth: int, template: Any, paths: Sequence[str]) -> list[FloatArray]:
+        """Add a topic; return the views of the message's values at ``paths``."""
+        message = self.add(topic, depth, template, paths)
+        return [message.view(path) for path in paths]
 
-    def publish(self, image: ProcessImage) -> None:
-        stamped = [message for message in self._stamped if message.has_readers]
-        wheels_are_read = self._omega.has_readers
-        if not self._connection.ready or not (stamped or wheels_are_read):
-            return
+    def fill(self, image: ProcessImage) -> bool:
         self._wheels[:] = image.velocity[self._axes]
         pose = self._base.pose
         half = pose.heading / 2
@@ -85,12 +65,7 @@ class OdometryTopics:
         for views, twist in zip(self._twists, twists, strict=False):
             for view, value in zip(views, twist, strict=True):
                 view[0] = value
-        stamp_ns = self._clock.at_ns(self._control_loop.started_ns)
-        for message in stamped:
-            message.stamp(stamp_ns)
-            message.publish()
-        if wheels_are_read:
-            self._omega.publish()
+        return True
 
 
 def _odometry(settings: BaseSettings) -> Odometry:

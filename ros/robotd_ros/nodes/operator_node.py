@@ -11,7 +11,6 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from std_msgs.msg import Empty, Float64, String
 from std_srvs.srv import Trigger
 
@@ -55,7 +54,7 @@ class OperatorNode(Node):
         self._robot = robot
         self._recovery_lock = threading.Lock()
         self._recovery_lines: list[str] = []
-        self._shown: dict[Publisher, str] = {}
+        self._owners: str | None = None  # not published yet
         self._stopped_topic = self.create_publisher(String, "~/stopped", LATCHED)
         self._speed_topic = self.create_publisher(Float64, "~/speed", LATCHED)
         self._recovery_topic = self.create_publisher(String, "~/recovery", LATCHED)
@@ -144,8 +143,10 @@ class OperatorNode(Node):
         """Publish the owners where they have changed. Control loop."""
         axes = self._robot.axes
         owners = zip(axes.names, map(axes.owner, range(len(axes))), strict=True)
-        lines = [f"{name}: {owner}" for name, owner in owners if owner]
-        self._publish_change(self._owners_topic, "\n".join(lines))
+        text = "\n".join(f"{name}: {owner}" for name, owner in owners if owner)
+        if text != self._owners:
+            self._owners = text
+            publish_if_alive(self._owners_topic, String(data=text))
 
     def publish_problems(self, problems: list[Problem]) -> None:
         """Publish what keeps axes from moving where it has changed. One thread."""
@@ -162,8 +163,3 @@ class OperatorNode(Node):
             level=DiagnosticStatus.WARN, name=topic, message=reason, values=values
         )
         publish_if_alive(self._rejections_topic, rejection)
-
-    def _publish_change(self, topic: Publisher, text: str) -> None:
-        if text != self._shown.get(topic):
-            self._shown[topic] = text
-            publish_if_alive(topic, String(data=text))

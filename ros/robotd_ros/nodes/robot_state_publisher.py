@@ -16,9 +16,9 @@ from robotd.device.process_image import ProcessImage
 from robotd.log import get_logger
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
-from robotd_ros.middleware import HotPublisher, StampClock
 from robotd_ros.nodes.base_settings import TF_TOPIC
 from robotd_ros.nodes.device_settings import read_state_publisher
+from robotd_ros.nodes.hot_topics import HotTopics
 from robotd_ros.nodes.latched_topics import publish_description
 from robotd_ros.nodes.node_parameters import read_settings
 from robotd_ros.nodes.odometry_topics import TF_DEPTH
@@ -56,7 +56,7 @@ class RobotStatePublisher(Node):
         if frames.moving:
             moving = _MovingTopic(self, robot, frames, known, settings.prefix)
             robot.control_loop.every(settings.rate_hz, "transforms", moving.publish)
-            self.rates_hz[moving.topic] = settings.rate_hz
+            self.rates_hz = dict.fromkeys(moving.topics, settings.rate_hz)
 
     def _static(self, frames: JointFrames, prefix: str) -> TFMessage:
         message = TFMessage(transforms=_templates(frames.still, prefix))
@@ -94,15 +94,8 @@ class _KnownJoints:
         return np.concatenate([measured, fingers])
 
 
-class _MovingTopic:
-    """Transforms of moving joints; ``publish`` belongs to the control loop.
-
-    Nothing is published without subscribers, while the engine is not ready or a position is not
-    known.
-
-    Attributes:
-        topic: its resolved name.
-    """
+class _MovingTopic(HotTopics):
+    """Transforms of moving joints, while all positions are known."""
 
     def __init__(
         self,
@@ -112,25 +105,20 @@ class _MovingTopic:
         known: _KnownJoints,
         prefix: str,
     ) -> None:
-        self._connection, self._frames, self._known = robot.connection, frames, known
-        self._control_loop = robot.control_loop
-        self._clock = StampClock(node.get_clock())
+        super().__init__(node, robot)
+        self._frames, self._known = frames, known
         template = TFMessage(transforms=_templates(frames.moving, prefix))
         paths = [f"transforms.{index}.transform" for index in range(len(frames.moving))]
-        self._message = HotPublisher(node, TF_TOPIC, TF_DEPTH, template, paths)
-        self.topic = self._message.topic
-        self._views = [self._message.view(path) for path in paths]
+        message = self.add(TF_TOPIC, TF_DEPTH, template, paths)
+        self._views = [message.view(path) for path in paths]
 
-    def publish(self, image: ProcessImage) -> None:
-        if not self._connection.ready or not self._message.has_readers:
-            return
+    def fill(self, image: ProcessImage) -> bool:
         positions = self._known.positions(image)
         if not np.isfinite(positions).all():
-            return
+            return False
         for view, numbers in zip(self._views, self._frames.transforms(positions), strict=True):
             view[:] = numbers
-        self._message.stamp(self._clock.at_ns(self._control_loop.started_ns))
-        self._message.publish()
+        return True
 
 
 def _templates(joints: Iterable[UrdfJoint], prefix: str) -> Sequence[TransformStamped]:

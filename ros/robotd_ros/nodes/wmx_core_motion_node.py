@@ -14,16 +14,15 @@ from wmx_ros2_message.msg import AxisPose, AxisState, AxisVelocity
 from wmx_ros2_message.srv import GetWmxParams, LoadWmxParams, SetAxis, SetAxisGearRatio
 
 from robotd.device.axes import each
-from robotd.device.process_image import ProcessImage
 from robotd.errors import InvalidArgument
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
-from robotd_ros.middleware import HotPublisher, StampClock
 from robotd_ros.nodes import axis_conversions
 from robotd_ros.nodes.axis_jog import AxisJog
 from robotd_ros.nodes.axis_motion import POSITION, RELATIVE, VELOCITY, AxisMotion
 from robotd_ros.nodes.command_subscription import add_command_subscription
 from robotd_ros.nodes.device_settings import read_core_motion
+from robotd_ros.nodes.hot_topics import HotTopics
 from robotd_ros.nodes.latched_topics import PERIOD_S, ReadyTopic
 from robotd_ros.nodes.node_parameters import read_settings
 from robotd_ros.nodes.rejection_log import RejectionLog
@@ -84,10 +83,14 @@ class WmxCoreMotionNode(Node):
             handler = self._execute_or_log(topic, command)
             add_command_subscription(self, host, robot, message_type, topic, handler, qos, limit_s)
         add_service(self, host, SetAxis, "wmx/axis/stop", self._stop, urgent=True)
-        state = AxisStateTopic(self, robot, prefix)
+        state = HotTopics(self, robot)
+        arrays = {field: getattr(robot.image, name) for field, name in FIELDS.items()}
+        zeros = {field: np.zeros_like(array).tolist() for field, array in arrays.items()}
+        template = AxisState(header=Header(frame_id=prefix + FRAME), **zeros)
+        topic = state.add(STATE, DEPTH, template, sources=arrays).topic
         rate_hz = min(RATE_HZ, robot.descriptor.cycle.rate_hz)
         robot.control_loop.every(rate_hz, "axis state", state.publish)
-        self.rates_hz = {state.topic: rate_hz, self.resolve_topic_name(READY): 1 / PERIOD_S}
+        self.rates_hz = {topic: rate_hz, self.resolve_topic_name(READY): 1 / PERIOD_S}
         self._ready = ReadyTopic(self, robot.connection, READY)
 
     def _add_axis_services(self, host: RosHost) -> None:
@@ -185,32 +188,3 @@ class WmxCoreMotionNode(Node):
 def _velocity_timeout_s(message: Any) -> float:
     """Return the age at which a velocity is dropped: never where it stops its axes."""
     return COMMAND_TIMEOUT_S if any(message.velocity) else math.inf
-
-
-class AxisStateTopic:
-    """State of all axes; ``publish`` belongs to the control loop.
-
-    Nothing is published without subscribers, nor while the engine is not ready: old values
-    must not look current.
-
-    Args:
-        prefix: put before the name of the frame.
-
-    Attributes:
-        topic: its resolved name.
-    """
-
-    def __init__(self, node: Node, robot: Robot, prefix: str) -> None:
-        arrays = {field: getattr(robot.image, name) for field, name in FIELDS.items()}
-        zeros = {field: np.zeros_like(array).tolist() for field, array in arrays.items()}
-        template = AxisState(header=Header(frame_id=prefix + FRAME), **zeros)
-        self._connection, self._control_loop = robot.connection, robot.control_loop
-        self._clock = StampClock(node.get_clock())
-        self._message = HotPublisher(node, STATE, DEPTH, template, sources=arrays)
-        self.topic = self._message.topic
-
-    def publish(self, image: ProcessImage) -> None:
-        if not self._connection.ready or not self._message.has_readers:
-            return
-        self._message.stamp(self._clock.at_ns(self._control_loop.started_ns))
-        self._message.publish()

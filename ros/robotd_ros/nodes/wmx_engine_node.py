@@ -38,9 +38,9 @@ class WmxEngineNode(Node):
         for service_type, name, handler, blocking in (
             (SetEngine, "set_device", self._set_device, True),
             (SetBool, "set_comm", self._set_communication, True),
-            (Trigger, "get_status", self._get_status, False),
+            (Trigger, "get_status", lambda *_: robot.connection.state.value, False),
             (Trigger, "get_fault", self._get_fault, True),
-            (Trigger, "scan_network", self._scan_network, True),
+            (Trigger, "scan_network", lambda *_: robot.connection.scan_network(), True),
         ):
             add_service(self, host, service_type, f"wmx/engine/{name}", handler, blocking=blocking)
         self._ready = ReadyTopic(self, robot.connection, READY)
@@ -67,9 +67,6 @@ class WmxEngineNode(Node):
             what = "a lifecycle manager starts and stops this robot"
             raise NotReady(f"{what}: use {self.get_fully_qualified_name()}/change_state")
 
-    def _get_status(self, request: Any, response: Any) -> str:
-        return self._connection.state.value
-
     def _get_fault(self, request: Any, response: Any) -> str:
         """Answer why axes cannot be commanded and what helps, a line each; empty when ready."""
         if self._robot.axes.stop_latch.inactive:
@@ -78,6 +75,3 @@ class WmxEngineNode(Node):
             return ""
         found = self._robot.find_problems()
         return "\n".join(filter(None, (found[0].reason, found[0].remedy))) if found else ""
-
-    def _scan_network(self, request: Any, response: Any) -> str:
-        return self._connection.scan_network()

@@ -21,8 +21,8 @@ from robotd.device.world import World
 from robotd.errors import InvalidArgument
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
-from robotd_ros.middleware import HotPublisher, StampClock
 from robotd_ros.node_registry import WORLD_NODE
+from robotd_ros.nodes.hot_topics import HotTopics
 from robotd_ros.qos import LATCHED
 from robotd_ros.services import add_service, named_values
 
@@ -44,7 +44,6 @@ class WorldNode(Node):
     def __init__(self, robot: Robot, world: World, host: RosHost) -> None:
         super().__init__(WORLD_NODE, context=host.context)
         self._world = world
-        self._connection, self._loop = robot.connection, robot.control_loop
         objects = world.objects
         add_service(self, host, Trigger, "~/reset", self._reset)
         add_service(self, host, SetParametersAtomically, "~/place", named_values(self._place))
@@ -54,26 +53,10 @@ class WorldNode(Node):
         )
         if not objects:
             return
-        self._stamps = StampClock(self.get_clock())
-        transforms = [TransformStamped(child_frame_id=each.name) for each in objects]
-        for each in transforms:
-            each.header.frame_id = world.frame
-        paths = [f"transforms.{index}.transform" for index in range(len(objects))]
-        template = TFMessage(transforms=transforms)
-        self._message = HotPublisher(self, "/tf", TF_DEPTH, template, paths)
-        self._views = [self._message.view(path) for path in paths]
+        poses = _ObjectPoses(self, robot, world)
         rate_hz = min(RATE_HZ, robot.descriptor.cycle.rate_hz)
-        robot.control_loop.every(rate_hz, "objects", self._publish)
-        self.rates_hz = {self._message.topic: rate_hz}
-
-    def _publish(self, image: ProcessImage) -> None:
-        """Control loop."""
-        if not self._connection.ready or not self._message.has_readers:
-            return
-        for view, pose in zip(self._views, self._world.poses(), strict=True):
-            view[:] = pose
-        self._message.stamp(self._stamps.at_ns(self._loop.started_ns))
-        self._message.publish()
+        robot.control_loop.every(rate_hz, "objects", poses.publish)
+        self.rates_hz = dict.fromkeys(poses.topics, rate_hz)
 
     def _reset(self, request: Any, response: Any) -> str:
         self._world.reset()
@@ -97,6 +80,25 @@ class WorldNode(Node):
             pose[3:] = transform_numbers(turned)[3:]
         self._world.place(name, pose)
         return f"{name} is at x={pose[0]:g} y={pose[1]:g} z={pose[2]:g}"
+
+
+class _ObjectPoses(HotTopics):
+    """Transforms of the objects."""
+
+    def __init__(self, node: Node, robot: Robot, world: World) -> None:
+        super().__init__(node, robot)
+        self._world = world
+        transforms = [TransformStamped(child_frame_id=each.name) for each in world.objects]
+        for each in transforms:
+            each.header.frame_id = world.frame
+        paths = [f"transforms.{index}.transform" for index in range(len(transforms))]
+        message = self.add("/tf", TF_DEPTH, TFMessage(transforms=transforms), paths)
+        self._views = [message.view(path) for path in paths]
+
+    def fill(self, image: ProcessImage) -> bool:
+        for view, pose in zip(self._views, self._world.poses(), strict=True):
+            view[:] = pose
+        return True
 
 
 def _coordinate(key: str, value: Any) -> float:

@@ -213,15 +213,17 @@ def test_a_request_that_is_planned_late_does_not_preempt_a_newer_one(harness: Ha
     assert execution.outcome is Outcome.SUCCEEDED
 
 
-def test_a_source_that_takes_long_to_make_starts_later(harness: Harness) -> None:
+def test_a_source_that_takes_long_to_make_starts_later(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """As the points of a device that interpolates, on a busy computer."""
-    make, names = harness.follower._make_execution, harness.robot.joint_names
+    make, names = trajectory_follower.StreamedTrajectory, harness.robot.joint_names
 
-    def slow(*arguments: Any) -> TrajectoryExecution:
+    def slow(*arguments: Any, **options: Any) -> TrajectoryExecution:
         harness.run(0.02)
-        return make(*arguments)
+        return make(*arguments, **options)
 
-    harness.follower._make_execution = slow  # type: ignore[assignment]
+    monkeypatch.setattr(trajectory_follower, "StreamedTrajectory", slow)
     request = TrajectoryRequest.from_rows(names, [1.0], [[0.3] * len(names)])
     with harness.follower.follow(request) as execution:
         harness.end(execution)

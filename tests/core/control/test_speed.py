@@ -43,7 +43,7 @@ class Recorded:
         assert np.abs(np.diff(self._rates)).max() <= MAX_SLOPE * PERIOD_S * 1.001
 
     def _record(self, image: ProcessImage) -> None:
-        if not self._execution.done and self._execution.ending is None:
+        if not self._execution.done and self._execution.completion.requested is None:
             self._times_s.append(self._execution.time_s)
             self._rates.append(self._execution.rate)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -14,7 +13,6 @@ from tests.core.control.harness import PERIOD_S, Harness
 
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS
-from robotd.control.streamed_trajectory import StreamedTrajectory
 from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
 from robotd.device.state import Underrun
 
@@ -111,7 +109,7 @@ def test_repeated_stalls_do_not_accumulate(stalls: list[tuple[int, int]]) -> Non
 
 
 def test_a_drive_that_holds_continues_from_its_position(harness: Harness) -> None:
-    harness.follower._make_execution = partial(StreamedTrajectory, underrun=Underrun.HOLD)
+    harness.robot.axes.underrun = Underrun.HOLD
     with harness.goal(*SWING, seconds=SWING_S) as execution:
         harness.run(0.3)
         harness.stall(0.03)
@@ -126,7 +124,7 @@ def test_a_drive_that_holds_continues_from_its_position(harness: Harness) -> Non
 
 
 def test_the_path_waits_for_a_drive_that_holds(harness: Harness) -> None:
-    harness.follower._make_execution = partial(StreamedTrajectory, underrun=Underrun.HOLD)
+    harness.robot.axes.underrun = Underrun.HOLD
     target = np.array([0.8, -0.6, 0.45])
     began_ns = harness.clock.now_ns()
     with harness.goal(target.tolist(), seconds=1.0) as execution:

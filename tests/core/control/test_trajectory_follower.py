@@ -211,7 +211,7 @@ def test_a_late_cancel_changes_nothing(harness: Harness) -> None:
     with harness.goal(FAR) as execution:
         harness.end(execution)
         execution.cancel()
-        assert execution.ending is None
+        assert execution.completion.requested is None
     assert execution.outcome is Outcome.SUCCEEDED
 
 
@@ -385,7 +385,7 @@ def test_a_joint_that_is_held_ends_the_goal_and_does_not_leap_when_it_is_free(
 def test_a_joint_that_is_freed_while_the_command_returns_makes_no_jump(harness: Harness) -> None:
     harness.faults.block(0, True)
     with harness.goal(FAR) as execution:
-        while execution.ending is None or harness.setpoints.velocity[-1, 0] > -0.05:
+        while execution.completion.requested is None or harness.setpoints.velocity[-1, 0] > -0.05:
             harness.run(PERIOD_S)
         harness.faults.block(0, False)
         harness.end(execution)

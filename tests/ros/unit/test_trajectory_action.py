@@ -13,6 +13,7 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 
 from robotd.control.completion import Outcome
 from robotd.errors import OperationError
+from robotd_ros import worker_action
 from robotd_ros.nodes import trajectory_action
 
 
@@ -58,7 +59,7 @@ class Follower:
 def test_a_goal_has_one_result_when_its_release_fails(
     monkeypatch: pytest.MonkeyPatch, done: bool, code: int
 ) -> None:
-    monkeypatch.setattr(trajectory_action, "worker_action_server", Goals)
+    monkeypatch.setattr(worker_action, "worker_action_server", Goals)
     failures: list[Exception] = []
 
     def submit(function: Callable[..., None], *args: Any) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from wmx_ros2_message.srv import EcatGetNetworkState
 
 from robotd.device.bus_status import BusNode, BusState, BusStatus
-from robotd_ros.nodes.ethercat_conversions import AL_STATES, fill_network_state
+from robotd_ros.nodes.wmx_ethercat_node import AL_STATES, fill_network_state
 
 FLAGS = dict.fromkeys(("inaccessible", "new", "reverse"), 1)
 OTHERS = {"alias": 7, "input_address": 8, "output_address": 9}
