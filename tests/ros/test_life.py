@@ -304,9 +304,9 @@ def test_nothing_is_switched_on_after_a_signal_during_start_up(tmp_path: Path) -
 
 
 def test_a_second_signal_ends_the_process_at_once(tmp_path: Path) -> None:
-    robot = unwilling(tmp_path, tries=1000, failures=1000, retry_s=0.0, delay_s=2.0)
+    robot = unwilling(tmp_path, tries=1000, failures=1000, retry_s=0.0, delay_s=8.0)
     with RobotProcess(robot=robot) as process:
-        process.wait_output("open failed")  # the next attempt takes another two seconds
+        process.wait_output("open failed")  # the next attempt takes another eight seconds
         process.process.send_signal(signal.SIGINT)
         process.wait_output("stopping")
 

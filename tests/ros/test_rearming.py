@@ -264,8 +264,8 @@ def test_a_base_stands_until_its_client_has_sent_a_zero_twist(
         assert "or send a zero twist, once" in arm.problems[0]
         arm.pass_time(0.5)
         assert arm.since(first)[0] < 1e-3
-        commander.speed, sent = 0.0, commander.sent
-        wait_until(lambda: commander.sent > sent + 2, "zero twists")
+        commander.speed = 0.0  # streams are best effort: a busy robot may miss one
+        wait_until(lambda: not arm.problems, "no problem")
         commander.speed = SPEED
         start = arm.position
         wait_until(lambda: abs(arm.position - start) > 0.1, "motion anew")
