@@ -13,7 +13,7 @@ from robotd_conformance.checks.inconclusive import ATTEMPTS, STALL_S, Repeats, S
 CHECKS = """
 import pytest
 from itertools import count
-from robotd_conformance.checks.inconclusive import UNDECIDED
+from robotd_conformance.checks.inconclusive import CERTAIN, UNDECIDED
 attempts, looks = count(1), count(1)
 def test_fails_once():
     assert next(attempts) > 1
@@ -24,6 +24,8 @@ def test_never_judges():
     pytest.skip(UNDECIDED)
 def test_always_fails():
     assert False, "a fault"
+def test_certain():
+    assert False, f"a fault: {CERTAIN}"
 def test_passes():
     pass
 """
@@ -97,13 +99,14 @@ def test_what_failed_on_a_stalled_computer_is_repeated_at_the_end(
         "test_cannot_judge_once": "passed",
         "test_never_judges": "skipped",
         "test_always_fails": "skipped",
+        "test_certain": "failed",
         "test_passes": "passed",
     }
     assert "inconclusive" in reports.reasons["test_always_fails"]
     assert "a fault" in reports.reasons["test_always_fails"]
     assert reports.calls.index("test_passes") < len(reports.calls) - ATTEMPTS
     assert reports.calls.count("test_always_fails") == ATTEMPTS
-    assert set(repeats.repeated) == set(reports.outcomes) - {"test_passes"}
+    assert set(repeats.repeated) == set(reports.outcomes) - {"test_certain", "test_passes"}
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,8 @@ from _pytest.runner import runtestprotocol
 
 UNDECIDED = "inconclusive: the computer was too busy to judge"
 """A check that skips itself with this reason is repeated."""
+CERTAIN = "no stall of the computer explains it"
+"""A failure with this text is not repeated."""
 ATTEMPTS = 3
 STALL_S = 0.015  # a thread that wakes up so late, and others with it
 STALL_CHECK_S = 0.005
@@ -73,9 +75,9 @@ class Repeats:
     """Plugin of pytest: repeats undecided checks at the end of the run.
 
     A check cannot be judged where it says so, or where it failed in real time while the computer
-    stalled: then the control loop and simulated drives came late, too. After ``ATTEMPTS`` it is
-    reported as inconclusive, with its failure; a fault of the backend fails any attempt that the
-    computer leaves alone.
+    stalled, unless that is ``CERTAIN``: then the control loop and simulated drives came late, too.
+    After ``ATTEMPTS`` it is reported as inconclusive, with its failure; a fault of the backend
+    fails any attempt that the computer leaves alone.
 
     Attributes:
         repeated: names of the checks that were put off.
@@ -99,7 +101,8 @@ class Repeats:
         with StallMonitor() as stalls:
             reports = runtestprotocol(item, log=False, nextitem=nextitem)
         failed = any(report.failed for report in reports)
-        is_final = not self._target.real_time or bool(self._target.stray)
+        certain = any(report.failed and CERTAIN in report.longreprtext for report in reports)
+        is_final = certain or not self._target.real_time or bool(self._target.stray)
         stalled = failed and not is_final and stalls.longest_s > STALL_S
         if stalled or any(map(is_undecided, reports)):
             if failed:

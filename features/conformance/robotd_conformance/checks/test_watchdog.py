@@ -14,6 +14,7 @@ import pytest
 from robotd.api import Capability
 from robotd_conformance.checks import killed_process
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness, MakeHarness
+from robotd_conformance.checks.inconclusive import CERTAIN
 from robotd_conformance.checks.kit_target import KitTarget
 from robotd_conformance.checks.recorded_motion import ramped
 
@@ -56,7 +57,8 @@ def test_axes_stop_when_their_process_is_killed(
     harness.start(enable=False)
     way = np.abs(harness.image.position - last)
     limit = killed_process.SPEED_RAD_S * WATCHDOG_S + SETTLED_RAD
-    assert way.max() <= limit, f"axes moved by {way} rad after their process was killed"
+    certain = f": {CERTAIN}" if way.max() > 2.0 * limit else ""  # drives would stall for a second
+    assert way.max() <= limit, f"axes moved by {way} rad after their process was killed{certain}"
 
 
 def last_positions(target: KitTarget) -> list[float]:
