@@ -1,0 +1,218 @@
+"""Commands and faults of one axis while the others move, in every kind of motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from robotd.api import Capability, CommandMode, FaultInjector, Operation
+from robotd_conformance.checks.harness import Harness
+from robotd_conformance.checks.mixed_motion import Kind, MixedMotion, kinds_of, modes_of
+
+ALARM = 0x2310
+SPEEDS_UP_S, REACTS_S = 0.15, 0.1
+MOVES_S = 0.8  # with the commands of one axis meanwhile
+TURNS = 2  # in real time
+
+Event = Callable[[Harness, int], None]
+
+
+def stop(harness: Harness, axis: int) -> None:
+    harness.drivers.axes.stop([axis])
+
+
+def quick_stop(harness: Harness, axis: int) -> None:
+    harness.drivers.axes.quick_stop([axis])
+
+
+def servo_off(harness: Harness, axis: int) -> None:
+    harness.drivers.axes.servo(axis, False, 5.0)
+
+
+def alarm(harness: Harness, axis: int) -> None:
+    harness.injector.trip(axis, ALARM)
+
+
+def servo_off_and_on(harness: Harness, axis: int) -> None:
+    for on in (False, True):
+        harness.drivers.axes.servo(axis, on, 5.0)
+
+
+def alarm_and_clear(harness: Harness, axis: int) -> None:
+    alarm(harness, axis)
+    harness.until(lambda: bool(harness.image.amp_alarm[axis]), "the alarm is shown", 1.0)
+    harness.drivers.axes.clear_alarm(axis, 5.0)
+
+
+def change_mode(harness: Harness, axis: int) -> None:
+    for mode in reversed(modes_of(harness)):
+        harness.drivers.axes.set_command_mode(axis, mode)
+
+
+def stream(harness: Harness, axis: int) -> None:
+    if harness.robot.axes.trajectories_on_device:
+        harness.drivers.axes.set_command_mode(axis, CommandMode.VELOCITY)
+    harness.drivers.axes.begin_stream([axis])
+    harness.drivers.axes.end_stream([axis])
+
+
+def move(harness: Harness, axis: int) -> None:
+    command = float(harness.image.position_command[axis])
+    harness.drivers.axes.move(axis, command, harness.profile(axis))
+
+
+def others_of(harness: Harness, axis: int, event: Event) -> list[int]:
+    """Return the axes that ``event`` of ``axis`` does not concern; skip the check without any."""
+    concerned = {axis}
+    if event in (servo_off, servo_off_and_on):
+        concerned |= set(harness.servo_group(axis))
+    if event in (alarm, alarm_and_clear):
+        concerned |= set(harness.alarm_group(axis))
+    others = [each for each in harness.all if each not in concerned]
+    if not others:
+        pytest.skip("all axes of the robot are concerned")
+    return others
+
+
+def turns(harness: Harness) -> range:
+    count = len(kinds_of(harness))
+    return range(count if harness.stepped else min(TURNS, count))
+
+
+def by_name(function: Event) -> str:
+    return function.__name__
+
+
+@pytest.mark.clause(
+    "AxisDriver.read/alarms", "AxisDriver.servo/disables", "AxisDriver.servo/switches"
+)
+@pytest.mark.clause("AxisDriver/others", "AxisDriver.stop/all-axes", "AxisDriver.quick_stop/starts")
+@pytest.mark.parametrize("event", [stop, quick_stop, servo_off, alarm], ids=by_name)
+def test_one_axis_ends_its_motion_alone(fresh: Harness, event: Event) -> None:
+    for turn in turns(fresh):
+        axis = 0 if turn % 2 else fresh.count - 1
+        others, motion = others_of(fresh, axis, event), MixedMotion(fresh, turn, seconds=MOVES_S)
+        motion.prepare()
+        with motion.running():
+            fresh.pass_time(SPEEDS_UP_S)
+            event(fresh, axis)
+            fresh.pass_time(REACTS_S)
+            what = f"the {motion.kinds[axis]} of axis {axis} has ended by {by_name(event)}"
+            problems = motion.problems(others, what)
+            shown = Operation(int(fresh.image.operation[axis]))
+            if shown not in (Operation.IDLE, Operation.STOPPING):
+                problems.append(f"axis {axis} is in {shown.name} when {what}")
+            motion.sends = False
+            fresh.drivers.axes.stop(fresh.all)
+        fresh.rest()
+        assert not problems, "; ".join(problems)
+
+
+@pytest.mark.clause("AxisDriver/others", "AxisDriver.servo/switches")
+@pytest.mark.clause("AxisDriver.clear_alarm/clears", "AxisDriver.begin_stream/follows")
+@pytest.mark.clause("AxisDriver.move/starts")
+@pytest.mark.parametrize(
+    "event", [servo_off_and_on, alarm_and_clear, change_mode, stream, move], ids=by_name
+)
+def test_commands_of_an_idle_axis_leave_the_others_alone(fresh: Harness, event: Event) -> None:
+    if event is change_mode and len(modes_of(fresh)) < 2:
+        pytest.skip("there is one command mode")
+    for turn in turns(fresh):
+        axis = 0 if turn % 2 else fresh.count - 1
+        others = others_of(fresh, axis, event)
+        motion = MixedMotion(fresh, turn, idle=[axis], seconds=MOVES_S)
+        motion.prepare()
+        with motion.running():
+            fresh.pass_time(SPEEDS_UP_S)
+            event(fresh, axis)
+            fresh.periods(2)
+            problems = motion.problems(others, f"axis {axis} got {by_name(event)}")
+            motion.finish()
+        fresh.rest()
+        assert not problems, "; ".join(problems)
+
+
+@pytest.mark.clause("AxisDriver.servo/enabled", "AxisDriver.clear_alarm/idle")
+@pytest.mark.clause("AxisDriver.end_stream/idle")
+def test_enabling_changes_no_kind_of_motion(fresh: Harness) -> None:
+    """Nor do the clearing of an alarm that is not there, and the end of a stream that is not."""
+    driver = fresh.drivers.axes
+    for turn in turns(fresh):
+        motion = MixedMotion(fresh, turn, seconds=MOVES_S)
+        motion.prepare()
+        problems: list[str] = []
+        with motion.running():
+            fresh.pass_time(SPEEDS_UP_S)
+            for axis in fresh.all:
+                driver.servo(axis, True, 5.0)
+                driver.clear_alarm(axis, 5.0)
+            fresh.periods(2)
+            problems += motion.problems(fresh.all, "it is enabled once more")
+            if others := motion.axes(Kind.MOVE, Kind.JOG):
+                driver.end_stream(others)
+            fresh.periods(2)
+            problems += motion.problems(fresh.all, "a stream of the others is ended")
+            motion.finish()
+        fresh.rest()
+        assert not problems, "; ".join(problems)
+
+
+@pytest.mark.clause("AxisDriver.servo/switches", "AxisDriver.servo_groups/groups")
+def test_each_servo_is_switched_on_alone(harness: Harness) -> None:
+    driver = harness.drivers.axes
+    for axis in (*harness.all, *reversed(harness.all)):
+        harness.disable()
+        driver.servo(axis, True, 5.0)
+        harness.periods(3)
+        on = np.flatnonzero(harness.image.servo_on).tolist()
+        group = sorted(harness.servo_group(axis))
+        assert on == group, f"servo({axis}, True) has switched on axes {on}, not {group}"
+    harness.enable()
+
+
+@pytest.mark.clause("AxisDriver.servo/no-jump")
+def test_a_small_move_by_hand_is_kept_at_enabling(
+    harness: Harness, injector: FaultInjector
+) -> None:
+    signs = np.sign(harness.travel())
+    for size in (0.0005, 0.001, 0.003, 0.01):
+        delta = size * signs * np.linspace(1.0, 2.0, harness.count)
+        harness.disable()
+        harness.rest()
+        for axis in harness.all:
+            injector.move_by_hand(axis, float(delta[axis]))
+        harness.periods(5)
+        start = harness.image.position.copy()
+        for axis in harness.all:
+            harness.drivers.axes.servo(axis, True, 5.0)
+        with harness.recording() as recording:
+            harness.pass_time(0.1)
+        back = ((start - recording.position_command) / delta).max(0)
+        for axis in harness.all:
+            assert back[axis] < 0.5, (
+                f"axis {axis} was moved by {delta[axis]:.2g} rad by hand; enabling has taken the"
+                f" command back by {back[axis]:.0%} of it"
+            )
+
+
+@pytest.mark.clause("AxisDriver.clear_alarm/clears", "AxisDriver.read/alarms")
+def test_alarms_of_all_axes_are_cleared_one_by_one(
+    harness: Harness, injector: FaultInjector
+) -> None:
+    if harness.can(Capability.CONTROLLER_ALARM):
+        pytest.skip(f"the {harness.robot.backend.name} backend has one alarm for all axes")
+    image, codes = harness.image, ALARM + np.arange(harness.count)
+    for order in (harness.all, harness.all[::-1]):
+        for axis in harness.all:
+            injector.trip(axis, int(codes[axis]))
+        harness.until(lambda: bool((image.alarm_code == codes).all()), "each code is shown", 1.0)
+        left = codes.copy()
+        for axis in order:
+            harness.drivers.axes.clear_alarm(axis, 5.0)
+            left[axis] = 0
+            harness.periods(5)
+            assert image.alarm_code.tolist() == left.tolist(), f"axis {axis} was cleared"
+            assert image.amp_alarm.tolist() == (left > 0).tolist(), f"axis {axis} was cleared"
+    harness.enable()

@@ -1,0 +1,168 @@
+"""Nothing moves without a new command, whatever ran before and whatever has ended it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from robotd.api import Capability, ConnectionState, Operation
+from robotd_conformance.checks.harness import SETTLED_RAD, Harness
+from robotd_conformance.checks.mixed_motion import MOVES_S, MixedMotion, kinds_of, modes_of
+
+ALARM = 0x32
+LOOK_S, LOOK_STEPPED_S = 0.15, 0.4  # stepped time costs little
+TURNS = 2  # in real time; each axis executes two kinds of motion
+
+End = Callable[[Harness, MixedMotion], None]
+
+
+def finish(harness: Harness, motion: MixedMotion) -> None:
+    motion.finish()
+
+
+def stop(harness: Harness, motion: MixedMotion) -> None:
+    harness.drivers.axes.stop(harness.all)
+
+
+def quick_stop(harness: Harness, motion: MixedMotion) -> None:
+    harness.drivers.axes.quick_stop(harness.all)
+
+
+def servos_off(harness: Harness, motion: MixedMotion) -> None:
+    for axis in harness.all:
+        harness.drivers.axes.servo(axis, False, 5.0)
+
+
+def stop_and_servos_off(harness: Harness, motion: MixedMotion) -> None:
+    """Switched off while they stop."""
+    stop(harness, motion)
+    servos_off(harness, motion)
+
+
+def alarms(harness: Harness, motion: MixedMotion) -> None:
+    for axis in harness.all:
+        harness.injector.trip(axis, ALARM + axis)
+    harness.until(lambda: bool(harness.image.amp_alarm.all()), "the alarms are shown", 1.0)
+
+
+def restart(harness: Harness, motion: MixedMotion) -> None:
+    harness.drivers.device.stop_communication(5.0)
+    start_again(harness)
+
+
+def reopen(harness: Harness, motion: MixedMotion) -> None:
+    harness.drivers.device.close()
+    start_again(harness)
+
+
+def lose_link(harness: Harness, motion: MixedMotion) -> None:
+    harness.injector.drop_communication()
+    harness.until(lambda: not harness.robot.connection.ready, "the lost link is shown", 2.0)
+    start_again(harness)
+
+
+def die(harness: Harness, motion: MixedMotion) -> None:
+    harness.injector.stop_engine()
+    harness.until(lambda: not harness.robot.connection.ready, "the lost device is shown", 2.0)
+    start_again(harness)
+
+
+@pytest.mark.clause("AxisDriver/resumption", "AxisDriver.servo/no-jump")
+@pytest.mark.clause("AxisDriver.set_command_mode/nothing-moves")
+@pytest.mark.clause("AxisDriver.begin_stream/waits", "AxisDriver.end_stream/moves")
+@pytest.mark.clause("AxisDriver.stream/others", "AxisDriver.begin_stream/operation")
+@pytest.mark.parametrize(
+    "end",
+    [finish, stop, quick_stop, servos_off, stop_and_servos_off, alarms],
+    ids=lambda f: f.__name__,
+)
+def test_nothing_moves_after_the_end_of_a_motion(harness: Harness, end: End) -> None:
+    for turn in turns(harness):
+        look(harness, run_and_end(harness, turn, end))
+    harness.enable()
+
+
+@pytest.mark.clause("DeviceDriver.start_communication/nothing-moves")
+@pytest.mark.clause("AxisDriver/resumption", "AxisDriver.stream/others")
+@pytest.mark.clause("AxisDriver.set_command_mode/nothing-moves")
+@pytest.mark.clause("DeviceDriver.stop_communication/axes-stop", "DeviceDriver.close/disconnects")
+@pytest.mark.parametrize("end", [restart, reopen, lose_link, die], ids=lambda f: f.__name__)
+def test_nothing_moves_after_a_new_connection(fresh: Harness, end: End) -> None:
+    for turn in turns(fresh):
+        look(fresh, run_and_end(fresh, turn, end))
+
+
+def turns(harness: Harness) -> range:
+    count = len(kinds_of(harness))
+    return range(count if harness.stepped else min(TURNS, count))
+
+
+def run_and_end(harness: Harness, turn: int, end: End) -> MixedMotion:
+    """Leave the axes at rest; to a simulation setpoints are still sent then."""
+    motion = MixedMotion(harness, turn)
+    motion.prepare()
+    with motion.running():
+        harness.pass_time(MOVES_S)
+        motion.require_motion()
+        end(harness, motion)
+        motion.sends = harness.can(Capability.SIMULATED)
+        harness.rest()
+        if motion.sends:
+            stays(harness, motion, "it is over, while setpoints still arrive")
+            enable(harness)
+            stays(harness, motion, "servos are on, while setpoints of an ended stream arrive")
+    return motion
+
+
+def look(harness: Harness, motion: MixedMotion) -> None:
+    """Switch servos and modes: each leaves the axes where they are."""
+    enable(harness)
+    stays(harness, motion, "alarms are cleared and servos switched on")
+    driver = harness.drivers.axes
+    for mode in reversed(modes_of(harness)):
+        for axis in harness.all:
+            driver.set_command_mode(axis, mode)
+        stays(harness, motion, f"the mode is changed to {mode.name.lower()}")
+    if not harness.robot.axes.trajectories_on_device:
+        driver.begin_stream(harness.all)
+        harness.periods(5)
+        driver.end_stream(harness.all)
+        stays(harness, motion, "a stream without setpoints has begun and ended")
+
+
+def enable(harness: Harness) -> None:
+    """Clear alarms and switch the servos on, in the modes that they are in."""
+    for axis in harness.all:
+        harness.drivers.axes.clear_alarm(axis, 5.0)
+        harness.drivers.axes.servo(axis, True, 5.0)
+
+
+def stays(harness: Harness, motion: MixedMotion, what: str) -> None:
+    """Raise AssertionError naming an axis that moves or executes something when ``what``."""
+    start = harness.image.position.copy()
+    with harness.recording() as recording:
+        harness.pass_time(LOOK_STEPPED_S if harness.stepped else LOOK_S)
+    moved = np.abs(recording.position - start).max(0)
+    for axis, kind in enumerate(motion.kinds):
+        shown = Operation(int(harness.image.operation[axis]))
+        assert moved[axis] <= SETTLED_RAD, (
+            f"axis {axis} moves by {moved[axis]:.3g} rad without a command after a {kind},"
+            f" when {what}"
+        )
+        assert shown is Operation.IDLE, (
+            f"axis {axis} is in {shown.name} after a {kind}, when {what}"
+        )
+
+
+def start_again(harness: Harness) -> None:
+    """Communicate again, servos as they are then."""
+    connection = harness.robot.connection
+    harness.pass_time(0.3)
+    if harness.drivers.device.state() is ConnectionState.RUNNING:
+        connection.start_communication()
+    else:
+        connection.start()
+    harness.until(lambda: connection.ready, "the engine is ready")
+    harness.until(lambda: bool(np.isfinite(harness.image.position).all()), "positions are known")

@@ -1,0 +1,348 @@
+"""Single setpoints of streams: when due, at which velocity, too late, and the last one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from robotd.api import Capability, CommandMode, FloatArray, LateSetpoint, ProcessImage, Underrun
+from robotd_conformance.checks.harness import SETTLED_RAD, STANDSTILL_RAD_S, Harness
+from robotd_conformance.checks.mixed_motion import modes_of
+from robotd_conformance.checks.recorded_motion import judge, ramped
+from robotd_conformance.checks.test_units import LAG_S
+
+SHARE, RAMP_S = 0.25, 0.1  # of a profile's speed, and the time to reach it
+CRUISE_S = 0.25  # until it is looked at
+AHEAD = 0.25  # periods by which a command may be off its setpoints
+DUE = (1.0, 0.6, 0.8)  # periods ahead
+OFF_RAD = 0.02  # of a setpoint that is too late
+IN_TIME = 0.1  # periods
+STAYS_AWAY_S, STOPS_S, LOOK_S = 0.2, 1.0, 0.15  # until setpoints stay away, longest reaction
+WRONG_RAD = 1.0  # position of a setpoint for an axis in velocity mode
+
+
+class Path:
+    """Setpoints of one stream, and the commands that the device shows for them.
+
+    Each axis speeds up to its ``speeds``, and cruises; ``brakes_s`` is when it slows down. The
+    command of a device that is in time is ``setpoint`` of the values' time.
+
+    Attributes:
+        commands: (time, position commands, velocity commands) of each period.
+    """
+
+    def __init__(self, harness: Harness, speeds: FloatArray, brakes_s: float = np.inf) -> None:
+        self.harness, self.speeds, self.brakes_s = harness, speeds, brakes_s
+        self.start = harness.image.position_command.copy()
+        self.began_ns = harness.clock.now_ns()
+        self.commands: list[tuple[float, FloatArray, FloatArray]] = []
+
+    def time_s(self, now_ns: int) -> float:
+        return (now_ns - self.began_ns) * 1e-9
+
+    def setpoint(self, time_s: float) -> tuple[FloatArray, FloatArray]:
+        way_s, share = ramped(max(0.0, time_s), RAMP_S, self.brakes_s)
+        return self.start + way_s * self.speeds, share * self.speeds
+
+    def note(self, image: ProcessImage) -> None:
+        commands = image.position_command.copy(), image.velocity_command.copy()
+        self.commands.append((self.time_s(image.fresh_ns), *commands))
+
+    def lags(self) -> FloatArray:
+        """(n, n_axes) periods by which the command is behind its setpoints, at full speed."""
+        behind = [
+            (self.setpoint(time_s)[0] - position) / self.speeds
+            for time_s, position, _ in self.commands
+            if RAMP_S + 0.02 < time_s < self.brakes_s
+        ]
+        return np.array(behind) / self.harness.period_s
+
+    def __call__(self, image: ProcessImage) -> None:
+        self.note(image)
+        self.harness.stream(*self.setpoint(self.time_s(self.harness.due_ns)))
+
+
+@pytest.fixture
+def stepped(streamed: Harness) -> Harness:
+    """A started harness in simulated time: single periods are known, and nothing real jumps."""
+    if not streamed.stepped:
+        pytest.skip("single setpoints are judged in simulated time")
+    return streamed
+
+
+def both_ways(harness: Harness) -> Sequence[FloatArray]:
+    return harness.speeds(SHARE), -harness.speeds(SHARE)
+
+
+@pytest.mark.clause("AxisDriver.stream/setpoint")
+def test_setpoints_are_reached_however_far_ahead_they_are_sent(stepped: Harness) -> None:
+    """A device that holds, or holds setpoints ahead, may take them in steps of its own."""
+    driver, period_ns = stepped.drivers.axes, stepped.robot.control_loop.period_ns
+    if driver.underrun is not Underrun.EXTRAPOLATE or driver.stream_buffer_s:
+        pytest.skip("setpoints are not extrapolated")
+    for speeds in both_ways(stepped):
+        path, count = Path(stepped, speeds, brakes_s=CRUISE_S), 0
+
+        def send(image: ProcessImage, path: Path = path) -> None:
+            nonlocal count
+            path.note(image)
+            due_ns = image.stamp_ns + round(DUE[count % len(DUE)] * period_ns)
+            driver.stream(*path.setpoint(path.time_s(due_ns)), due_ns)
+            count += 1
+
+        with stepped.robot.axes.claimed("conformance", stepped.all), stepped.each_period(send):
+            stepped.pass_time(CRUISE_S + RAMP_S + 0.02)
+        stepped.rest()
+        worst = np.abs(path.lags()).max(0)
+        for axis in stepped.all:
+            assert worst[axis] <= AHEAD, (
+                f"axis {axis}: off the line by {worst[axis]:.2f} periods at setpoints that are due"
+                f" {min(DUE):g} to 1 periods ahead"
+            )
+
+
+@pytest.mark.clause("AxisDriver.stream/position")
+def test_a_setpoint_is_passed_at_its_velocity(stepped: Harness) -> None:
+    """The velocities of some setpoints are half of that at which the positions go on."""
+    for speeds in both_ways(stepped):
+        path = Path(stepped, speeds, brakes_s=CRUISE_S)
+        halved = RAMP_S + 0.05, RAMP_S + 0.1
+
+        def send(
+            image: ProcessImage, path: Path = path, halved: tuple[float, float] = halved
+        ) -> None:
+            path.note(image)
+            time_s = path.time_s(stepped.due_ns)
+            position, velocity = path.setpoint(time_s)
+            half = halved[0] < time_s < halved[1]
+            stepped.stream(position, 0.5 * velocity if half else velocity)
+
+        with stepped.robot.axes.claimed("conformance", stepped.all), stepped.each_period(send):
+            stepped.pass_time(CRUISE_S + RAMP_S + 0.02)
+        stepped.rest()
+        if np.abs(path.lags()).max() > IN_TIME:
+            pytest.skip("commands are not read at the time of a setpoint")
+        shares = np.array([
+            velocity / speeds
+            for time_s, _, velocity in path.commands
+            if halved[0] + 2 * stepped.period_s < time_s < halved[1] - 2 * stepped.period_s
+        ])  # fmt: skip
+        for axis in stepped.all:
+            assert shares[:, axis].max() < 0.75, (
+                f"axis {axis} passes setpoints with {shares[:, axis].max():.0%} of the speed of"
+                " its positions, their velocity is 50%"
+            )
+
+
+@pytest.mark.clause("AxisDriver.stream/late")
+def test_a_setpoint_that_was_too_late_has_no_effect(stepped: Harness) -> None:
+    driver, period_ns = stepped.drivers.axes, stepped.robot.control_loop.period_ns
+    for speeds in both_ways(stepped):
+        path, rejected = Path(stepped, speeds, brakes_s=CRUISE_S), list[float]()
+
+        def send(image: ProcessImage, path: Path = path, rejected: list[float] = rejected) -> None:
+            time_s = path.time_s(stepped.due_ns)
+            if time_s < RAMP_S + 0.05 or rejected:
+                if not rejected or time_s > rejected[0] + 4.5 * stepped.period_s:
+                    path(image)
+                else:
+                    path.note(image)
+                return
+            path.note(image)
+            position, velocity = path.setpoint(time_s)
+            try:
+                driver.stream(position + OFF_RAD, velocity, image.stamp_ns + period_ns // 10)
+            except LateSetpoint:
+                rejected.append(time_s)
+            else:
+                rejected.append(np.inf)
+
+        with stepped.robot.axes.claimed("conformance", stepped.all), stepped.each_period(send):
+            stepped.pass_time(RAMP_S + 0.05)
+            stepped.periods(8)
+            if rejected == [np.inf]:
+                pytest.skip("no setpoint is too late for the device")
+            stepped.pass_time(CRUISE_S)
+        stepped.rest()
+        off = np.array(
+            [path.setpoint(time_s)[0] - position for time_s, position, _ in path.commands]
+        )
+        gap_rad = 6 * stepped.period_s * np.abs(speeds)
+        for axis in stepped.all:
+            assert np.abs(off[:, axis]).max() < 0.25 * OFF_RAD + gap_rad[axis], (
+                f"axis {axis} was led {np.abs(off[:, axis]).max():.3g} rad off its line by a"
+                " setpoint that was rejected as too late"
+            )
+
+
+@pytest.mark.clause("AxisDriver.end_stream/reached", "AxisDriver.end_stream/holds")
+def test_a_stream_ends_on_its_last_setpoint(stepped: Harness) -> None:
+    """It is ended as soon as the last setpoint was sent, a period before that is due."""
+    driver = stepped.drivers.axes
+    for speeds in both_ways(stepped):
+        path, last = Path(stepped, speeds), list[FloatArray]()
+
+        def send(image: ProcessImage, path: Path = path, last: list[FloatArray] = last) -> None:
+            time_s = path.time_s(stepped.due_ns)
+            if time_s < CRUISE_S:
+                path(image)
+            elif not last:
+                last.append(path.setpoint(time_s)[0])
+                stepped.stream(last[0], 0.0 * path.speeds)
+                driver.end_stream(stepped.all)
+
+        driver.begin_stream(stepped.all)
+        with stepped.each_period(send):
+            stepped.pass_time(CRUISE_S + 0.02)
+        stepped.rest()
+        short = np.abs(stepped.image.position_command - last[0])
+        for axis in stepped.all:
+            assert short[axis] < 0.1 * abs(speeds[axis]) * stepped.period_s, (
+                f"axis {axis} holds {1e3 * short[axis]:.3g} mrad away from its last setpoint"
+            )
+
+
+@pytest.mark.needs(Capability.VELOCITY_MODE)
+@pytest.mark.clause("AxisDriver.stream/velocity")
+def test_a_streamed_velocity_changes_evenly(fresh: Harness) -> None:
+    """The way is that of the mean velocity."""
+    if not fresh.stepped:
+        pytest.skip("single setpoints are judged in simulated time")
+    fresh.set_velocity_mode()
+    unknown = np.full(fresh.count, np.nan)
+    granted = (LAG_S + fresh.drivers.axes.stream_buffer_s) / fresh.period_s
+    for speeds in both_ways(fresh):
+        path = Path(fresh, speeds, brakes_s=CRUISE_S)
+
+        def send(image: ProcessImage, path: Path = path) -> None:
+            path.note(image)
+            fresh.stream(unknown, path.setpoint(path.time_s(fresh.due_ns))[1])
+
+        axes = fresh.robot.axes
+        with axes.claimed("conformance", fresh.all, CommandMode.VELOCITY), fresh.each_period(send):
+            fresh.pass_time(CRUISE_S + RAMP_S + 0.02)
+        fresh.rest()
+        lags = path.lags()
+        for axis in fresh.all:
+            low, high = lags[:, axis].min(), lags[:, axis].max()
+            assert -AHEAD < low <= high < granted, (
+                f"axis {axis}: its way is {low:.2f} to {high:.2f} periods behind that of an even"
+                " change of its velocity"
+            )
+
+
+@pytest.mark.needs(Capability.VELOCITY_MODE)
+@pytest.mark.clause("AxisDriver.stream/velocity")
+def test_between_two_setpoints_a_streamed_velocity_is_between_theirs(fresh: Harness) -> None:
+    """Velocities go up and down in each period; values are read in the middle, too."""
+    if not fresh.stepped:
+        pytest.skip("single setpoints are judged in simulated time")
+    fresh.set_velocity_mode()
+    driver, image, period_ns = fresh.drivers.axes, fresh.image, fresh.robot.control_loop.period_ns
+    unknown = np.full(fresh.count, np.nan)
+    for speeds in both_ways(fresh):
+        ways, shares = list[FloatArray](), list[FloatArray]()
+        driver.begin_stream(fresh.all)
+        fresh.clock.sleep_until_ns(image.stamp_ns + period_ns)
+        for count in range(20):
+            positions = [image.position_command.copy()]
+            driver.stream(unknown, (count % 2) * SHARE * speeds, fresh.due_ns)
+            fresh.clock.sleep_until_ns(image.stamp_ns + period_ns // 2)
+            driver.read(image)
+            positions.append(image.position_command.copy())
+            share = image.velocity_command / (SHARE * speeds)
+            fresh.clock.sleep_until_ns(image.stamp_ns + period_ns)
+            if count % 2:
+                ways.append(np.diff([*positions, image.position_command], axis=0))
+                shares.append(share)
+        driver.end_stream(fresh.all)
+        fresh.rest()
+        if not np.any(ways, axis=(0, 2)).all():
+            pytest.skip("commands change once in each period")
+        for axis, share in enumerate(np.mean(shares, axis=0)):
+            assert 0.25 < share < 0.75, (
+                f"axis {axis}: {share:.0%} of the change of its velocity is made in the first half"
+                " of the period, 50% would be even"
+            )
+
+
+@pytest.mark.needs(Capability.VELOCITY_MODE)
+@pytest.mark.clause("AxisDriver.begin_stream/modes", "AxisDriver.stream/nan")
+@pytest.mark.clause("AxisDriver.stream/position", "AxisDriver.stream/velocity")
+@pytest.mark.parametrize("first", [CommandMode.VELOCITY, CommandMode.POSITION])
+def test_axes_of_both_modes_stream_together(streamed: Harness, first: CommandMode) -> None:
+    """Every second axis is in the other mode; the stream is begun in both orders."""
+    by_velocity = np.arange(streamed.count) % 2 == (first is CommandMode.POSITION)
+    for axis in np.flatnonzero(by_velocity).tolist():
+        streamed.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
+    driver, problems = streamed.drivers.axes, list[str]()
+    for axes, unknown in ((streamed.all, np.nan), (streamed.all[::-1], WRONG_RAD)):
+        speeds = streamed.speeds(SHARE) * (1.0 if axes[0] == 0 else -1.0)
+        path = Path(streamed, speeds, brakes_s=CRUISE_S)
+
+        def send(image: ProcessImage, path: Path = path, unknown: float = unknown) -> None:
+            position, velocity = path.setpoint(path.time_s(streamed.due_ns))
+            streamed.stream(np.where(by_velocity, unknown, position), velocity)
+
+        driver.begin_stream(axes)
+        with streamed.recording() as recording, streamed.each_period(send):
+            streamed.pass_time(CRUISE_S + RAMP_S + streamed.drivers.axes.stream_buffer_s + 0.05)
+        driver.end_stream(axes)
+        streamed.rest()
+        off = streamed.image.position - path.setpoint(CRUISE_S + RAMP_S)[0]
+        granted = SETTLED_RAD + by_velocity * 0.1 * np.abs(speeds) * CRUISE_S
+        problems += [
+            f"axis {axis}: {off[axis]:.3g} rad off after a stream of"
+            f" {'velocities' if by_velocity[axis] else 'positions'} beside others"
+            for axis in streamed.all
+            if abs(off[axis]) > granted[axis]
+        ]
+        judge(streamed, recording, problems)
+
+
+@pytest.mark.needs(Capability.DEVICE_WATCHDOG)
+@pytest.mark.clause("backend/watchdog")
+def test_axes_stop_each_time_that_setpoints_stay_away(streamed: Harness) -> None:
+    """In each mode, both ways, and in the next connection."""
+    connection = streamed.robot.connection
+    for turn in range(3):
+        if turn == 2:
+            connection.stop_communication()
+            streamed.start()
+        for number, mode in enumerate(modes_of(streamed)):
+            sign = -1.0 if (turn + number) % 2 else 1.0
+            streamed.enable()
+            for axis in streamed.all:
+                streamed.robot.axes.set_command_mode(axis, mode)
+            leave_alone(streamed, sign * streamed.speeds(SHARE), mode)
+            streamed.drivers.axes.end_stream(streamed.all)
+            streamed.rest()
+    streamed.enable()
+
+
+def leave_alone(harness: Harness, speeds: FloatArray, mode: CommandMode) -> None:
+    """Begin a stream at ``speeds`` and send no more setpoints; the axes have to stop."""
+    path = Path(harness, speeds)
+
+    def send(image: ProcessImage) -> None:
+        if path.time_s(harness.due_ns) < STAYS_AWAY_S:
+            path(image)
+
+    harness.drivers.axes.begin_stream(harness.all)
+    with harness.each_period(send):
+        harness.pass_time(STAYS_AWAY_S)
+        moved = np.abs(harness.image.position - path.start)
+        assert (moved > SETTLED_RAD).all(), f"a stream of {mode.name.lower()} setpoints is ignored"
+        harness.until(
+            lambda: bool((np.abs(harness.image.velocity) < STANDSTILL_RAD_S).all()),
+            f"the axes stop without setpoints in {mode.name.lower()} mode",
+            STOPS_S,
+        )
+        start = harness.image.position.copy()
+        harness.pass_time(LOOK_S)
+    went = np.abs(harness.image.position - start)
+    assert went.max() <= SETTLED_RAD, (
+        f"axis {went.argmax()} goes on by {went.max():.3g} rad without setpoints"
+    )
