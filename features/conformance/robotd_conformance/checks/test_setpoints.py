@@ -47,8 +47,10 @@ class Path:
         return self.start + way_s * self.speeds, share * self.speeds
 
     def note(self, image: ProcessImage) -> None:
+        slow = self.harness.drivers.axes.feedback_period_s  # commands are newer than values
+        time_s = self.time_s(image.stamp_ns if slow else image.fresh_ns)
         commands = image.position_command.copy(), image.velocity_command.copy()
-        self.commands.append((self.time_s(image.fresh_ns), *commands))
+        self.commands.append((time_s, *commands))
 
     def lags(self) -> FloatArray:
         """(n, n_axes) periods by which the command is behind its setpoints, at full speed."""
