@@ -13,6 +13,7 @@ from robotd_conformance.checks.mixed_motion import MOVES_S, MixedMotion, kinds_o
 
 ALARM = 0x32
 LOOK_S, LOOK_STEPPED_S = 0.15, 0.4  # stepped time costs little
+WAITS_S = 0.05  # for setpoints, less than the time-out of a device
 TURNS = 2  # in real time; each axis executes two kinds of motion
 
 End = Callable[[Harness, MixedMotion], None]
@@ -127,9 +128,9 @@ def look(harness: Harness, motion: MixedMotion) -> None:
         stays(harness, motion, f"the mode is changed to {mode.name.lower()}")
     if not harness.robot.axes.trajectories_on_device:
         driver.begin_stream(harness.all)
-        harness.periods(5)
+        stays(harness, motion, "a stream has begun without setpoints", Operation.STREAM)
         driver.end_stream(harness.all)
-        stays(harness, motion, "a stream without setpoints has begun and ended")
+        stays(harness, motion, "a stream without setpoints has ended")
 
 
 def enable(harness: Harness) -> None:
@@ -139,21 +140,22 @@ def enable(harness: Harness) -> None:
         harness.drivers.axes.servo(axis, True, 5.0)
 
 
-def stays(harness: Harness, motion: MixedMotion, what: str) -> None:
-    """Raise AssertionError naming an axis that moves or executes something when ``what``."""
+def stays(
+    harness: Harness, motion: MixedMotion, what: str, shown: Operation = Operation.IDLE
+) -> None:
+    """Raise AssertionError naming an axis that moves when ``what``, or is not in ``shown``."""
+    looks_s = LOOK_STEPPED_S if harness.stepped else LOOK_S
     start = harness.image.position.copy()
     with harness.recording() as recording:
-        harness.pass_time(LOOK_STEPPED_S if harness.stepped else LOOK_S)
+        harness.pass_time(looks_s if shown is Operation.IDLE else WAITS_S)
     moved = np.abs(recording.position - start).max(0)
     for axis, kind in enumerate(motion.kinds):
-        shown = Operation(int(harness.image.operation[axis]))
+        operation = Operation(int(harness.image.operation[axis]))
         assert moved[axis] <= SETTLED_RAD, (
             f"axis {axis} moves by {moved[axis]:.3g} rad without a command after a {kind},"
             f" when {what}"
         )
-        assert shown is Operation.IDLE, (
-            f"axis {axis} is in {shown.name} after a {kind}, when {what}"
-        )
+        assert operation is shown, f"axis {axis} is in {operation.name} after a {kind}, when {what}"
 
 
 def start_again(harness: Harness) -> None:
