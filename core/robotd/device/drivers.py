@@ -227,7 +227,9 @@ class AxisDriver(ABC):
 
         Each is in ``Operation.STREAM`` until ``end_stream``, or until something stops it.
         Until the first setpoint an axis at rest stays there. Axes in position and in velocity mode
-        may stream together. Not needed with TRAJECTORIES_ON_DEVICE, except for velocity streams.
+        may stream together. Where one of them cannot stream, none does. An axis that streams
+        already goes on, also where the call is rejected for it. Not needed with
+        TRAJECTORIES_ON_DEVICE, except for velocity streams.
         """
         raise Unsupported("streamed setpoints")
 
@@ -238,7 +240,7 @@ class AxisDriver(ABC):
         mode changes evenly to its velocity, and its position is ignored. Only axes between
         ``begin_stream`` and ``end_stream`` obey; the others' entries are ignored. Ignored
         entries may be NaN. After missing setpoints the next one continues where ``underrun``
-        leads.
+        leads. The arrays are overwritten by the caller after the call.
 
         Args:
             position, velocity: (n_axes,) in rad or m, and per second.

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 import pytest
 
-from robotd.api import Capability, ConnectionState, Operation
+from robotd.api import Capability, ConnectionState, Operation, RobotdError
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.mixed_motion import MOVES_S, MixedMotion, kinds_of, modes_of
 
@@ -42,6 +43,23 @@ def stop_and_servos_off(harness: Harness, motion: MixedMotion) -> None:
     servos_off(harness, motion)
 
 
+def servos_off_and_on(harness: Harness, motion: MixedMotion) -> None:
+    """Switched on as soon as they are shown off, which a drive may reject while its axis moves."""
+    servos_off(harness, motion)
+    harness.periods(2)
+    for axis in harness.all:
+        with suppress(RobotdError):
+            harness.drivers.axes.servo(axis, True, 5.0)
+
+
+def change_modes_while_off(harness: Harness, motion: MixedMotion) -> None:
+    servos_off(harness, motion)
+    harness.rest()
+    for mode in modes_of(harness):
+        for axis in harness.all:
+            harness.drivers.axes.set_command_mode(axis, mode)
+
+
 def alarms(harness: Harness, motion: MixedMotion) -> None:
     for axis in harness.all:
         harness.injector.trip(axis, ALARM + axis)
@@ -70,15 +88,41 @@ def die(harness: Harness, motion: MixedMotion) -> None:
     start_again(harness)
 
 
+def lose_drive(harness: Harness, motion: MixedMotion) -> None:
+    """Of the last axis; the others are stopped when it is back."""
+    if not harness.can(Capability.HOT_CONNECT):
+        pytest.skip(f"the {harness.robot.backend.name} backend takes no drive in again")
+    last, image = harness.count - 1, harness.image
+    harness.injector.disconnect(last)
+    harness.until(lambda: bool(image.offline[last]), "the lost drive is offline", 2.0)
+    harness.injector.reconnect(last)
+    harness.robot.fieldbus.start_hot_connect(0)
+    harness.until(lambda: not image.offline[last], "the drive is back")
+    stop(harness, motion)
+
+
+def by_name(function: End) -> str:
+    return function.__name__
+
+
+ENDS = (
+    finish,
+    stop,
+    quick_stop,
+    servos_off,
+    stop_and_servos_off,
+    servos_off_and_on,
+    change_modes_while_off,
+    alarms,
+)
+NEW_CONNECTIONS = (restart, reopen, lose_link, die, lose_drive)
+
+
 @pytest.mark.clause("AxisDriver/resumption", "AxisDriver.servo/no-jump")
 @pytest.mark.clause("AxisDriver.set_command_mode/nothing-moves")
 @pytest.mark.clause("AxisDriver.begin_stream/waits", "AxisDriver.end_stream/moves")
 @pytest.mark.clause("AxisDriver.stream/others", "AxisDriver.begin_stream/operation")
-@pytest.mark.parametrize(
-    "end",
-    [finish, stop, quick_stop, servos_off, stop_and_servos_off, alarms],
-    ids=lambda f: f.__name__,
-)
+@pytest.mark.parametrize("end", ENDS, ids=by_name)
 def test_nothing_moves_after_the_end_of_a_motion(harness: Harness, end: End) -> None:
     for turn in turns(harness):
         look(harness, run_and_end(harness, turn, end))
@@ -89,10 +133,22 @@ def test_nothing_moves_after_the_end_of_a_motion(harness: Harness, end: End) -> 
 @pytest.mark.clause("AxisDriver/resumption", "AxisDriver.stream/others")
 @pytest.mark.clause("AxisDriver.set_command_mode/nothing-moves")
 @pytest.mark.clause("DeviceDriver.stop_communication/axes-stop", "DeviceDriver.close/disconnects")
-@pytest.mark.parametrize("end", [restart, reopen, lose_link, die], ids=lambda f: f.__name__)
+@pytest.mark.parametrize("end", NEW_CONNECTIONS, ids=by_name)
 def test_nothing_moves_after_a_new_connection(fresh: Harness, end: End) -> None:
     for turn in turns(fresh):
         look(fresh, run_and_end(fresh, turn, end))
+
+
+@pytest.mark.clause("AxisDriver.home/no-motion", "AxisDriver/resumption")
+@pytest.mark.needs(Capability.HOMING)
+def test_nothing_moves_after_homing(fresh: Harness) -> None:
+    """Off zero; the command of the motion before counts from another place than the axis then."""
+    fresh.require_rescaling()
+    motion = run_and_end(fresh, 0, stop)
+    enable(fresh)
+    for axis in fresh.all:
+        fresh.drivers.axes.home(axis, 10.0)
+    look(fresh, motion)
 
 
 def turns(harness: Harness) -> range:

@@ -7,7 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from robotd.api import Capability, CommandMode, FloatArray, LateSetpoint, ProcessImage, Underrun
+from robotd.api import (
+    Capability,
+    CommandMode,
+    FloatArray,
+    LateSetpoint,
+    Operation,
+    ProcessImage,
+    Underrun,
+)
 from robotd_conformance.checks.harness import SETTLED_RAD, STANDSTILL_RAD_S, Harness
 from robotd_conformance.checks.mixed_motion import modes_of
 from robotd_conformance.checks.recorded_motion import judge, ramped
@@ -17,6 +25,7 @@ SHARE, RAMP_S = 0.25, 0.1  # of a profile's speed, and the time to reach it
 CRUISE_S = 0.25  # until it is looked at
 AHEAD = 0.25  # periods by which a command may be off its setpoints
 DUE = (1.0, 0.6, 0.8)  # periods ahead
+RESTS_S = 0.7  # of a stream, longer than a device waits for setpoints
 OFF_RAD = 0.02  # of a setpoint that is too late
 IN_TIME = 0.1  # periods
 STAYS_AWAY_S, STOPS_S, LOOK_S = 0.2, 1.0, 0.15  # until setpoints stay away, longest reaction
@@ -38,6 +47,11 @@ class Path:
         self.start = harness.image.position_command.copy()
         self.began_ns = harness.clock.now_ns()
         self.commands: list[tuple[float, FloatArray, FloatArray]] = []
+
+    def begin_again(self, speeds: FloatArray) -> None:
+        """Begin a path with ``speeds`` at the end of this one, where the axes rest."""
+        start, began_ns = self.setpoint(np.inf)[0], self.harness.clock.now_ns()
+        self.start, self.speeds, self.began_ns = start, speeds, began_ns
 
     def time_s(self, now_ns: int) -> float:
         return (now_ns - self.began_ns) * 1e-9
@@ -300,6 +314,62 @@ def test_axes_of_both_modes_stream_together(streamed: Harness, first: CommandMod
             f" {'velocities' if by_velocity[axis] else 'positions'} beside others"
             for axis in streamed.all
             if abs(off[axis]) > granted[axis]
+        ]
+        judge(streamed, recording, problems)
+
+
+@pytest.mark.clause("AxisDriver.stream/arrays")
+@pytest.mark.parametrize("mode", [CommandMode.POSITION, CommandMode.VELOCITY])
+def test_setpoints_may_be_overwritten_after_the_call(streamed: Harness, mode: CommandMode) -> None:
+    if mode not in modes_of(streamed):
+        pytest.skip("there is no velocity mode")
+    for axis in streamed.all:
+        streamed.robot.axes.set_command_mode(axis, mode)
+    path = Path(streamed, streamed.speeds(SHARE), brakes_s=CRUISE_S)
+    position, velocity = path.setpoint(0.0)
+
+    def send(image: ProcessImage) -> None:
+        position[:], velocity[:] = path.setpoint(path.time_s(streamed.due_ns))
+        streamed.stream(position, velocity)
+        position[:], velocity[:] = path.start, -path.speeds
+
+    streamed.drivers.axes.begin_stream(streamed.all)
+    with streamed.recording() as recording, streamed.each_period(send):
+        streamed.pass_time(CRUISE_S + RAMP_S + streamed.drivers.axes.stream_buffer_s + 0.05)
+        position, velocity = path.setpoint(np.inf)
+    streamed.drivers.axes.end_stream(streamed.all)
+    streamed.rest()
+    way = path.setpoint(np.inf)[0] - path.start
+    gone = (streamed.image.position - path.start) / way
+    problems = [
+        f"axis {axis} has gone {gone[axis]:.0%} of its way"
+        for axis in streamed.all
+        if abs(gone[axis] - 1.0) > 0.15
+    ]
+    judge(streamed, recording, problems)
+
+
+@pytest.mark.clause("AxisDriver.begin_stream/operation", "AxisDriver.stream/position")
+def test_a_stream_that_rests_goes_on(streamed: Harness) -> None:
+    """The same setpoint for longer than any time-out, and then others, back to the begin."""
+    driver, speeds = streamed.drivers.axes, streamed.speeds(SHARE)
+    start = streamed.image.position_command.copy()
+    for sign in (1.0, -1.0):
+        path = Path(streamed, sign * speeds, brakes_s=CRUISE_S)
+        driver.begin_stream(streamed.all)
+        with streamed.recording() as recording, streamed.each_period(path):
+            streamed.pass_time(CRUISE_S + RAMP_S + RESTS_S)
+            shown = streamed.image.operation.copy()
+            path.begin_again(-sign * speeds)
+            streamed.pass_time(CRUISE_S + RAMP_S + driver.stream_buffer_s + 0.1)
+        driver.end_stream(streamed.all)
+        streamed.rest()
+        off = np.abs(streamed.image.position - start)
+        problems = [
+            f"axis {axis}: {Operation(int(shown[axis])).name} shown after {RESTS_S:g} s of rest,"
+            f" then {off[axis]:.3g} rad off"
+            for axis in streamed.all
+            if shown[axis] != Operation.STREAM or off[axis] > SETTLED_RAD
         ]
         judge(streamed, recording, problems)
 

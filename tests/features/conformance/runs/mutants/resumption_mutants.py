@@ -299,3 +299,92 @@ class ClearsTheAlarmsBelow(Mutant):
         def clear_alarm(self, axis: int, timeout_s: float) -> None:
             for each in range(axis + 1):
                 super().clear_alarm(each, timeout_s)
+
+
+class ReturnsToBeforeHoming(Mutant):
+    """The command of before homing, when the mode is changed to position."""
+
+    breaks = ("AxisDriver.home/no-motion", "side effect")
+    found_by = "test_resumption.py::test_nothing_moves_after_homing"
+
+    class Axes(SimAxes):
+        def home(self, axis: int, timeout_s: float) -> None:
+            self.__dict__.setdefault("before", {})[axis] = float(
+                self._simulation.servo.command[axis]
+            )
+            super().home(axis, timeout_s)
+
+        def set_command_mode(self, axis: int, mode: CommandMode) -> None:
+            super().set_command_mode(axis, mode)
+            before = self.__dict__.get("before", {})
+            if mode is CommandMode.POSITION and axis in before:
+                self.move(axis, before.pop(axis), SLOW)
+
+
+class ALostDriveGoesOn(Mutant):
+    """With its velocity command, when it is back and enabled."""
+
+    breaks = ("AxisDriver/resumption", "survives close")
+    found_by = NEW_CONNECTION
+    says = "without a command after a jog"
+
+    class Axes(SimAxes):
+        def jog(self, axis: int, profile: Profile) -> None:
+            super().jog(axis, profile)
+            self.__dict__.setdefault("jogs", {})[axis] = profile
+
+        def stop(self, axes: Sequence[int]) -> None:
+            super().stop(axes)
+            for axis in axes:
+                if self._states.connected[axis] and self._states.servo_on[axis]:
+                    self.__dict__.setdefault("jogs", {}).pop(axis, None)
+
+        def servo(self, axis: int, on: bool, timeout_s: float) -> None:
+            was_home = self._states.home_done[axis]
+            super().servo(axis, on, timeout_s)
+            if not on or was_home or self._states.mode[axis] != CommandMode.VELOCITY:
+                self.__dict__.setdefault("jogs", {}).pop(axis, None)
+            elif axis in self.__dict__.get("jogs", {}):
+                super().jog(axis, self.__dict__["jogs"].pop(axis))
+
+
+class AStreamBegunAgainStops(Mutant):
+    breaks = ("AxisDriver.begin_stream/again", "side effect")
+    found_by = ENABLED
+    says = "begun once more"
+
+    class Axes(SimAxes):
+        def begin_stream(self, axes: Sequence[int]) -> None:
+            self.stop([axis for axis in axes if self._motion.stream.following[axis]])
+            super().begin_stream(axes)
+
+
+class StreamsThoseThatCan(Mutant):
+    breaks = ("AxisDriver.begin_stream/all", "ignored")
+    found_by = "test_axes_apart.py::test_a_stream_of_an_axis_that_is_off_begins_for_none"
+    says = "is in STREAM"
+
+    class Axes(SimAxes):
+        def begin_stream(self, axes: Sequence[int]) -> None:
+            for axis in sorted(axes, key=lambda axis: not self._states.servo_on[axis]):
+                super().begin_stream([axis])
+
+
+class CommandOfTheConnectionBefore(Mutant):
+    breaks = ("AxisDriver.servo/no-jump", "after re-open")
+    found_by = "test_axes_apart.py::test_a_move_by_hand_between_two_connections_is_kept_at_enabling"
+    says = "was moved by"
+
+    class Device(SimDevice):
+        def stop_communication(self, timeout_s: float) -> None:
+            super().stop_communication(timeout_s)
+            simulation = self.simulation
+            simulation.__dict__["kept"] = dict(enumerate(simulation.servo.command.tolist()))
+
+    class Axes(SimAxes):
+        def servo(self, axis: int, on: bool, timeout_s: float) -> None:
+            super().servo(axis, on, timeout_s)
+            kept = self._simulation.__dict__.get("kept", {})
+            if on and axis in kept:
+                with self._world.lock:
+                    self._motion.hold(axis, kept.pop(axis))

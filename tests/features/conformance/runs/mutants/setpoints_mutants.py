@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 from tests.features.conformance.runs.mutants.plugin import Mutant
 
-from robotd.api import FloatArray, LateSetpoint, ProcessImage
+from robotd.api import FloatArray, LateSetpoint, ProcessImage, Underrun
 from robotd_sim import SimAxes, SimDevice
 
 STAY_AWAY = "test_setpoints.py::test_axes_stop_each_time_that_setpoints_stay_away"
@@ -218,3 +219,60 @@ class EveryThirdValue(Mutant):
             moving = self._simulation.servo.command_velocity.any()
             if not moving or count % 3 == 0 or not image.fresh_ns:
                 super().read(image)
+
+
+class SetpointsAreReadLater(Mutant):
+    """A tick after the call, from the arrays of the caller."""
+
+    breaks = ("AxisDriver.stream/arrays", "wrong value")
+    found_by = "test_setpoints.py::test_setpoints_may_be_overwritten_after_the_call"
+    says = "of its way"
+
+    class Axes(SimAxes):
+        def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
+            super().stream(position, velocity, due_ns)
+
+            def again() -> None:
+                with suppress(LateSetpoint):
+                    self._motion.stream.setpoint(position, velocity, due_ns)
+
+            with self._world.lock:
+                self._world.at(self._world.tick + 1, again)
+
+
+class RepeatedSetpointsAreDropped(Mutant):
+    """As the watchdog sees it, none comes while an axis rests."""
+
+    breaks = ("AxisDriver.begin_stream/operation", "ignored")
+    found_by = "test_setpoints.py::test_a_stream_that_rests_goes_on"
+    says = "shown after"
+
+    class Axes(SimAxes):
+        def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
+            before, self.__dict__["before"] = self.__dict__.get("before"), position.copy()
+            if before is None or not np.array_equal(before, position, equal_nan=True):
+                super().stream(position, velocity, due_ns)
+
+
+class HoldsBackwards(Mutant):
+    """Without setpoints an axis that moves in negative direction stands."""
+
+    breaks = ("AxisDriver.underrun/underrun", "one direction")
+    found_by = "test_underrun.py::test_an_axis_without_setpoints_does_what_underrun_says"
+    says = "without setpoints"
+
+    class Axes(SimAxes):
+        @property
+        def underrun(self) -> Underrun:
+            return Underrun.EXTRAPOLATE
+
+        def read(self, image: ProcessImage) -> None:
+            stream, servo = self._motion.stream, self._simulation.servo
+            with self._world.lock:
+                self._world.advance()
+                if stream.following.any() and self._world.tick > stream.end + 1:
+                    for axis, _ in stream._followers:
+                        if stream.velocity[axis] < 0.0:
+                            place = float(servo.command[axis])
+                            servo.follow(axis, self._world.tick, place, 0.0, 0.0)
+            super().read(image)
