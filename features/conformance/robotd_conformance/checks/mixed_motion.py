@@ -17,6 +17,7 @@ from robotd_conformance.checks.recorded_motion import ramped
 SHARE = 0.25  # of the speed of a profile
 RAMP_S, MOVES_S = 0.1, 0.25  # of a stream; from the begin of all motions to their end
 TRAJECTORY_S = 2.0
+SLOWEST_AXIS = 0.6  # speed of the last axis, to that of the first
 SLOWEST, FASTEST = 0.7, 1.4  # measured speed of an axis in motion, to the commanded one
 WAY_SHARE = 0.3  # of the travel, within MOVES_S
 
@@ -94,6 +95,7 @@ class MixedMotion:
         self.kinds = [able[(axis + turn) % len(able)] for axis in harness.all]
         travel = harness.travel()
         sizes = np.minimum(np.abs(harness.speeds(SHARE)), WAY_SHARE * np.abs(travel) / seconds)
+        sizes *= np.linspace(1.0, SLOWEST_AXIS, harness.count)  # none moves as another one
         self._sign = -1.0 if turn % 2 else 1.0
         self.speeds: FloatArray = self._sign * np.sign(travel) * sizes
         self.brakes_s, self.sends = math.inf, True

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 import numpy as np
@@ -17,13 +17,13 @@ from robotd.api import (
     Operation,
     RobotdError,
 )
-from robotd_conformance.checks.harness import Harness
+from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.mixed_motion import STREAMED, Kind, MixedMotion, kinds_of, modes_of
+from robotd_conformance.checks.recorded_motion import judge
 
 ALARM = 0x2310
 SPEEDS_UP_S, REACTS_S = 0.15, 0.1
 MOVES_S = 0.8  # with the commands of one axis meanwhile
-TURNS = 2  # in real time
 
 Event = Callable[[Harness, int], None]
 
@@ -85,22 +85,27 @@ def others_of(harness: Harness, axis: int, event: Event) -> list[int]:
     return others
 
 
-def turns(harness: Harness) -> range:
+def turns(harness: Harness, number: int = 0) -> Sequence[int]:
+    """Return the turns of a check; in real time one, another for each ``number``."""
     count = len(kinds_of(harness))
-    return range(count if harness.stepped else min(TURNS, count))
+    return range(count) if harness.stepped else [number % count]
 
 
 def by_name(function: Event) -> str:
     return function.__name__
 
 
+ENDS = (stop, quick_stop, servo_off, alarm)
+COMMANDS = (servo_off_and_on, alarm_and_clear, change_mode, stream, move)
+
+
 @pytest.mark.clause(
     "AxisDriver.read/alarms", "AxisDriver.servo/disables", "AxisDriver.servo/switches"
 )
 @pytest.mark.clause("AxisDriver/others", "AxisDriver.stop/all-axes", "AxisDriver.quick_stop/starts")
-@pytest.mark.parametrize("event", [stop, quick_stop, servo_off, alarm], ids=by_name)
+@pytest.mark.parametrize("event", ENDS, ids=by_name)
 def test_one_axis_ends_its_motion_alone(fresh: Harness, event: Event) -> None:
-    for turn in turns(fresh):
+    for turn in turns(fresh, ENDS.index(event)):
         axis = 0 if turn % 2 else fresh.count - 1
         others, motion = others_of(fresh, axis, event), MixedMotion(fresh, turn, seconds=MOVES_S)
         motion.prepare()
@@ -122,13 +127,11 @@ def test_one_axis_ends_its_motion_alone(fresh: Harness, event: Event) -> None:
 @pytest.mark.clause("AxisDriver/others", "AxisDriver.servo/switches")
 @pytest.mark.clause("AxisDriver.clear_alarm/clears", "AxisDriver.begin_stream/follows")
 @pytest.mark.clause("AxisDriver.move/starts")
-@pytest.mark.parametrize(
-    "event", [servo_off_and_on, alarm_and_clear, change_mode, stream, move], ids=by_name
-)
+@pytest.mark.parametrize("event", COMMANDS, ids=by_name)
 def test_commands_of_an_idle_axis_leave_the_others_alone(fresh: Harness, event: Event) -> None:
     if event is change_mode and len(modes_of(fresh)) < 2:
         pytest.skip("there is one command mode")
-    for turn in turns(fresh):
+    for turn in turns(fresh, COMMANDS.index(event)):
         axis = 0 if turn % 2 else fresh.count - 1
         others = others_of(fresh, axis, event)
         motion = MixedMotion(fresh, turn, idle=[axis], seconds=MOVES_S)
@@ -197,7 +200,7 @@ def by_alarm(harness: Harness) -> None:
     harness.until(lambda: bool(harness.image.amp_alarm.all()), "the alarms are shown", 1.0)
 
 
-@pytest.mark.clause("AxisDriver.servo/no-jump")
+@pytest.mark.clause("AxisDriver.servo/no-jump", "AxisDriver.move/starts")
 @pytest.mark.parametrize("switch_off", [by_servo, by_alarm], ids=by_name)
 def test_a_small_move_by_hand_is_kept_at_enabling(
     harness: Harness, injector: FaultInjector, switch_off: Callable[[Harness], None]
@@ -212,9 +215,10 @@ def test_a_small_move_by_hand_is_kept_at_enabling(
             pytest.skip("an axis in alarm is held by its servo")
         harness.periods(5)
         require_no_return(harness, delta)
+    require_smooth_begin(harness)
 
 
-@pytest.mark.clause("AxisDriver.servo/no-jump")
+@pytest.mark.clause("AxisDriver.servo/no-jump", "AxisDriver.move/starts")
 @pytest.mark.parametrize("close", [False, True], ids=["stopped", "closed"])
 def test_a_move_by_hand_between_two_connections_is_kept_at_enabling(
     fresh: Harness, close: bool
@@ -233,6 +237,7 @@ def test_a_move_by_hand_between_two_connections_is_kept_at_enabling(
         fresh.start(enable=False)
         require_no_return(fresh, delta)
         fresh.enable()
+    require_smooth_begin(fresh)
 
 
 def small_distances(harness: Harness, size: float) -> FloatArray:
@@ -259,6 +264,22 @@ def require_no_return(harness: Harness, delta: FloatArray) -> None:
             f"axis {axis} was moved by {delta[axis]:.2g} rad by hand; enabling has moved the"
             f" command {off[axis]:.2g} rad away from the measured position"
         )
+
+
+def require_smooth_begin(harness: Harness) -> None:
+    """Move; raise AssertionError where the command jumps to another begin, or arrives elsewhere."""
+    with harness.recording() as recording:
+        targets = harness.move_all(0.1)
+        harness.rest()
+    assert harness.image.position == pytest.approx(targets, abs=SETTLED_RAD)
+    steps = np.abs(np.diff(recording.position_command, axis=0))
+    fastest = (steps / np.diff(recording.time_s)[:, None]).max(0)
+    problems = [
+        f"axis {axis}: the command of a move after one by hand changes by {fastest[axis]:.3g} rad/s"
+        for axis in harness.all
+        if fastest[axis] > 2 * harness.profile(axis).velocity
+    ]
+    judge(harness, recording, problems)
 
 
 @pytest.mark.clause("AxisDriver.clear_alarm/clears", "AxisDriver.read/alarms")

@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 import numpy as np
 import pytest
 
-from robotd.api import Capability, ConnectionState, Operation, RobotdError
+from robotd.api import (
+    Capability,
+    CommandMode,
+    ConnectionState,
+    FloatArray,
+    Operation,
+    ProcessImage,
+    RobotdError,
+)
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.mixed_motion import MOVES_S, MixedMotion, kinds_of, modes_of
 
 ALARM = 0x32
-LOOK_S, LOOK_STEPPED_S = 0.15, 0.4  # stepped time costs little
+LOOK_S, LOOK_STEPPED_S = 0.15, 0.6  # stepped time costs little
 WAITS_S = 0.05  # for setpoints, less than the time-out of a device
+TORQUE_SHARE, PUSHED_RAD_S = 0.3, 0.1  # of a joint's limit, until it moves so fast
 TURNS = 2  # in real time; each axis executes two kinds of motion
 
 End = Callable[[Harness, MixedMotion], None]
@@ -125,7 +134,7 @@ NEW_CONNECTIONS = (restart, reopen, lose_link, die, lose_drive)
 @pytest.mark.parametrize("end", ENDS, ids=by_name)
 def test_nothing_moves_after_the_end_of_a_motion(harness: Harness, end: End) -> None:
     for turn in turns(harness):
-        look(harness, run_and_end(harness, turn, end))
+        look(harness, run_and_end(harness, turn, end).kinds)
     harness.enable()
 
 
@@ -136,7 +145,7 @@ def test_nothing_moves_after_the_end_of_a_motion(harness: Harness, end: End) -> 
 @pytest.mark.parametrize("end", NEW_CONNECTIONS, ids=by_name)
 def test_nothing_moves_after_a_new_connection(fresh: Harness, end: End) -> None:
     for turn in turns(fresh):
-        look(fresh, run_and_end(fresh, turn, end))
+        look(fresh, run_and_end(fresh, turn, end).kinds)
 
 
 @pytest.mark.clause("AxisDriver.home/no-motion", "AxisDriver/resumption")
@@ -148,7 +157,49 @@ def test_nothing_moves_after_homing(fresh: Harness) -> None:
     enable(fresh)
     for axis in fresh.all:
         fresh.drivers.axes.home(axis, 10.0)
-    look(fresh, motion)
+    look(fresh, motion.kinds)
+
+
+@pytest.mark.clause("AxisDriver/resumption", "AxisDriver.stream_torque/others")
+@pytest.mark.clause("AxisDriver.stop/torque", "AxisDriver.set_command_mode/torque")
+@pytest.mark.needs(Capability.TORQUE_MODE)
+@pytest.mark.parametrize("end", [stop, quick_stop, servos_off, alarms], ids=by_name)
+def test_no_torque_acts_after_the_end_of_its_stream(fresh: Harness, end: End) -> None:
+    joints = zip(fresh.robot.descriptor.joints, fresh.joints, strict=True)
+    torques = {axis: TORQUE_SHARE * (each.effort_limit or 0.0) for each, axis in joints}
+    axes = [axis for axis, torque in torques.items() if torque]
+    if not axes:
+        pytest.skip("no joint has a torque limit (joints[].torque_limit_nm)")
+    driver, image, sends = fresh.drivers.axes, fresh.image, fresh.can(Capability.SIMULATED)
+    forces: FloatArray = np.full(fresh.count, np.nan)
+    forces[axes] = np.sign(fresh.travel()[axes]) * [torques[axis] for axis in axes]
+    kinds = ["stream of torques"] * fresh.count
+    ended = False
+
+    def send(image: ProcessImage) -> None:
+        """Push each axis until it moves."""
+        if sends or not ended:
+            slow = np.abs(image.velocity) < PUSHED_RAD_S
+            driver.stream_torque(np.where(slow | ended, forces, 0.0 * forces), fresh.due_ns)
+
+    for axis in axes:
+        driver.set_command_mode(axis, CommandMode.TORQUE)
+    stays(fresh, kinds, "the mode is changed to torque")
+    start = image.position.copy()
+    driver.begin_stream(axes)
+    with fresh.each_period(send):
+        fresh.until(
+            lambda: bool((np.abs(image.position - start)[axes] > 2 * SETTLED_RAD).all()),
+            "torques move the axes",
+        )
+        ended = True
+        end(fresh, MixedMotion(fresh))
+        fresh.rest()
+        enable(fresh)
+        stays(fresh, kinds, "servos are on, while torques of an ended stream arrive")
+    for axis in fresh.all:
+        driver.set_command_mode(axis, CommandMode.POSITION)
+    stays(fresh, kinds, "the mode is changed to position")
 
 
 def turns(harness: Harness) -> range:
@@ -159,6 +210,7 @@ def turns(harness: Harness) -> range:
 def run_and_end(harness: Harness, turn: int, end: End) -> MixedMotion:
     """Leave the axes at rest; to a simulation setpoints are still sent then."""
     motion = MixedMotion(harness, turn)
+    kinds = motion.kinds
     motion.prepare()
     with motion.running():
         harness.pass_time(MOVES_S)
@@ -167,26 +219,26 @@ def run_and_end(harness: Harness, turn: int, end: End) -> MixedMotion:
         motion.sends = harness.can(Capability.SIMULATED)
         harness.rest()
         if motion.sends:
-            stays(harness, motion, "it is over, while setpoints still arrive")
+            stays(harness, kinds, "it is over, while setpoints still arrive")
             enable(harness)
-            stays(harness, motion, "servos are on, while setpoints of an ended stream arrive")
+            stays(harness, kinds, "servos are on, while setpoints of an ended stream arrive")
     return motion
 
 
-def look(harness: Harness, motion: MixedMotion) -> None:
+def look(harness: Harness, kinds: Sequence[str]) -> None:
     """Switch servos and modes: each leaves the axes where they are."""
     enable(harness)
-    stays(harness, motion, "alarms are cleared and servos switched on")
+    stays(harness, kinds, "alarms are cleared and servos switched on")
     driver = harness.drivers.axes
     for mode in reversed(modes_of(harness)):
         for axis in harness.all:
             driver.set_command_mode(axis, mode)
-        stays(harness, motion, f"the mode is changed to {mode.name.lower()}")
+        stays(harness, kinds, f"the mode is changed to {mode.name.lower()}")
     if not harness.robot.axes.trajectories_on_device:
         driver.begin_stream(harness.all)
-        stays(harness, motion, "a stream has begun without setpoints", Operation.STREAM)
+        stays(harness, kinds, "a stream has begun without setpoints", Operation.STREAM)
         driver.end_stream(harness.all)
-        stays(harness, motion, "a stream without setpoints has ended")
+        stays(harness, kinds, "a stream without setpoints has ended")
 
 
 def enable(harness: Harness) -> None:
@@ -197,7 +249,7 @@ def enable(harness: Harness) -> None:
 
 
 def stays(
-    harness: Harness, motion: MixedMotion, what: str, shown: Operation = Operation.IDLE
+    harness: Harness, kinds: Sequence[str], what: str, shown: Operation = Operation.IDLE
 ) -> None:
     """Raise AssertionError naming an axis that moves when ``what``, or is not in ``shown``."""
     looks_s = LOOK_STEPPED_S if harness.stepped else LOOK_S
@@ -205,7 +257,7 @@ def stays(
     with harness.recording() as recording:
         harness.pass_time(looks_s if shown is Operation.IDLE else WAITS_S)
     moved = np.abs(recording.position - start).max(0)
-    for axis, kind in enumerate(motion.kinds):
+    for axis, kind in enumerate(kinds):
         operation = Operation(int(harness.image.operation[axis]))
         assert moved[axis] <= SETTLED_RAD, (
             f"axis {axis} moves by {moved[axis]:.3g} rad without a command after a {kind},"

@@ -17,7 +17,7 @@ from robotd.api import (
     Underrun,
 )
 from robotd_conformance.checks.harness import SETTLED_RAD, STANDSTILL_RAD_S, Harness
-from robotd_conformance.checks.mixed_motion import modes_of
+from robotd_conformance.checks.mixed_motion import SLOWEST_AXIS, modes_of
 from robotd_conformance.checks.recorded_motion import judge, ramped
 from robotd_conformance.checks.test_units import LAG_S
 
@@ -77,19 +77,31 @@ class Path:
 
     def __call__(self, image: ProcessImage) -> None:
         self.note(image)
-        self.harness.stream(*self.setpoint(self.time_s(self.harness.due_ns)))
+        setpoint = self.setpoint(self.time_s(self.harness.due_ns))
+        if self.harness.stepped:  # nothing is late
+            self.harness.drivers.axes.stream(*setpoint, self.harness.due_ns)
+        else:
+            self.harness.stream(*setpoint)
 
 
 @pytest.fixture
-def stepped(streamed: Harness) -> Harness:
+def stepped(unopened: Harness) -> Harness:
     """A started harness in simulated time: single periods are known, and nothing real jumps."""
-    if not streamed.stepped:
+    if not unopened.stepped:
         pytest.skip("single setpoints are judged in simulated time")
-    return streamed
+    if unopened.robot.axes.trajectories_on_device:
+        pytest.skip("positions are not streamed: trajectories run on the device")
+    unopened.start()
+    return unopened
+
+
+def different_speeds(harness: Harness) -> FloatArray:
+    """Return (n_axes,) speeds, none as another one."""
+    return np.asarray(harness.speeds(SHARE) * np.linspace(1.0, SLOWEST_AXIS, harness.count))
 
 
 def both_ways(harness: Harness) -> Sequence[FloatArray]:
-    return harness.speeds(SHARE), -harness.speeds(SHARE)
+    return different_speeds(harness), -different_speeds(harness)
 
 
 @pytest.mark.clause("AxisDriver.stream/setpoint")
@@ -222,26 +234,27 @@ def test_a_stream_ends_on_its_last_setpoint(stepped: Harness) -> None:
 
 @pytest.mark.needs(Capability.VELOCITY_MODE)
 @pytest.mark.clause("AxisDriver.stream/velocity")
-def test_a_streamed_velocity_changes_evenly(fresh: Harness) -> None:
+def test_a_streamed_velocity_changes_evenly(stepped: Harness) -> None:
     """The way is that of the mean velocity."""
-    if not fresh.stepped:
-        pytest.skip("single setpoints are judged in simulated time")
-    fresh.set_velocity_mode()
-    unknown = np.full(fresh.count, np.nan)
-    granted = (LAG_S + fresh.drivers.axes.stream_buffer_s) / fresh.period_s
-    for speeds in both_ways(fresh):
-        path = Path(fresh, speeds, brakes_s=CRUISE_S)
+    stepped.set_velocity_mode()
+    unknown = np.full(stepped.count, np.nan)
+    granted = (LAG_S + stepped.drivers.axes.stream_buffer_s) / stepped.period_s
+    for speeds in both_ways(stepped):
+        path = Path(stepped, speeds, brakes_s=CRUISE_S)
 
         def send(image: ProcessImage, path: Path = path) -> None:
             path.note(image)
-            fresh.stream(unknown, path.setpoint(path.time_s(fresh.due_ns))[1])
+            stepped.stream(unknown, path.setpoint(path.time_s(stepped.due_ns))[1])
 
-        axes = fresh.robot.axes
-        with axes.claimed("conformance", fresh.all, CommandMode.VELOCITY), fresh.each_period(send):
-            fresh.pass_time(CRUISE_S + RAMP_S + 0.02)
-        fresh.rest()
+        axes = stepped.robot.axes
+        with (
+            axes.claimed("conformance", stepped.all, CommandMode.VELOCITY),
+            stepped.each_period(send),
+        ):
+            stepped.pass_time(CRUISE_S + RAMP_S + 0.02)
+        stepped.rest()
         lags = path.lags()
-        for axis in fresh.all:
+        for axis in stepped.all:
             low, high = lags[:, axis].min(), lags[:, axis].max()
             assert -AHEAD < low <= high < granted, (
                 f"axis {axis}: its way is {low:.2f} to {high:.2f} periods behind that of an even"
@@ -251,30 +264,32 @@ def test_a_streamed_velocity_changes_evenly(fresh: Harness) -> None:
 
 @pytest.mark.needs(Capability.VELOCITY_MODE)
 @pytest.mark.clause("AxisDriver.stream/velocity")
-def test_between_two_setpoints_a_streamed_velocity_is_between_theirs(fresh: Harness) -> None:
+def test_between_two_setpoints_a_streamed_velocity_is_between_theirs(stepped: Harness) -> None:
     """Velocities go up and down in each period; values are read in the middle, too."""
-    if not fresh.stepped:
-        pytest.skip("single setpoints are judged in simulated time")
-    fresh.set_velocity_mode()
-    driver, image, period_ns = fresh.drivers.axes, fresh.image, fresh.robot.control_loop.period_ns
-    unknown = np.full(fresh.count, np.nan)
-    for speeds in both_ways(fresh):
+    stepped.set_velocity_mode()
+    driver, image, period_ns = (
+        stepped.drivers.axes,
+        stepped.image,
+        stepped.robot.control_loop.period_ns,
+    )
+    unknown = np.full(stepped.count, np.nan)
+    for speeds in both_ways(stepped):
         ways, shares = list[FloatArray](), list[FloatArray]()
-        driver.begin_stream(fresh.all)
-        fresh.clock.sleep_until_ns(image.stamp_ns + period_ns)
+        driver.begin_stream(stepped.all)
+        stepped.clock.sleep_until_ns(image.stamp_ns + period_ns)
         for count in range(20):
             positions = [image.position_command.copy()]
-            driver.stream(unknown, (count % 2) * SHARE * speeds, fresh.due_ns)
-            fresh.clock.sleep_until_ns(image.stamp_ns + period_ns // 2)
+            driver.stream(unknown, (count % 2) * SHARE * speeds, stepped.due_ns)
+            stepped.clock.sleep_until_ns(image.stamp_ns + period_ns // 2)
             driver.read(image)
             positions.append(image.position_command.copy())
             share = image.velocity_command / (SHARE * speeds)
-            fresh.clock.sleep_until_ns(image.stamp_ns + period_ns)
+            stepped.clock.sleep_until_ns(image.stamp_ns + period_ns)
             if count % 2:
                 ways.append(np.diff([*positions, image.position_command], axis=0))
                 shares.append(share)
-        driver.end_stream(fresh.all)
-        fresh.rest()
+        driver.end_stream(stepped.all)
+        stepped.rest()
         if not np.any(ways, axis=(0, 2)).all():
             pytest.skip("commands change once in each period")
         for axis, share in enumerate(np.mean(shares, axis=0)):
@@ -295,7 +310,7 @@ def test_axes_of_both_modes_stream_together(streamed: Harness, first: CommandMod
         streamed.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
     driver, problems = streamed.drivers.axes, list[str]()
     for axes, unknown in ((streamed.all, np.nan), (streamed.all[::-1], WRONG_RAD)):
-        speeds = streamed.speeds(SHARE) * (1.0 if axes[0] == 0 else -1.0)
+        speeds = different_speeds(streamed) * (1.0 if axes[0] == 0 else -1.0)
         path = Path(streamed, speeds, brakes_s=CRUISE_S)
 
         def send(image: ProcessImage, path: Path = path, unknown: float = unknown) -> None:
@@ -325,7 +340,7 @@ def test_setpoints_may_be_overwritten_after_the_call(streamed: Harness, mode: Co
         pytest.skip("there is no velocity mode")
     for axis in streamed.all:
         streamed.robot.axes.set_command_mode(axis, mode)
-    path = Path(streamed, streamed.speeds(SHARE), brakes_s=CRUISE_S)
+    path = Path(streamed, different_speeds(streamed), brakes_s=CRUISE_S)
     position, velocity = path.setpoint(0.0)
 
     def send(image: ProcessImage) -> None:
@@ -352,7 +367,7 @@ def test_setpoints_may_be_overwritten_after_the_call(streamed: Harness, mode: Co
 @pytest.mark.clause("AxisDriver.begin_stream/operation", "AxisDriver.stream/position")
 def test_a_stream_that_rests_goes_on(streamed: Harness) -> None:
     """The same setpoint for longer than any time-out, and then others, back to the begin."""
-    driver, speeds = streamed.drivers.axes, streamed.speeds(SHARE)
+    driver, speeds = streamed.drivers.axes, different_speeds(streamed)
     start = streamed.image.position_command.copy()
     for sign in (1.0, -1.0):
         path = Path(streamed, sign * speeds, brakes_s=CRUISE_S)
@@ -388,7 +403,7 @@ def test_axes_stop_each_time_that_setpoints_stay_away(streamed: Harness) -> None
             streamed.enable()
             for axis in streamed.all:
                 streamed.robot.axes.set_command_mode(axis, mode)
-            leave_alone(streamed, sign * streamed.speeds(SHARE), mode)
+            leave_alone(streamed, sign * different_speeds(streamed), mode)
             streamed.drivers.axes.end_stream(streamed.all)
             streamed.rest()
     streamed.enable()
