@@ -16,7 +16,7 @@ from robotd_conformance.checks.recorded_motion import ramped
 
 SHARE = 0.25  # of the speed of a profile
 RAMP_S, MOVES_S = 0.1, 0.25  # of a stream; from the begin of all motions to their end
-TRAJECTORY_S = 2.0
+POINTS = 40  # of a trajectory
 SLOWEST_AXIS = 0.6  # speed of the last axis, to that of the first
 SLOWEST, FASTEST = 0.7, 1.4  # measured speed of an axis in motion, to the commanded one
 WAY_SHARE = 0.3  # of the travel, within MOVES_S
@@ -138,10 +138,12 @@ class MixedMotion:
             for axis in self.axes(Kind.JOG):
                 driver.jog(axis, replace(profiles[axis], velocity=float(self.speeds[axis])))
             if followers := self.axes(Kind.TRAJECTORY):
-                times_s = np.linspace(0.0, TRAJECTORY_S, 21)
-                shares = np.array([ramped(t, 0.4, TRAJECTORY_S - 0.4)[0] for t in times_s])
-                way = shares[:, None] * self.speeds[followers]
-                driver.follow(followers, times_s, self._start[followers] + way)
+                ways = np.abs(targets - self._start)[followers]
+                cruise_s = float((ways / np.abs(self.speeds[followers])).min())
+                times_s = np.linspace(0.0, cruise_s + RAMP_S, POINTS)
+                shares = np.array([ramped(time_s, RAMP_S, cruise_s)[0] for time_s in times_s])
+                rows = self._start[followers] + shares[:, None] * self.speeds[followers]
+                driver.follow(followers, times_s, rows)
             yield
 
     def require_motion(self) -> None:

@@ -23,7 +23,6 @@ class StreamsOnceEnabledAgain(Mutant):
 
     breaks = ("AxisDriver/resumption", "side effect")
     found_by = AFTER_END
-    says = "without a command after a"
 
     class Axes(SimAxes):
         def servo(self, axis: int, on: bool, timeout_s: float) -> None:
