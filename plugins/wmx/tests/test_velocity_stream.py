@@ -58,6 +58,7 @@ def test_an_axis_stops_without_setpoints(tmp_path: Path) -> None:
         robot.axes.set_command_mode(AXIS, CommandMode.VELOCITY)
         robot.axes._driver.begin_stream([AXIS])
         send(robot, 0.2)
-        assert robot.image.velocity[AXIS] == pytest.approx(SPEED_RAD_S, rel=0.2)
-        eventually(lambda: robot.image.operation[AXIS] == Operation.IDLE, 1.0)
-        assert robot.image.velocity[AXIS] == pytest.approx(0.0, abs=1e-3)
+        start = robot.image.position[AXIS]
+        eventually(lambda: robot.image.operation[AXIS] == Operation.IDLE, 2.0)
+        assert robot.image.position[AXIS] > start
+        eventually(lambda: bool(abs(robot.image.velocity[AXIS]) < 1e-3), 1.0)
