@@ -278,7 +278,7 @@ class CommandRoundedAtEnabling(Mutant):
     """To 5 mrad."""
 
     breaks = ("AxisDriver.servo/no-jump", "small")
-    found_by = "test_axes_apart.py::test_a_small_move_by_hand_is_kept_at_enabling"
+    found_by = "test_hand_moves.py::test_a_small_move_by_hand_is_kept_at_enabling"
 
     class Axes(SimAxes):
         def servo(self, axis: int, on: bool, timeout_s: float) -> None:
@@ -371,7 +371,7 @@ class StreamsThoseThatCan(Mutant):
 
 class CommandOfTheConnectionBefore(Mutant):
     breaks = ("AxisDriver.servo/no-jump", "after re-open")
-    found_by = "test_axes_apart.py::test_a_move_by_hand_between_two_connections_is_kept_at_enabling"
+    found_by = "test_hand_moves.py::test_a_move_by_hand_between_two_connections_is_kept_at_enabling"
     says = "was moved by"
 
     class Device(SimDevice):

@@ -11,8 +11,8 @@ from tests.features.conformance.runs.mutants.plugin import Mutant
 from robotd.api import FloatArray, LateSetpoint, ProcessImage, Underrun
 from robotd_sim import SimAxes, SimDevice
 
-STAY_AWAY = "test_setpoints.py::test_axes_stop_each_time_that_setpoints_stay_away"
-BOTH_MODES = "test_setpoints.py::test_axes_of_both_modes_stream_together"
+STAY_AWAY = "test_whole_streams.py::test_axes_stop_each_time_that_setpoints_stay_away"
+BOTH_MODES = "test_whole_streams.py::test_axes_of_both_modes_stream_together"
 LAST_SETPOINT = "test_setpoints.py::test_a_stream_ends_on_its_last_setpoint"
 
 
@@ -225,7 +225,7 @@ class SetpointsAreReadLater(Mutant):
     """A tick after the call, from the arrays of the caller."""
 
     breaks = ("AxisDriver.stream/arrays", "wrong value")
-    found_by = "test_setpoints.py::test_setpoints_may_be_overwritten_after_the_call"
+    found_by = "test_whole_streams.py::test_setpoints_may_be_overwritten_after_the_call"
     says = "of its way"
 
     class Axes(SimAxes):
@@ -244,7 +244,7 @@ class RepeatedSetpointsAreDropped(Mutant):
     """As the watchdog sees it, none comes while an axis rests."""
 
     breaks = ("AxisDriver.begin_stream/operation", "ignored")
-    found_by = "test_setpoints.py::test_a_stream_that_rests_goes_on"
+    found_by = "test_whole_streams.py::test_a_stream_that_rests_goes_on"
     says = "shown after"
 
     class Axes(SimAxes):
