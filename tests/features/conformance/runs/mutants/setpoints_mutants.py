@@ -54,9 +54,9 @@ class LateSetpointIsKept(Mutant):
 
     class Axes(SimAxes):
         def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
-            kept = self.__dict__.pop("kept", None)
+            place, speed = self.__dict__.pop("kept", (position, velocity))
             try:
-                super().stream(*(kept or (position, velocity)), due_ns)
+                super().stream(place, speed, due_ns)
             except LateSetpoint:
                 self.__dict__["kept"] = position.copy(), velocity.copy()
                 raise
