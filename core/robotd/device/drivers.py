@@ -116,6 +116,11 @@ class AxisDriver(ABC):
     """Axes of one device.
 
     Methods that name a capability are needed only by a backend that declares it.
+
+    Whatever has ended a motion, only a new command begins one: nothing moves when an alarm is
+    cleared, a servo is switched on, a mode is changed, a link is back or communication begins.
+    A command or a fault of one axis leaves the motion of others as it is, unless they share its
+    servo switch or the controller's alarm.
     """
 
     @property
@@ -221,7 +226,10 @@ class AxisDriver(ABC):
         """Let ``axes`` follow ``stream`` from their present command, without a jump.
 
         Each is in ``Operation.STREAM`` until ``end_stream``, or until something stops it.
-        Not needed with TRAJECTORIES_ON_DEVICE, except for velocity streams.
+        Until the first setpoint an axis at rest stays there. Axes in position and in velocity mode
+        may stream together. Where one of them cannot stream, none does. An axis that streams
+        already goes on, also where the call is rejected for it. Not needed with
+        TRAJECTORIES_ON_DEVICE, except for velocity streams.
         """
         raise Unsupported("streamed setpoints")
 
@@ -232,7 +240,7 @@ class AxisDriver(ABC):
         mode changes evenly to its velocity, and its position is ignored. Only axes between
         ``begin_stream`` and ``end_stream`` obey; the others' entries are ignored. Ignored
         entries may be NaN. After missing setpoints the next one continues where ``underrun``
-        leads.
+        leads. The arrays are overwritten by the caller after the call.
 
         Args:
             position, velocity: (n_axes,) in rad or m, and per second.
@@ -268,7 +276,11 @@ class AxisDriver(ABC):
         return False
 
     def end_stream(self, axes: Sequence[int]) -> None:
-        """Hold the last setpoint (velocity mode: slow to rest); the axes take moves again."""
+        """Hold the last setpoint (velocity mode: slow to rest); the axes take moves again.
+
+        A last setpoint of velocity 0 is reached, also if it is due later. An axis that does not
+        stream: no effect.
+        """
         raise Unsupported("streamed setpoints")
 
     def follow(self, axes: Sequence[int], times_s: FloatArray, positions: FloatArray) -> None:

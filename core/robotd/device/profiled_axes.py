@@ -108,13 +108,16 @@ class ProfiledAxes(AxisDriver):
             self.send_targets(self._targets)
 
     def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
+        streams = False
         with self._lock:
             for axis, motion in enumerate(self._motions):
                 if motion.operation is Operation.STREAM:
+                    streams = True
                     motion.setpoint(float(position[axis]), float(velocity[axis]), self._period_s)
                     self._targets[axis] = motion.position
-        self._streamed = True
-        self.send_targets(self._targets)
+        self._streamed = streams
+        if streams:  # else ``read`` has sent the targets of this period
+            self.send_targets(self._targets)
 
     def begin_stream(self, axes: Sequence[int]) -> None:
         with self._lock:

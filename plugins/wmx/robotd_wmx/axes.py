@@ -46,7 +46,9 @@ class WmxAxes(AxisDriver):
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
         self._scaling = connection.scaling
-        self._stream = VelocityStream(connection)
+        self._stream = VelocityStream(
+            connection, lambda axes: self._slow_down(self._stream.end(axes))
+        )
         self._positions = PositionStream(connection)
         self._splines = Splines(connection)
         connection.before_close(self._positions.close)
@@ -82,15 +84,25 @@ class WmxAxes(AxisDriver):
         self._positions.put(position, velocity, due_ns)
 
     def begin_stream(self, axes: Sequence[int]) -> None:
-        """Without cyclic buffers: velocity mode only, see ``follow``."""
+        """Without cyclic buffers: velocity mode only, see ``follow``.
+
+        The engine would begin those that can, and abort the buffer of one that streams already.
+        """
         status = self._status()
+        for axis in axes:
+            if not status.servo_on(axis):
+                raise NotReady("streaming: the servo is off", axis=axis)
+            if self._positions.stopping(axis):
+                raise NotReady("streaming: the stream before is being stopped", axis=axis)
+        axes = [axis for axis in axes if not self._streams(axis)]
         by_position = [axis for axis in axes if status.mode(axis) != CommandMode.VELOCITY]
         if by_position and not self._positions.available:
             raise Unsupported("streamed positions")
         if by_position:
             with translated(f"streaming positions of axes {by_position}"):
                 self._positions.begin(by_position)
-        self._stream.begin([axis for axis in axes if axis not in by_position])
+        if by_velocity := [axis for axis in axes if axis not in by_position]:
+            self._stream.begin(by_velocity)
 
     def end_stream(self, axes: Sequence[int]) -> None:
         self._slow_down(self._stream.end(axes))
@@ -242,6 +254,9 @@ class WmxAxes(AxisDriver):
         """An enabled axis keeps its scale: the engine would change where it is."""
         if self._status().servo_on(axis):
             raise NotReady(f"{what}: the servo is on", axis=axis)
+
+    def _streams(self, axis: int) -> bool:
+        return self._positions.active(axis) or bool(self._stream.active[axis])
 
     def _slow_down(self, axes: Sequence[int]) -> None:
         """Streamed commands have no deceleration of their own: stop within |v| / deceleration."""

@@ -41,6 +41,7 @@ class Readout:
         if self._alarms or image.amp_alarm.any():
             self._explain(image)
         if self._stream.active.any():
+            self._stream.drop(~image.servo_on | image.amp_alarm | image.offline)
             self._mark_streaming(image)
         if self._positions.running:
             self._mark_positions(image)

@@ -2,35 +2,42 @@
 
 ``StartVel`` returns when the engine has taken the command in, about one of its cycles later.
 The control loop must not wait for that: it leaves its setpoint here. A setpoint that the next one
-overtakes is never sent.
+overtakes is never sent. The engine itself would go on at the last velocity for ever: an axis is
+stopped when no setpoint comes for ``TIMEOUT_S``.
 """
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from robotd.api import FloatArray, RobotdError, get_logger
+from robotd.api import BoolArray, FloatArray, RobotdError, get_logger
 from robotd_wmx._native import CallError
 from robotd_wmx.connection import Connection
 from robotd_wmx.errors import text_of
 
 log = get_logger("wmx")
 
+TIMEOUT_S = 0.25  # without a setpoint, until the axes are stopped
+
 
 class VelocityStream:
     """Axes in velocity mode that obey ``put``.
+
+    Args:
+        connection: to the engine.
+        on_timeout: called with the axes that have streamed and get no setpoints any more.
 
     Attributes:
         active: (n,) the axes that are streamed now.
     """
 
-    def __init__(self, connection: Connection) -> None:
+    def __init__(self, connection: Connection, on_timeout: Callable[[Sequence[int]], None]) -> None:
         axes = connection.robot.axes
         self.active = np.zeros(axes, bool)
-        self._connection = connection
+        self._connection, self._on_timeout = connection, on_timeout
         self._ramp_ms = 1000.0 / connection.robot.cycle.rate_hz
         self._velocity: FloatArray = np.full(axes, np.nan)
         self._sending = threading.Lock()
@@ -50,6 +57,13 @@ class VelocityStream:
             self._thread = threading.Thread(target=self._run, name="wmx-stream", daemon=True)
             self._thread.start()
 
+    def drop(self, axes: BoolArray) -> None:
+        """Cycle thread: end the streams of ``axes`` (n,), which something has stopped.
+
+        The engine rejects what is being sent to them at this moment.
+        """
+        self.active &= ~axes
+
     def end(self, axes: Sequence[int]) -> list[int]:
         """Obey no longer; which of ``axes`` did. Nothing is sent for them afterwards."""
         with self._sending:
@@ -59,23 +73,37 @@ class VelocityStream:
 
     def _run(self) -> None:
         failing = False
-        while self._fresh.wait():
+        while True:
+            if not self._fresh.wait(TIMEOUT_S if self._feeds() else None):
+                self._expire()
+                continue
             self._fresh.clear()
             with self._sending:
-                axes = np.flatnonzero(self.active & np.isfinite(self._velocity))
-                if not len(axes):
+                axes = self._feeds()
+                if not axes:
                     continue
                 velocities = self._velocity[axes] * self._connection.scaling.units[axes]
                 try:
-                    self._connection.stream.start_vels(
-                        axes.tolist(), velocities.tolist(), self._ramp_ms
-                    )
+                    self._connection.stream.start_vels(axes, velocities.tolist(), self._ramp_ms)
                     failing = False
                 except (CallError, RobotdError) as error:
                     # The image shows what stopped the axes; the base gives up by that.
                     if not failing:
                         log.error("streaming failed", reason=_reason(error))
                     failing = True
+
+    def _feeds(self) -> list[int]:
+        """Return the axes that have got a setpoint since their stream began."""
+        axes: list[int] = np.flatnonzero(self.active & np.isfinite(self._velocity)).tolist()
+        return axes
+
+    def _expire(self) -> None:
+        axes = self._feeds()
+        log.warning("stopped: no setpoints arrive", axes=axes, after_s=TIMEOUT_S)
+        try:
+            self._on_timeout(axes)
+        except (CallError, RobotdError) as error:
+            log.error("stopping a stream failed", axes=axes, reason=_reason(error))
 
 
 def _reason(error: CallError | RobotdError) -> str:

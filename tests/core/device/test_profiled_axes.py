@@ -97,6 +97,18 @@ def test_a_jog_runs_until_it_is_set_to_zero() -> None:
     assert arm.until_idle()[-1, 0] == 0.0
 
 
+def test_setpoints_after_the_end_of_a_stream_send_no_second_targets() -> None:
+    arm = Arm()
+    arm.begin_stream([0])
+    arm.stream(np.array([0.5, np.nan]), np.zeros(2), 0)
+    arm.stop([0])
+    arm.period()
+    arm.sent.clear()
+    arm.stream(np.array([0.7, np.nan]), np.zeros(2), 0)  # the sender has not noticed the stop
+    arm.period()
+    assert [targets[0] for targets in arm.sent] == pytest.approx([0.5])
+
+
 def test_a_stream_is_sent_at_once_and_once_a_period() -> None:
     arm = Arm()
     arm.begin_stream([0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 LONG_S, LONG_STEPPED_S = 5.0, 20.0  # stepped time costs little
 ACCELERATING_SHARE = 5e-5  # of the torque's range, that its acceleration accounts for
 HELD = 0.2  # share of the samples that may repeat a value, of a computer that stalls
+DECLARED, OFTEN = 100, 0.7  # periods of the feedback, and share of them with new values
 UNDATED = 0.5  # share of the values whose time may wait for a slower drive of the same bus
 CODES = (0x07, 0x2310, 0x8611)
 A_WORD = re.compile(r"[^\W\d_]{3}")
@@ -30,6 +32,25 @@ def test_time_stamps_never_go_back(harness: Harness) -> None:
     assert (steps >= 0).all(), "a value is older than the one before"
     assert steps.max() <= 1e9 * (5 * harness.feedback_s + 0.05)
     harness.rest()
+
+
+@pytest.mark.clause("AxisDriver.feedback_period_s/period")
+def test_values_arrive_as_often_as_declared(harness: Harness) -> None:
+    seen: list[tuple[int, int, bytes]] = []
+    harness.move_all(speed=0.3)
+    harness.pass_time(0.1)
+    with harness.each_period(
+        lambda image: seen.append((image.stamp_ns, image.fresh_ns, image.position.tobytes()))
+    ):
+        harness.periods(DECLARED)
+    harness.rest()
+    read_ns, fresh_ns, positions = zip(*seen, strict=True)
+    wanted = min(len(seen) - 1, (read_ns[-1] - read_ns[0]) * 1e-9 / harness.feedback_s)
+    for what, values in (("time stamps", fresh_ns), ("positions", positions)):
+        new = sum(value != before for value, before in pairwise(values))
+        assert new >= OFTEN * wanted, (
+            f"{new} new {what} within {wanted:.0f} periods of {1e3 * harness.feedback_s:g} ms"
+        )
 
 
 @pytest.mark.clause("AxisDriver.read/fresh")

@@ -19,10 +19,10 @@ TOLERANCE = 0.25  # of the streamed velocity
 class InterruptedStream:
     """Stream setpoints: accelerate, cruise, miss some, and decelerate."""
 
-    def __init__(self, harness: Harness) -> None:
+    def __init__(self, harness: Harness, sign: float) -> None:
         self._harness = harness
         self._start = harness.image.position_command.copy()
-        self.velocity = harness.speeds(SPEED_SHARE)
+        self.velocity = sign * harness.speeds(SPEED_SHARE)
         self._began_ns = 0
         self.gap_s = max(GAP_S, MIN_GAP_PERIODS * harness.period_s)
         self.samples: list[tuple[float, FloatArray]] = []
@@ -64,13 +64,14 @@ class InterruptedStream:
 def test_an_axis_without_setpoints_does_what_underrun_says(streamed: Harness) -> None:
     underrun = streamed.drivers.axes.underrun
     share = 1.0 if underrun is Underrun.EXTRAPOLATE else 0.0
-    stream = InterruptedStream(streamed)
-    recording = record_stream(streamed, stream, stream.duration_s)
-    wanted, found = share * stream.velocity, stream.slopes()
-    problems = [
-        f"axis {axis}: {found[axis]:.3g} rad/s without setpoints, {underrun} means"
-        f" {wanted[axis]:.3g} rad/s"
-        for axis in streamed.all
-        if abs(found[axis] - wanted[axis]) > TOLERANCE * abs(stream.velocity[axis])
-    ]
-    judge(streamed, recording, problems)
+    for sign in (1.0, -1.0):  # and back, in a second stream
+        stream = InterruptedStream(streamed, sign)
+        recording = record_stream(streamed, stream, stream.duration_s)
+        wanted, found = share * stream.velocity, stream.slopes()
+        problems = [
+            f"axis {axis}: {found[axis]:.3g} rad/s without setpoints, {underrun} means"
+            f" {wanted[axis]:.3g} rad/s"
+            for axis in streamed.all
+            if abs(found[axis] - wanted[axis]) > TOLERANCE * abs(stream.velocity[axis])
+        ]
+        judge(streamed, recording, problems)
