@@ -97,7 +97,7 @@ class DeviceDriver(ABC):
     def load_parameters(self, path: Path) -> str:
         """Apply a parameter file, all of it or (on an error) nothing (PARAMETERS_FILE).
 
-        Returns a note for the user, such as what the file leaves out; "" for none.
+        It is in force until the device is closed, or another one is applied. Returns a note for the user, such as what the file leaves out; "" for none.
 
         Raises:
             DescriptorError: the file is wrong, or lacks axes of the robot; all are named.
@@ -108,7 +108,10 @@ class DeviceDriver(ABC):
         raise Unsupported("parameter files")
 
     def dump_parameters(self, axis: int) -> str:
-        """Return the parameters of one axis in force, as text (PARAMETERS_FILE)."""
+        """Return the parameters of one axis in force, as text (PARAMETERS_FILE).
+
+        With what ``set_polarity`` and ``set_gear_ratio`` have changed.
+        """
         raise Unsupported("parameter files")
 
 
@@ -316,15 +319,24 @@ class AxisDriver(ABC):
         raise Unsupported("velocity mode")
 
     def home(self, axis: int, timeout_s: float) -> None:
-        """Make the present position zero, without moving; wait for it (HOMING)."""
+        """Make the present position zero, without moving; wait for it (HOMING).
+
+        The command is zero then, too. With the servo off it does the same, or raises NotReady.
+        """
         raise Unsupported("homing")
 
     def set_polarity(self, axis: int, polarity: int) -> None:
-        """Set 1 or -1, servo off; the measured position changes sign (SCALING)."""
+        """Set 1 or -1, servo off; the measured position changes sign (SCALING).
+
+        The gear ratio stays, and so does the place of the home position.
+        """
         raise Unsupported("polarity")
 
     def set_gear_ratio(self, axis: int, numerator: float, denominator: float) -> None:
-        """Set encoder counts = units · numerator / denominator, servo off (SCALING)."""
+        """Set encoder counts = units · numerator / denominator, servo off (SCALING).
+
+        The polarity stays, and so does the place of the home position.
+        """
         raise Unsupported("gear ratio")
 
 
