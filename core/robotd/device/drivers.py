@@ -58,7 +58,7 @@ class DeviceDriver(ABC):
     def start_communication(self, timeout_s: float) -> None:
         """Begin the cyclic exchange; RUNNING → COMMUNICATING. Nothing moves.
 
-        Also called to resume after the link was lost, while ``state`` is RUNNING or UNKNOWN.
+        A device that communicates: no effect. Also called to resume after the link was lost, while ``state`` is RUNNING or UNKNOWN.
         """
 
     @abstractmethod
@@ -357,8 +357,8 @@ class IoDriver(ABC):
     def live(self) -> tuple[memoryview, memoryview] | None:
         """Images of inputs and outputs that are updated in place, to record every period.
 
-        Each begins at address 0; of a large image its first 256 bytes are enough. None: they are
-        only read by calls.
+        Each begins at address 0; of a large image its first 256 bytes are enough. They stay the
+        same ones when the device is closed and opened again. None: they are only read by calls.
         """
         return None
 
@@ -389,7 +389,10 @@ class FieldbusDriver(ABC):
 
     @abstractmethod
     def status(self, bus: int) -> BusStatus:
-        """Return the status of one bus and its nodes, in any state of the device."""
+        """Return the status of one bus and its nodes, in any state of the device.
+
+        A node that is offline is not operational, and has a fault or an error code.
+        """
 
     def node_ids(self, bus: int) -> Sequence[int]:
         """Return the ids of the nodes in ``status``; override it where that asks the bus."""
@@ -401,7 +404,7 @@ class FieldbusDriver(ABC):
         return 1 << 16
 
     def read_register(self, bus: int, node: int, address: int, length: int) -> bytes:
-        """Return raw register memory of a node (REGISTER_READ)."""
+        """Return raw register memory of a node (REGISTER_READ), read anew by each call."""
         raise Unsupported("register_read")
 
     def reset_statistics(self, bus: int) -> None:
@@ -414,6 +417,8 @@ class FieldbusDriver(ABC):
 
     def read_object(self, bus: int, node: int, index: int, subindex: int) -> bytes:
         """Return an object of a node as it is on the bus (OBJECTS).
+
+        Little-endian, and read anew by each call.
 
         Raises OperationError with the node's abort code, DeviceTimeout without an answer.
         """
