@@ -52,8 +52,8 @@ SAFE_ORDER = (
     "rejections", "fieldbus", "io", "switches", "enable", "connection", "ageing", "stopping",
     "stops_of_some_axes", "ramps", "faults", "watchdog", "units", "neighbours", "small_and_large",
     "profiles", "questions", "feedback", "last_axis", "velocity_commands", "streams", "underrun",
-    "dry_buffers", "trajectories", "limits", "torque", "scaling", "reopening", "cost", "process",
-    "leaks", "threads",
+    "dry_buffers", "trajectories", "bus_objects", "limits", "torque", "scaling", "scale_and_home",
+    "parameters", "reopening", "open_again", "cost", "process", "leaks", "locks", "threads",
 )  # fmt: skip
 # Checks that change what a position means, or that use the whole way of a simulated axis.
 UNCOUNTED = (Capability.HOMING, Capability.SCALING, Capability.SIMULATED)
