@@ -58,7 +58,8 @@ class DeviceDriver(ABC):
     def start_communication(self, timeout_s: float) -> None:
         """Begin the cyclic exchange; RUNNING → COMMUNICATING. Nothing moves.
 
-        A device that communicates: no effect. Also called to resume after the link was lost, while ``state`` is RUNNING or UNKNOWN.
+        A device that communicates: no effect. Also called to resume after the link was lost, while
+        ``state`` is RUNNING or UNKNOWN.
         """
 
     @abstractmethod
@@ -97,7 +98,8 @@ class DeviceDriver(ABC):
     def load_parameters(self, path: Path) -> str:
         """Apply a parameter file, all of it or (on an error) nothing (PARAMETERS_FILE).
 
-        It is in force until the device is closed, or another one is applied. Returns a note for the user, such as what the file leaves out; "" for none.
+        It is in force until the device is closed, or another one is applied. Returns a note for
+        the user, such as what the file leaves out; "" for none.
 
         Raises:
             DescriptorError: the file is wrong, or lacks axes of the robot; all are named.
@@ -321,7 +323,7 @@ class AxisDriver(ABC):
     def home(self, axis: int, timeout_s: float) -> None:
         """Make the present position zero, without moving; wait for it (HOMING).
 
-        The command is zero then, too. With the servo off it does the same, or raises NotReady.
+        The command is zero then, too. With the servo off: the same, or OperationError.
         """
         raise Unsupported("homing")
 

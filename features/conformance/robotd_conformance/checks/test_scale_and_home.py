@@ -119,7 +119,7 @@ def test_a_scale_is_changed_beside_axes_in_motion(fresh: Harness) -> None:
 
 
 @pytest.mark.needs(Capability.HOMING)
-@pytest.mark.clause("AxisDriver.home/off", "AxisDriver.home/zero", "AxisDriver.home/no-motion")
+@pytest.mark.clause("AxisDriver.home/servo-off", "AxisDriver.home/zero", "AxisDriver.home/no-motion")
 def test_homing_with_the_servo_off_is_done_or_rejected(fresh: Harness) -> None:
     """Each axis, the last one first, after it was moved by hand where that is possible."""
     fresh.require_rescaling()
@@ -166,6 +166,7 @@ def test_the_command_is_zero_after_homing_too(fresh: Harness) -> None:
 
 @pytest.mark.needs(Capability.SCALING)
 @pytest.mark.clause("AxisDriver.set_polarity/measured", "AxisDriver.set_gear_ratio/counts")
+@pytest.mark.clause("AxisDriver.set_polarity/ratio", "AxisDriver.set_gear_ratio/polarity")
 def test_a_scale_turns_about_the_home_position(fresh: Harness) -> None:
     """After homing at another place a change of scale leaves zero where it is."""
     fresh.require_rescaling()
@@ -194,3 +195,10 @@ def test_a_scale_turns_about_the_home_position(fresh: Harness) -> None:
         assert abs(abs(now) - abs(targets[last])) <= SETTLED_RAD, (
             f"polarity {polarity}: the last axis is at {now:.4f}, it was at {expected[last]:.4f}"
         )
+    axes.set_gear_ratio(last, COUNTS, TURN)
+    fresh.periods(5)
+    one = fresh.image.position[last]
+    axes.set_gear_ratio(last, 2.0 * COUNTS, TURN)
+    fresh.periods(5)
+    now = fresh.image.position[last]
+    assert abs(now - one / 2.0) <= SETTLED_RAD, f"{now:.4f} with twice the ratio, {one:.4f} before"
