@@ -112,7 +112,7 @@ class DeviceDriver(ABC):
     def dump_parameters(self, axis: int) -> str:
         """Return the parameters of one axis in force, as text (PARAMETERS_FILE).
 
-        With what ``set_polarity`` and ``set_gear_ratio`` have changed.
+        With what ``set_polarity`` and ``set_gear_ratio`` have changed since the device was opened.
         """
         raise Unsupported("parameter files")
 
@@ -323,7 +323,8 @@ class AxisDriver(ABC):
     def home(self, axis: int, timeout_s: float) -> None:
         """Make the present position zero, without moving; wait for it (HOMING).
 
-        The command is zero then, too. With the servo off: the same, or OperationError.
+        The command is zero then, too. Polarity and gear ratio stay. With the servo off: the same,
+        or OperationError.
         """
         raise Unsupported("homing")
 

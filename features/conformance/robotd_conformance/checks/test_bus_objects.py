@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from contextlib import suppress
 
 import numpy as np
@@ -11,6 +12,8 @@ from robotd.api import (
     BusNode,
     BusState,
     Capability,
+    CommandMode,
+    DeviceDriver,
     DeviceTimeout,
     FaultInjector,
     FieldbusDriver,
@@ -18,16 +21,22 @@ from robotd.api import (
     RobotdError,
 )
 from robotd_conformance.checks.harness import Harness
-from robotd_conformance.checks.test_fieldbus import DEVICE_TYPE, IDENTITY, fieldbus_of
+from robotd_conformance.checks.test_fieldbus import (
+    DEVICE_TYPE,
+    HARMLESS,
+    IDENTITY,
+    fieldbus_of,
+)
 
 pytestmark = pytest.mark.needs(Capability.FIELDBUS)
 
-ERROR_CODE, STATUSWORD, POSITION = 0x603F, 0x6041, 0x6064  # of CiA 402
+ERROR_CODE, STATUSWORD, MODE, POSITION = 0x603F, 0x6041, 0x6061, 0x6064  # of CiA 402
 AXIS_STEP = 0x800  # from an object of one axis of a drive to that of the next (CiA 402-1)
 STATE, ENABLED = 0x6F, 0x27  # bits of a statusword, and their values with operation enabled
 ALARM = 0x2310  # its two bytes differ
 REGISTERS = 0x14  # of a slave controller, from its start: type and addresses, all constant
 LOST_S = 3.0
+READS = 25  # by each of several threads
 AXIS = tuple[int, int, int]  # bus, node, and place of the axis in its drive
 
 
@@ -143,6 +152,86 @@ def test_a_missing_subindex_and_a_constant_are_errors_each_time(harness: Harness
             assert bus.read_object(number, node, DEVICE_TYPE, 0) == before
 
 
+@pytest.mark.needs(Capability.OBJECTS)
+@pytest.mark.clause("FieldbusDriver.read_object/value", "FieldbusDriver.read_object/now")
+def test_a_mode_object_shows_the_mode_of_its_axis(harness: Harness) -> None:
+    """One byte, of one axis after the other: another one in velocity mode, then as before."""
+    if not harness.can(Capability.VELOCITY_MODE):
+        pytest.skip("there is one mode")
+    bus = fieldbus_of(harness)
+    axes = drive_axes(bus, MODE)
+    before = read_words(bus, axes, MODE, 1)
+    for axis in harness.all:
+        for mode, expected in ((CommandMode.VELOCITY, 1), (CommandMode.POSITION, 0)):
+            harness.robot.axes.set_command_mode(axis, mode)
+            harness.periods(5)
+            now = read_words(bus, axes, MODE, 1)
+            other = sum(one != was for one, was in zip(now, before, strict=True))
+            assert other == expected, (
+                f"axis {axis} in {mode.name.lower()} mode: 0x6061 went from {before} to {now}"
+            )
+
+
+@pytest.mark.needs(Capability.OBJECTS)
+@pytest.mark.clause("FieldbusDriver.write_object/writes")
+def test_objects_of_each_size_are_written_beside_each_other(harness: Harness) -> None:
+    """All harmless ones of the first and the last drive, each twice; then all are as before."""
+    bus = fieldbus_of(harness)
+    drives = [node.id for node in bus.status(0).nodes if node.axes]
+    places = [
+        (node, index) for node in dict.fromkeys((drives[0], drives[-1])) for index in HARMLESS
+    ]
+    before = dict[tuple[int, int], bytes]()
+    for node, index in places:
+        with suppress(OperationError):
+            before[node, index] = bus.read_object(0, node, index, 0)
+    if not before:
+        pytest.skip("no node has an object that may be written")
+    for mask in (0x2B, 0x64):
+        expected = {
+            place: bytes(each ^ (mask + at + place[1]) % 256 for at, each in enumerate(data))
+            for place, data in before.items()
+        }
+        for (node, index), data in expected.items():
+            bus.write_object(0, node, index, 0, data)
+        for (node, index), data in expected.items():
+            now = bus.read_object(0, node, index, 0)
+            assert now == data, f"0x{index:X} of node {node} is {now.hex()}, not {data.hex()}"
+    for (node, index), data in before.items():
+        bus.write_object(0, node, index, 0, data)
+        assert bus.read_object(0, node, index, 0) == data
+
+
+@pytest.mark.needs(Capability.OBJECTS)
+@pytest.mark.clause("FieldbusDriver.read_object/value", "drivers/threads")
+def test_objects_that_several_threads_read_are_not_mixed(harness: Harness) -> None:
+    """Of different nodes and indices; each thread reads its own again and again."""
+    bus = fieldbus_of(harness)
+    nodes = bus.node_ids(0)
+    own = [(nodes[0], DEVICE_TYPE, 0), (nodes[-1], IDENTITY, 0), (nodes[-1], DEVICE_TYPE, 0)]
+    expected = [bus.read_object(0, *each) for each in own]
+    wrong, errors = list[str](), list[Exception]()
+
+    def read(which: int) -> None:
+        node, index, subindex = own[which]
+        try:
+            for _ in range(READS):
+                data = bus.read_object(0, node, index, subindex)
+                if data != expected[which]:
+                    wrong.append(f"0x{index:X} of node {node} is {data.hex()}")
+        except Exception as error:  # noqa: BLE001 - the check looks at it
+            errors.append(error)
+
+    threads = [threading.Thread(target=read, args=(which,), name="caller") for which in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(20.0)
+    assert not any(thread.is_alive() for thread in threads), "a read has not come back"
+    assert not errors
+    assert not wrong, f"{len(wrong)} objects are those of another thread: {wrong[0]}"
+
+
 @pytest.mark.needs(Capability.REGISTER_READ)
 @pytest.mark.clause("FieldbusDriver.read_register/memory")
 def test_registers_are_the_same_in_parts_of_all_sizes(harness: Harness) -> None:
@@ -230,6 +319,7 @@ def check_silence(harness: Harness, bus: FieldbusDriver, number: int, node: int)
 
 @pytest.mark.needs(Capability.HOT_CONNECT)
 @pytest.mark.clause("FieldbusDriver.start_hot_connect/joins", "FieldbusDriver.status/status")
+@pytest.mark.clause("DeviceDriver.scan_network/summary")
 def test_a_hot_connect_takes_in_all_nodes_each_time(fresh: Harness) -> None:
     """The first and the last drive at once, twice; then they are operational without a fault."""
     bus, injector = fieldbus_of(fresh), fresh.injector
@@ -238,6 +328,7 @@ def test_a_hot_connect_takes_in_all_nodes_each_time(fresh: Harness) -> None:
         for axis in cut:
             injector.disconnect(axis)
         fresh.until(lambda: bool(fresh.image.offline[cut].all()), "the drives are offline", LOST_S)
+        lost = scan(fresh)
         for axis in cut:
             injector.reconnect(axis)
         bus.start_hot_connect(0)
@@ -245,6 +336,7 @@ def test_a_hot_connect_takes_in_all_nodes_each_time(fresh: Harness) -> None:
         fresh.until(
             lambda: not any(map(is_faulty, nodes_of(bus))), "all nodes are operational", 2.0
         )
+        assert scan(fresh) != lost or not lost, "a scan shows drives as lost that are back"
         assert not fresh.image.servo_on[cut].any(), "a servo was enabled by itself"
         fresh.enable()
 
@@ -252,3 +344,9 @@ def test_a_hot_connect_takes_in_all_nodes_each_time(fresh: Harness) -> None:
 def is_faulty(place: tuple[int, BusNode]) -> bool:
     node = place[1]
     return node.offline or (node.axes > 0 and node.state is not BusState.OPERATIONAL)
+
+
+def scan(harness: Harness) -> str:
+    """Return what a scan says; "" where there is none."""
+    said = harness.drivers.device.scan_network()
+    return "" if said == DeviceDriver.scan_network(harness.drivers.device) else said

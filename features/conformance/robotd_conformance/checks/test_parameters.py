@@ -61,7 +61,7 @@ def test_a_dump_shows_what_is_changed_at_run_time(rescalable: Harness) -> None:
 
 
 @pytest.mark.clause("DeviceDriver.load_parameters/applies", "DeviceDriver.dump_parameters/text")
-@pytest.mark.clause("DeviceDriver.load_parameters/kept")
+@pytest.mark.clause("DeviceDriver.load_parameters/kept", "DeviceDriver.dump_parameters/scale")
 def test_each_load_is_in_force_also_after_communication_stopped(
     disabled: Harness, tmp_path: Path
 ) -> None:
@@ -79,9 +79,13 @@ def test_each_load_is_in_force_also_after_communication_stopped(
     device.load_parameters(hard)
     assert_changed(first, dumps(disabled), [], "the first file again")
     device.load_parameters(soft)
-    device.stop_communication(10.0)
-    device.start_communication(10.0)
-    assert_changed(second, dumps(disabled), [], "communication that was stopped and started")
+    disabled.drivers.axes.set_polarity(last, -int(own["AxisPolarity"][last]))
+    turned = dumps(disabled)
+    assert_changed(second, turned, [last], "polarity of the last axis")
+    for _ in range(2):
+        device.stop_communication(10.0)
+        device.start_communication(10.0)
+        assert_changed(turned, dumps(disabled), [], "communication that was stopped and started")
 
 
 @pytest.mark.clause("DeviceDriver.load_parameters/applies", "DeviceDriver.load_parameters/live")
@@ -128,3 +132,19 @@ def test_a_wrong_value_of_the_last_axis_changes_no_axis(disabled: Harness, tmp_p
     path.write_text(text, encoding="utf-8")
     device.load_parameters(path)
     assert_changed(before, dumps(disabled), disabled.all, "the file with the value mended")
+
+
+@pytest.mark.clause("DeviceDriver.load_parameters/note")
+def test_a_note_says_what_a_file_leaves_out(disabled: Harness, tmp_path: Path) -> None:
+    """None for a whole file, then something for one without an element, then none again."""
+    require_files(disabled)
+    device, path = disabled.drivers.device, tmp_path / "parameters.xml"
+    own = _parameters(disabled)
+    whole = write(own, path).read_text(encoding="utf-8")
+    for left_out in (False, True, False):
+        lines = whole.splitlines(keepends=True)
+        kept = [line for line in lines if not left_out or "<QuickStopDec>" not in line]
+        path.write_text("".join(kept), encoding="utf-8")
+        note = device.load_parameters(path)
+        assert isinstance(note, str), f"a note is a text, not {note!r}"
+        assert bool(note.strip()) is left_out, f"the note is {note!r}"

@@ -203,3 +203,32 @@ def test_a_scale_turns_about_the_home_position(fresh: Harness) -> None:
     fresh.periods(5)
     now = fresh.image.position[last]
     assert abs(now - one / 2.0) <= SETTLED_RAD, f"{now:.4f} with twice the ratio, {one:.4f} before"
+
+
+@pytest.mark.needs(Capability.SCALING)
+@pytest.mark.clause("AxisDriver.home/no-motion", "AxisDriver.home/scale")
+def test_homing_leaves_the_scale_alone(rescalable: Harness) -> None:
+    """What is set again afterwards is in force already: no position changes."""
+    if not rescalable.can(Capability.HOMING):
+        pytest.skip("the axes have no home")
+    axes, last = rescalable.robot.axes, rescalable.count - 1
+    limits = axes.limits[last]
+    if not limits.lower < -WAY_RAD < WAY_RAD < limits.upper:
+        pytest.skip("the home position would be outside the limits of the last axis")
+    axes.set_polarity(last, -1)
+    axes.set_gear_ratio(last, 1.5 * COUNTS, TURN)
+    rescalable.periods(5)
+    axes.servo(last, True)
+    rescalable.drivers.axes.home(last, 10.0)
+    rescalable.periods(5)
+    targets = rescalable.image.position_command.copy()
+    targets[last] += WAY_RAD / 2.0
+    rescalable.move([last], targets)
+    rescalable.rest([last])
+    axes.servo(last, False)
+    rescalable.rest()
+    expected = rescalable.image.position.copy()
+    axes.set_polarity(last, -1)
+    assert_positions(rescalable, expected, "the polarity as before homing")
+    axes.set_gear_ratio(last, 1.5 * COUNTS, TURN)
+    assert_positions(rescalable, expected, "the gear ratio as before homing")

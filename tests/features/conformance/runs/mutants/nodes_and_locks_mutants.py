@@ -187,6 +187,71 @@ class HotConnectWorksOnce(Mutant):
                 super().start_hot_connect(bus)
 
 
+class ModeOfTheFirstDrive(Mutant):
+    breaks = ("FieldbusDriver.read_object/value", "wrong axis")
+    found_by = "test_bus_objects.py::test_a_mode_object_shows_the_mode_of_its_axis"
+    says = "0x6061 went from"
+
+    class Fieldbus(SimFieldbus):
+        def read_object(self, bus: int, node: int, index: int, subindex: int) -> bytes:
+            return super().read_object(bus, 0 if index == 0x6061 else node, index, subindex)
+
+
+class TimesAreWrittenTogether(Mutant):
+    """Two objects of a node that mean a time have one place."""
+
+    breaks = ("FieldbusDriver.write_object/writes", "side effect")
+    found_by = "test_bus_objects.py::test_objects_of_each_size_are_written_beside_each_other"
+    says = "of node"
+
+    class Fieldbus(SimFieldbus):
+        def write_object(self, bus: int, node: int, index: int, subindex: int, data: bytes) -> None:
+            super().write_object(bus, node, index, subindex, data)
+            if index == 0x6066:
+                super().write_object(bus, node, 0x6068, subindex, data)
+
+
+class AnswersShareABuffer(Mutant):
+    breaks = ("drivers/threads", "wrong value")
+    found_by = "test_bus_objects.py::test_objects_that_several_threads_read_are_not_mixed"
+    says = "those of another thread"
+
+    class Fieldbus(SimFieldbus):
+        def read_object(self, bus: int, node: int, index: int, subindex: int) -> bytes:
+            self.__dict__["answer"] = super().read_object(bus, node, index, subindex)
+            time.sleep(0.001)
+            return bytes(self.__dict__["answer"])
+
+
+class ScanKeepsTheLost(Mutant):
+    breaks = ("DeviceDriver.scan_network/summary", "stale")
+    found_by = "test_bus_objects.py::test_a_hot_connect_takes_in_all_nodes_each_time"
+    says = "as lost that are back"
+
+    class Device(SimDevice):
+        def scan_network(self) -> str:
+            text = super().scan_network()
+            if "no answer" in text:
+                self.__dict__["lost"] = text
+            return str(self.__dict__.get("lost", text))
+
+
+class FaultIsToldOnce(Mutant):
+    breaks = ("DeviceDriver.fault/reason", "second call")
+    found_by = "test_ageing.py::test_each_silence_has_its_reason"
+    says = "the second time"
+
+    class Device(SimDevice):
+        def fault(self) -> str:
+            text = super().fault()
+            told = self.__dict__.setdefault("told", 0)
+            if text and told == 0:
+                self.__dict__["told"] = 1
+            elif not text and told == 1:
+                self.__dict__["told"] = 2
+            return text if told < 2 else ""
+
+
 class JogsHoldTheLock(Mutant):
     breaks = ("drivers/timeouts", "blocks")
     found_by = HELD

@@ -212,3 +212,41 @@ class WrongValuesAreLeftOut(Mutant):
                 return super().load_parameters(path)
             except DescriptorError:
                 return "some values were left out"
+
+
+class ScaleLostAtTheStart(Mutant):
+    breaks = ("DeviceDriver.dump_parameters/scale", "stale")
+    found_by = "test_parameters.py::test_each_load_is_in_force_also_after_communication_stopped"
+    says = "communication that was stopped and started"
+
+    class Device(SimDevice):
+        def start_communication(self, timeout_s: float) -> None:
+            simulation = self.simulation
+            plain = dict.fromkeys(range(simulation.axes), 1)
+            with simulation.world.lock:
+                simulation.parameters = simulation.parameters.with_values({"AxisPolarity": plain})
+            super().start_communication(timeout_s)
+
+
+class NotesSayNothing(Mutant):
+    breaks = ("DeviceDriver.load_parameters/note", "wrong value")
+    found_by = "test_parameters.py::test_a_note_says_what_a_file_leaves_out"
+    says = "the note is"
+
+    class Device(SimDevice):
+        def load_parameters(self, path: Path) -> str:
+            super().load_parameters(path)
+            return ""
+
+
+class HomingTurnsTheAxisBack(Mutant):
+    breaks = ("AxisDriver.home/scale", "side effect")
+    found_by = "test_scale_and_home.py::test_homing_leaves_the_scale_alone"
+    says = "the polarity as before homing"
+
+    class Axes(SimAxes):
+        def home(self, axis: int, timeout_s: float) -> None:
+            super().home(axis, timeout_s)
+            with self._world.lock:
+                self._world.advance()
+                self._simulation.change_scale(axis, {"AxisPolarity": 1})
