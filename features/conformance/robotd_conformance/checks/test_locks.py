@@ -225,19 +225,23 @@ def test_what_returns_at_once_waits_for_no_servo(make_harness: MakeHarness) -> N
     if io is not None and io.output_bytes and io.input_bytes:
         calls["read_outputs"] = lambda: io.read_outputs(0, io.output_bytes)
         calls["read_inputs"] = lambda: io.read_inputs(0, io.input_bytes)
-    waits = dict[str, float]()
+    slow = [""]
     for _ in range(ATTEMPTS):
-        with switching(harness, last) as servo:
-            waits = {name: servo.median_wait_s(call) for name, call in calls.items()}
-        limit_s = max(AT_ONCE_S, AT_ONCE_SHARE * median(servo.durations_s))
-        slow = [
-            f"{name} waits {1e3 * wait_s:.1f} ms for a servo, the limit is {1e3 * limit_s:.1f} ms"
-            for name, wait_s in waits.items()
-            if wait_s > limit_s
-        ]
-        if not slow:
+        if not (slow := waiting(harness, calls, last)):
             return
     raise AssertionError("; ".join(slow))
+
+
+def waiting(harness: Harness, calls: dict[str, Call], axis: int) -> list[str]:
+    """Return which of the ``calls`` wait while the servo of ``axis`` is switched."""
+    with switching(harness, axis) as servo:
+        waits = {name: servo.median_wait_s(call) for name, call in calls.items()}
+    limit_s = max(AT_ONCE_S, AT_ONCE_SHARE * median(servo.durations_s))
+    return [
+        f"{name} waits {1e3 * wait_s:.1f} ms for a servo, the limit is {1e3 * limit_s:.1f} ms"
+        for name, wait_s in waits.items()
+        if wait_s > limit_s
+    ]
 
 
 class Switching:
