@@ -394,7 +394,8 @@ class FieldbusDriver(ABC):
     def status(self, bus: int) -> BusStatus:
         """Return the status of one bus and its nodes, in any state of the device.
 
-        A node that is offline is not operational, and has a fault or an error code.
+        While the device communicates, a node that is offline is not operational, and has a fault
+        or an error code.
         """
 
     def node_ids(self, bus: int) -> Sequence[int]:
