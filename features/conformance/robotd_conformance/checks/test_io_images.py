@@ -11,7 +11,7 @@ import pytest
 
 from robotd.api import Capability, FaultInjector, IoDriver, Unsupported
 from robotd_conformance.checks.harness import Harness
-from robotd_conformance.checks.test_io import io, outputs, places
+from robotd_conformance.checks.test_io import io, outputs, places, shows
 
 __all__ = ["io"]  # the fixture
 
@@ -67,6 +67,26 @@ def test_writes_of_all_lengths_change_their_bytes_alone(harness: Harness, io: Io
         if io.read_outputs(0, size) != expected:
             outputs(harness, io, expected[max(0, at - 8) : at + length + 8], max(0, at - 8))
             assert io.read_outputs(0, size) == expected, f"{length} bytes at {at}"
+
+
+@pytest.mark.clause("IoDriver.write_output_bit/bit", "IoDriver.write_outputs/bytes")
+@pytest.mark.needs(Capability.SIMULATED)
+def test_bits_are_written_at_the_address_of_each_module(
+    harness: Harness, io: IoDriver, injector: FaultInjector
+) -> None:
+    """Odd and even ones; the terminal shows it, and the rest of the image stays."""
+    size = io.output_bytes
+    io.write_outputs(0, bytes([OTHERS] * size))
+    expected = bytearray([OTHERS] * size)
+    for byte in sorted(
+        {0, 1, 3, 4, 7, 8, 9, 15, 16, 17, size // 2 + 1, size - 1} & set(range(size))
+    ):
+        for bit in (0, 1, 6, 7):
+            expected[byte] ^= 1 << bit
+            level = bool(expected[byte] >> bit & 1)
+            io.write_output_bit(byte, bit, level)
+            harness.until(partial(shows, injector, byte, bit, level), f"{byte}.{bit} shows it", 2.0)
+        outputs(harness, io, bytes(expected), 0)
 
 
 @pytest.mark.clause("IoDriver.read_inputs/bytes")

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from robotd.api import Capability, FloatArray, OperationError, RobotdError
+from robotd.api import Capability, CommandMode, FloatArray, OperationError, RobotdError
+from robotd.api.robots import Jog
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
-from robotd_conformance.checks.recorded_motion import judge
+from robotd_conformance.checks.recorded_motion import judge, mean_velocity
 from robotd_conformance.checks.test_scaling import COUNTS, TURN
-from robotd_conformance.checks.test_units import slope_problems
+from robotd_conformance.checks.test_units import slope_problems, stream_ramp
 
 OFF_ZERO_RAD = 0.03  # from where on a position shows its scale and its sign
 FASTER = 1.25  # a scale near the axis' own: its motion stays what the robot allows
@@ -93,6 +95,47 @@ def test_all_values_have_the_new_scale(rescalable: Harness) -> None:
             judge(rescalable, recording, problems)
         rescalable.robot.axes.servo(axis, False)
         rescalable.rest()
+
+
+@pytest.mark.needs(Capability.SCALING)
+@pytest.mark.clause("AxisDriver.set_polarity/sets", "AxisDriver.set_gear_ratio/counts")
+@pytest.mark.clause("AxisDriver.jog/starts", "AxisDriver.stream/position")
+def test_every_kind_of_command_has_the_new_scale(rescalable: Harness) -> None:
+    """A stream of positions, and a velocity command both ways, of the turned last axis."""
+    own, last = rescalable.image.position.copy(), rescalable.count - 1
+    if np.abs(own).min() < OFF_ZERO_RAD:
+        pytest.skip("an axis is too near to zero to show its scale")
+    axes, limits = rescalable.robot.axes, rescalable.robot.axes.limits[last]
+    ratio = COUNTS / TURN * abs(float(scaled_positions(rescalable)[last] / own[last]))
+    axes.set_gear_ratio(last, FASTER * ratio * TURN, TURN)
+    axes.set_polarity(last, -1)
+    rescalable.periods(5)
+    here = rescalable.image.position[last]
+    if not limits.lower + WAY_RAD < here < limits.upper - WAY_RAD:
+        pytest.skip("the last axis would leave its limits")
+    rescalable.enable()
+    begin = rescalable.image.position_command.copy()
+    if not axes.trajectories_on_device:
+        for way in (0.6 * WAY_RAD, -0.6 * WAY_RAD):
+            end = begin.copy()
+            end[last] += way
+            stream_ramp(rescalable, begin, end, seconds=0.5)
+            at = rescalable.image.position[last]
+            assert abs(at - end[last]) <= SETTLED_RAD, (
+                f"a stream to {end[last]:.4f} ends at {at:.4f}"
+            )
+            begin = end
+    if not rescalable.can(Capability.VELOCITY_MODE):
+        return
+    axes.set_command_mode(last, CommandMode.VELOCITY)
+    for velocity in (0.1, -0.1):
+        profile = replace(rescalable.profile(last), velocity=velocity)
+        axes.jog([Jog(last, profile)])
+        rescalable.pass_time(0.2)
+        shown = mean_velocity(rescalable)[last]
+        axes.jog([Jog(last, replace(profile, velocity=0.0))])
+        rescalable.rest([last])
+        assert shown == pytest.approx(velocity, abs=0.02), f"{velocity} rad/s are {shown:.3f}"
 
 
 @pytest.mark.needs(Capability.SCALING)

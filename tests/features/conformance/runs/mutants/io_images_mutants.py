@@ -97,3 +97,13 @@ class BitsRewriteTheirWord(Mutant):
             super().write_output_bit(byte, bit, value)
             if before:
                 super().write_outputs(byte - 1, before)
+
+
+class BitsOfTheSecondModuleShifted(Mutant):
+    breaks = ("IoDriver.write_output_bit/bit", "wrong value")
+    found_by = "test_io_images.py::test_bits_are_written_at_the_address_of_each_module"
+    says = "shows it|outputs from byte"
+
+    class Io(SimIo):
+        def write_output_bit(self, byte: int, bit: int, value: bool) -> None:
+            super().write_output_bit(byte ^ 1 if 8 <= byte < 16 else byte, bit, value)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from tests.features.conformance.runs.mutants.plugin import Mutant, ReadAnew
 
-from robotd.api import DescriptorError, NotReady, ProcessImage
+from robotd.api import DescriptorError, FloatArray, NotReady, ProcessImage, Profile
 from robotd_sim import SimAxes, SimDevice
 from robotd_wmx_parameters import read_wmx_parameters
 
@@ -250,3 +251,36 @@ class HomingTurnsTheAxisBack(Mutant):
             with self._world.lock:
                 self._world.advance()
                 self._simulation.change_scale(axis, {"AxisPolarity": 1})
+
+
+class JogsWithoutPolarity(Mutant):
+    breaks = ("AxisDriver.set_polarity/sets", "ignored")
+    found_by = "test_scale_and_home.py::test_every_kind_of_command_has_the_new_scale"
+    says = "rad/s are"
+
+    class Axes(SimAxes):
+        def jog(self, axis: int, profile: Profile) -> None:
+            sign = float(self._simulation.parameters["AxisPolarity"][axis])
+            super().jog(axis, replace(profile, velocity=sign * profile.velocity))
+
+
+class StreamsByTheOldGear(Mutant):
+    breaks = ("AxisDriver.set_gear_ratio/counts", "ignored")
+    found_by = "test_scale_and_home.py::test_every_kind_of_command_has_the_new_scale"
+    says = "a stream to|at rest"
+
+    class Axes(SimAxes):
+        def begin_stream(self, axes: Sequence[int]) -> None:
+            super().begin_stream(axes)
+            self.__dict__["begin"] = np.array(self._simulation.servo.command)
+
+        def set_gear_ratio(self, axis: int, numerator: float, denominator: float) -> None:
+            scaling = self._simulation.scaling
+            first = self.__dict__.setdefault("first", np.abs(scaling.gain))
+            super().set_gear_ratio(axis, numerator, denominator)
+            self.__dict__["factor"] = first / np.abs(scaling.gain)
+
+        def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
+            begin = self.__dict__["begin"]
+            factor = self.__dict__.get("factor", 1.0)
+            super().stream(begin + (position - begin) * factor, velocity * factor, due_ns)
