@@ -52,9 +52,9 @@ SAFE_ORDER = (
     "rejections", "fieldbus", "io", "io_images", "switches", "enable", "connection", "ageing",
     "stopping", "stops_of_some_axes", "ramps", "faults", "watchdog", "units", "neighbours",
     "small_and_large", "profiles", "questions", "feedback", "last_axis", "velocity_commands",
-    "streams", "underrun", "dry_buffers", "trajectories", "bus_objects", "limits", "torque",
-    "scaling", "scale_and_home", "parameters", "reopening", "open_again", "cost", "process",
-    "leaks", "locks", "threads",
+    "streams", "underrun", "dry_buffers", "trajectories", "bus_objects", "lost_nodes", "limits",
+    "torque", "scaling", "scale_and_home", "parameters", "reopening", "open_again", "cost",
+    "process", "leaks", "locks", "threads",
 )  # fmt: skip
 # Checks that change what a position means, or that use the whole way of a simulated axis.
 UNCOUNTED = (Capability.HOMING, Capability.SCALING, Capability.SIMULATED)

@@ -12,7 +12,7 @@ from tests.features.conformance.runs.mutants.plugin import Mutant
 from robotd.api import BusState, BusStatus, OperationError, Profile
 from robotd_sim import SimAxes, SimDevice, SimFieldbus
 
-LOST = "test_bus_objects.py::test_a_lost_node_is_not_operational_and_says_why"
+LOST = "test_lost_nodes.py::test_a_lost_node_is_not_operational_and_says_why"
 HELD = "test_locks.py::test_no_call_holds_up_the_control_loop"
 AT_ONCE = "test_locks.py::test_what_returns_at_once_waits_for_no_servo"
 HOLDS_S = 0.012
@@ -161,7 +161,7 @@ class RegistersRemembered(Mutant):
 
 class HotConnectOfTheFirstAlone(Mutant):
     breaks = ("FieldbusDriver.start_hot_connect/joins", "last axis")
-    found_by = "test_bus_objects.py::test_a_hot_connect_takes_in_all_nodes_each_time"
+    found_by = "test_lost_nodes.py::test_a_hot_connect_takes_in_all_nodes_each_time"
     says = "all drives are back"
 
     class Fieldbus(SimFieldbus):
@@ -177,7 +177,7 @@ class HotConnectOfTheFirstAlone(Mutant):
 
 class HotConnectWorksOnce(Mutant):
     breaks = ("FieldbusDriver.start_hot_connect/joins", "second call")
-    found_by = "test_bus_objects.py::test_a_hot_connect_takes_in_all_nodes_each_time"
+    found_by = "test_lost_nodes.py::test_a_hot_connect_takes_in_all_nodes_each_time"
     says = "all drives are back"
 
     class Fieldbus(SimFieldbus):
@@ -225,7 +225,7 @@ class AnswersShareABuffer(Mutant):
 
 class ScanKeepsTheLost(Mutant):
     breaks = ("DeviceDriver.scan_network/summary", "stale")
-    found_by = "test_bus_objects.py::test_a_hot_connect_takes_in_all_nodes_each_time"
+    found_by = "test_lost_nodes.py::test_a_hot_connect_takes_in_all_nodes_each_time"
     says = "as lost that are back"
 
     class Device(SimDevice):
