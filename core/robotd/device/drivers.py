@@ -58,7 +58,8 @@ class DeviceDriver(ABC):
     def start_communication(self, timeout_s: float) -> None:
         """Begin the cyclic exchange; RUNNING → COMMUNICATING. Nothing moves.
 
-        Also called to resume after the link was lost, while ``state`` is RUNNING or UNKNOWN.
+        A device that communicates: no effect. Also called to resume after the link was lost, while
+        ``state`` is RUNNING or UNKNOWN.
         """
 
     @abstractmethod
@@ -97,7 +98,8 @@ class DeviceDriver(ABC):
     def load_parameters(self, path: Path) -> str:
         """Apply a parameter file, all of it or (on an error) nothing (PARAMETERS_FILE).
 
-        Returns a note for the user, such as what the file leaves out; "" for none.
+        It is in force until the device is closed, or another one is applied. Returns a note for
+        the user, such as what the file leaves out; "" for none.
 
         Raises:
             DescriptorError: the file is wrong, or lacks axes of the robot; all are named.
@@ -108,7 +110,10 @@ class DeviceDriver(ABC):
         raise Unsupported("parameter files")
 
     def dump_parameters(self, axis: int) -> str:
-        """Return the parameters of one axis in force, as text (PARAMETERS_FILE)."""
+        """Return the parameters of one axis in force, as text (PARAMETERS_FILE).
+
+        With what ``set_polarity`` and ``set_gear_ratio`` have changed since the device was opened.
+        """
         raise Unsupported("parameter files")
 
 
@@ -328,15 +333,25 @@ class AxisDriver(ABC):
         raise Unsupported("velocity mode")
 
     def home(self, axis: int, timeout_s: float) -> None:
-        """Make the present position zero, without moving; wait for it (HOMING)."""
+        """Make the present position zero, without moving; wait for it (HOMING).
+
+        The command is zero then, too. Polarity and gear ratio stay. With the servo off: the same,
+        or OperationError.
+        """
         raise Unsupported("homing")
 
     def set_polarity(self, axis: int, polarity: int) -> None:
-        """Set 1 or -1, servo off; the measured position changes sign (SCALING)."""
+        """Set 1 or -1, servo off; the measured position changes sign (SCALING).
+
+        The gear ratio stays, and so does the place of the home position.
+        """
         raise Unsupported("polarity")
 
     def set_gear_ratio(self, axis: int, numerator: float, denominator: float) -> None:
-        """Set encoder counts = units · numerator / denominator, servo off (SCALING)."""
+        """Set encoder counts = units · numerator / denominator, servo off (SCALING).
+
+        The polarity stays, and so does the place of the home position.
+        """
         raise Unsupported("gear ratio")
 
 
@@ -357,8 +372,8 @@ class IoDriver(ABC):
     def live(self) -> tuple[memoryview, memoryview] | None:
         """Images of inputs and outputs that are updated in place, to record every period.
 
-        Each begins at address 0; of a large image its first 256 bytes are enough. None: they are
-        only read by calls.
+        Each begins at address 0; of a large image its first 256 bytes are enough. They stay the
+        same ones when the device is closed and opened again. None: they are only read by calls.
         """
         return None
 
@@ -389,7 +404,11 @@ class FieldbusDriver(ABC):
 
     @abstractmethod
     def status(self, bus: int) -> BusStatus:
-        """Return the status of one bus and its nodes, in any state of the device."""
+        """Return the status of one bus and its nodes, in any state of the device.
+
+        While the device communicates, a node that is offline is not operational, and has a fault
+        or an error code.
+        """
 
     def node_ids(self, bus: int) -> Sequence[int]:
         """Return the ids of the nodes in ``status``; override it where that asks the bus."""
@@ -401,7 +420,7 @@ class FieldbusDriver(ABC):
         return 1 << 16
 
     def read_register(self, bus: int, node: int, address: int, length: int) -> bytes:
-        """Return raw register memory of a node (REGISTER_READ)."""
+        """Return raw register memory of a node (REGISTER_READ), read anew by each call."""
         raise Unsupported("register_read")
 
     def reset_statistics(self, bus: int) -> None:
@@ -414,6 +433,8 @@ class FieldbusDriver(ABC):
 
     def read_object(self, bus: int, node: int, index: int, subindex: int) -> bytes:
         """Return an object of a node as it is on the bus (OBJECTS).
+
+        Little-endian, and read anew by each call.
 
         Raises OperationError with the node's abort code, DeviceTimeout without an answer.
         """

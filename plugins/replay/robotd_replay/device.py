@@ -48,7 +48,7 @@ class ReplayDevice(DeviceDriver):
     def start_communication(self, timeout_s: float) -> None:
         if not self._is_open:
             raise NotReady("the recording is not open")
-        self._began_ns = self.clock.now_ns()
+        self._began_ns = self._began_ns or self.clock.now_ns()
 
     def stop_communication(self, timeout_s: float) -> None:
         self._began_ns = 0

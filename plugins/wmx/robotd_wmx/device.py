@@ -68,6 +68,8 @@ class WmxDevice(DeviceDriver):
 
     def start_communication(self, timeout_s: float) -> None:
         """Ask again while the network link is not ready; a shared engine is waited for."""
+        if self._attached and self.connection.state() is ConnectionState.COMMUNICATING:
+            return
         if self.connection.options.shared:
             self._await_communication(timeout_s)
         else:

@@ -8,6 +8,7 @@ from robotd_wmx.al_status import text_of_al
 from robotd_wmx.connection import Connection
 from robotd_wmx.errors import translated
 
+NO_ANSWER = "it does not answer"
 ESC_REGISTER_BYTES = 0x1000  # of a slave controller; process data RAM follows
 
 _STATES = {
@@ -115,7 +116,7 @@ def _details(info: Master) -> dict[str, str]:
 def _node(slave: Slave) -> BusNode:
     return BusNode(
         id=slave.id,
-        state=_STATES.get(slave.state, BusState.UNKNOWN),
+        state=BusState.UNKNOWN if slave.offline else _STATES.get(slave.state, BusState.UNKNOWN),
         error_code=slave.al_code,
         position=slave.position,
         address=slave.address,
@@ -127,6 +128,6 @@ def _node(slave: Slave) -> BusNode:
         input_size=slave.input_size,
         output_size=slave.output_size,
         axes=slave.axes,
-        fault=text_of_al(slave.al_code),
+        fault=text_of_al(slave.al_code) or (NO_ANSWER if slave.offline else ""),
         extra={name: int(getattr(slave, name)) for name in _SLAVE_EXTRA},
     )

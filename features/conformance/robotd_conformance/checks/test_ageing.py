@@ -152,3 +152,20 @@ def test_nothing_is_fresh_after_communication_stopped(fresh: Harness) -> None:
     fresh.pass_time(0.2)
     fresh.drivers.axes.read(image)
     assert image.fresh_ns == last
+
+
+@pytest.mark.clause("DeviceDriver.fault/reason")
+def test_each_silence_has_its_reason(fresh: Harness) -> None:
+    """A device that says why it is silent says so the second time, too."""
+    device, said = fresh.drivers.device, list[str]()
+    for _ in range(2):
+        fresh.injector.freeze(True)
+        fresh.until(lambda: not fresh.robot.connection.ready, "the engine is not ready")
+        said.append(device.fault())
+        fresh.injector.freeze(False)
+        if device.state() is not ConnectionState.COMMUNICATING:
+            fresh.robot.connection.start()
+        fresh.until(lambda: fresh.robot.connection.ready, "values arrive again")
+        fresh.periods(5)
+        assert device.fault() == "", "a fault of the past is still reported"
+    assert bool(said[0]) is bool(said[1]), f"the fault is {said[0]!r}, the second time {said[1]!r}"

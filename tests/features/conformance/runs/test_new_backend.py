@@ -100,7 +100,8 @@ def test_a_generated_package_passes_at_once(installed: Path, tmp_path: Path) -> 
     junit = tmp_path / "results.xml"
     report = run(*robotd, "conform", "--backend", NAME, "--junit", junit, cwd=tmp_path)
     assert "verdict: passed" in report
-    assert int(re.findall(r"tested on (\d+)%", report)[-1]) >= 85
+    tested = int(re.findall(r"tested on (\d+)%", report)[-1])
+    assert tested >= 80  # of all checks; it declares no scale, objects, registers or files
     assert junit.read_text(encoding="utf-8").count("<testcase") > 90
 
 

@@ -64,7 +64,6 @@ void start_communication(Block &block) {
         slave.registers[0x07] = 0x0F;            // ports 0 and 1: MII
         slave.registers[0x10] = static_cast<unsigned char>(1 + index);  // station address 0x1001...
         slave.registers[0x11] = 0x10;
-        slave.registers[0x130] = 0x08;           // AL status: operational
         slave.registers[0x110] = index + 1 < block.slave_count ? 0x3B : 0x13;  // DL status
     }
     for (int axis = 0; axis < block.faults.drives; axis++) {

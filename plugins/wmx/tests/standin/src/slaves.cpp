@@ -50,8 +50,9 @@ ECAPIFUNC Ecat::RegisterRead(int slaveId, int regAddr, int len, unsigned char *b
     return RegisterRead(0, slaveId, regAddr, len, buff);
 }
 ECAPIFUNC Ecat::RegisterRead(int masterId, int slaveId, int regAddr, int len, unsigned char *buff) {
-    return with_slave(wmx3Api, masterId, slaveId, [&](Block &, Slave &slave) -> int {
+    return with_slave(wmx3Api, masterId, slaveId, [&](Block &block, Slave &slave) -> int {
         if (!in_memory(regAddr, len)) return ErrorCode::ArgumentOutOfRange;
+        slave.registers[0x130] = communicating(block) ? 0x08 : 0x02;  // AL status: Op, or PreOp
         std::memcpy(buff, slave.registers + regAddr, len);
         return ErrorCode::None;
     });
