@@ -50,10 +50,10 @@ def pytest_configure(config: pytest.Config) -> None:
 # First what moves nothing, then stops, then ever longer and faster motion; endurance at the end.
 SAFE_ORDER = (
     "rejections", "fieldbus", "io", "switches", "enable", "connection", "ageing", "stopping",
-    "stops_of_some_axes", "ramps", "faults", "watchdog", "units", "neighbours", "small_and_large",
-    "profiles", "questions", "feedback", "last_axis", "velocity_commands", "streams", "underrun",
-    "dry_buffers", "trajectories", "limits", "torque", "scaling", "reopening", "cost", "process",
-    "leaks", "threads",
+    "stops_of_some_axes", "stop_ramps", "ramps", "faults", "watchdog", "units", "neighbours",
+    "small_and_large", "profiles", "overrides", "shown_motion", "extremes", "questions", "feedback",
+    "last_axis", "velocity_commands", "streams", "underrun", "dry_buffers", "trajectories",
+    "limits", "torque", "scaling", "reopening", "cost", "process", "leaks", "threads",
 )  # fmt: skip
 # Checks that change what a position means, or that use the whole way of a simulated axis.
 UNCOUNTED = (Capability.HOMING, Capability.SCALING, Capability.SIMULATED)
