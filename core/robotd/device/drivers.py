@@ -202,7 +202,8 @@ class AxisDriver(ABC):
         """Start a move to an absolute target (rad or m); return when it is accepted.
 
         A running move or velocity command is overridden without a jump. From then on its ramps are
-        those of the new profile, and so is that of a stop.
+        those of the new profile, and so is that of a stop. A driver may reject a move while the
+        axis stops; one that it accepts is made.
         """
 
     @abstractmethod

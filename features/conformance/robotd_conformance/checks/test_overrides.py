@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from robotd.api import Capability, CommandMode, Profile
+from robotd.api import Capability, CommandMode, Profile, RobotdError
 from robotd_conformance.checks.different_ramps import (
     AFTER_S,
     different_ramps,
@@ -98,6 +101,33 @@ def test_moves_and_velocity_commands_in_turn_have_their_own_ramps(fresh: Harness
             fresh.rest()
         problems = ramp_problems(recording, profiles)
         judge(fresh, recording, [f"command {command + 1}, {each}" for each in problems])
+
+
+@pytest.mark.clause("AxisDriver.move/while-stopping")
+@pytest.mark.parametrize("quick", [False, True], ids=["stop", "quick_stop"])
+def test_a_move_during_a_stop_is_rejected_or_made(harness: Harness, quick: bool) -> None:
+    driver, start = harness.drivers.axes, harness.image.position_command.copy()
+    there = start + harness.travel()
+    gentle = [
+        replace(each, deceleration=0.25 * each.deceleration)
+        for each in map(harness.profile, harness.all)
+    ]
+    for targets, begin in ((there, start), (start, there)):
+        harness.move(harness.all, targets, gentle)
+        harness.pass_time(0.15)
+        (driver.quick_stop if quick else driver.stop)(harness.all)
+        harness.pass_time(0.02)
+        taken = []
+        for axis in harness.all:
+            with suppress(RobotdError):
+                driver.move(axis, float(begin[axis]), harness.profile(axis))
+                taken.append(axis)
+        harness.rest()
+        away = np.abs(harness.image.position - begin)
+        lost = [axis for axis in taken if away[axis] > SETTLED_RAD]
+        assert not lost, f"axes {lost} took a move while they stopped, and have not made it"
+        harness.move(harness.all, targets)
+        harness.rest()
 
 
 def change_s(profiles: list[Profile], before: float, share: float) -> float:
