@@ -51,9 +51,10 @@ def pytest_configure(config: pytest.Config) -> None:
 SAFE_ORDER = (
     "rejections", "fieldbus", "io", "switches", "enable", "connection", "ageing", "stopping",
     "stops_of_some_axes", "stop_ramps", "ramps", "faults", "watchdog", "units", "neighbours",
-    "small_and_large", "profiles", "overrides", "shown_motion", "extremes", "questions", "feedback",
-    "last_axis", "velocity_commands", "streams", "underrun", "dry_buffers", "trajectories",
-    "limits", "torque", "scaling", "reopening", "cost", "process", "leaks", "threads",
+    "small_and_large", "profiles", "overrides", "command_sequences", "shown_motion", "extremes",
+    "questions", "feedback", "last_axis", "velocity_commands", "streams", "underrun", "dry_buffers",
+    "trajectories", "limits", "torque", "scaling", "reopening", "cost", "process", "leaks",
+    "threads",
 )  # fmt: skip
 # Checks that change what a position means, or that use the whole way of a simulated axis.
 UNCOUNTED = (Capability.HOMING, Capability.SCALING, Capability.SIMULATED)

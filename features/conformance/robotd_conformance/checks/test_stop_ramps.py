@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robotd.api import Capability, CommandMode, Operation, ProcessImage, Profile
+from robotd.api import Capability, CommandMode, Operation, ProcessImage
 from robotd_conformance.checks.different_ramps import different_ramps, ramp_s
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.recorded_motion import jog, judge, ramped
@@ -22,8 +22,6 @@ from robotd_conformance.checks.test_stops_of_some_axes import EARLY_S, STOPS, St
 FIRST_WAY, FIRST_SPEED = 0.6, 0.25  # shares of a move that is overridden
 JOG_SHARE = 0.3
 RISING_S = 0.06  # of a move that still speeds up
-SOFT = 0.25  # share of the ramp with which a stop takes long
-LATER_S = 0.05  # until a quick stop follows on a stop
 HARD, HARDEST_RAD_S2 = 0.95, 10.0  # share of the limit with which an axis slows down
 NOTICED_RAD_S = 0.03
 STREAM_STOP_S = 0.2  # of a slow stream, with a ramp of the driver's own
@@ -182,54 +180,6 @@ def test_one_stop_ends_motions_of_every_kind(fresh: Harness, stop: Stop, first: 
     fresh.rest()
 
 
-@pytest.mark.clause("AxisDriver.quick_stop/takes-over")
-def test_a_quick_stop_takes_over_a_running_stop(harness: Harness) -> None:
-    start, way = harness.image.position_command.copy(), harness.travel()
-    soft = [gentle_stop(profile) for profile in map(harness.profile, harness.all)]
-    for targets in (start + way, start):
-        harness.move(harness.all, targets, soft)
-        harness.pass_time(EARLY_S)
-        harness.drivers.axes.stop(harness.all)
-        harness.pass_time(LATER_S)
-        with harness.recording() as recording:
-            harness.until(lambda: len(recording) > 0, "there are values")
-            speed = np.abs(harness.image.velocity.copy())
-            harness.drivers.axes.quick_stop(harness.all)
-            harness.rest()
-        problems = []
-        for axis, profile in enumerate(soft):
-            moving = recording.time_s[np.abs(recording.velocity[:, axis]) > 0.1 * speed[axis]]
-            took_s, stop_s = float(moving[-1:].sum()), speed[axis] / profile.deceleration
-            if took_s > 0.4 * stop_s + REACTION_S:
-                problems.append(
-                    f"axis {axis}: at rest {took_s:.3f} s after the quick stop, {stop_s:.3f} s"
-                    " after the stop alone"
-                )
-        judge(harness, recording, problems)
-        harness.move(harness.all, targets)
-        harness.rest()
-
-
-@pytest.mark.clause("AxisDriver.stop/again")
-def test_a_stop_does_not_prolong_a_quick_stop(harness: Harness) -> None:
-    soft = [gentle_stop(profile) for profile in map(harness.profile, harness.all)]
-    harness.move(harness.all, harness.image.position_command + harness.travel(), soft)
-    harness.pass_time(EARLY_S)
-    with harness.recording() as recording:
-        harness.until(lambda: len(recording) > 0, "there are values")
-        speed = np.abs(harness.image.velocity.copy())
-        harness.drivers.axes.quick_stop(harness.all)
-        harness.drivers.axes.stop(harness.all)
-        harness.rest()
-    problems = []
-    for axis, profile in enumerate(soft):
-        moving = recording.time_s[np.abs(recording.velocity[:, axis]) > 0.1 * speed[axis]]
-        took_s, stop_s = float(moving[-1:].sum()), speed[axis] / profile.deceleration
-        if took_s > 0.4 * stop_s + REACTION_S:
-            problems.append(f"axis {axis}: at rest after {took_s:.3f} s, as by the stop alone")
-    judge(harness, recording, problems)
-
-
 @pytest.mark.needs(Capability.SIMULATED)
 @pytest.mark.clause("AxisDriver.quick_stop/starts")
 def test_a_quick_stop_is_no_gentler_than_the_hardest_stop(harness: Harness) -> None:
@@ -252,8 +202,3 @@ def test_a_quick_stop_is_no_gentler_than_the_hardest_stop(harness: Harness) -> N
         if -ramps[:, axis].min() < LESS * profile.deceleration
     ]
     judge(harness, recording, problems)
-
-
-def gentle_stop(profile: Profile) -> Profile:
-    """Return a profile whose stop takes long."""
-    return replace(profile, deceleration=SOFT * profile.deceleration)
