@@ -5,6 +5,7 @@ One call names them all.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 
@@ -15,6 +16,7 @@ from robotd.api import Capability, CommandMode, Operation, ProcessImage
 from robotd_conformance.checks.different_ramps import different_ramps, ramp_s
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.recorded_motion import jog, judge, ramped
+from robotd_conformance.checks.recording import Recording
 from robotd_conformance.checks.test_ramps import LESS, ramp_problems
 from robotd_conformance.checks.test_stopping import MORE, REACTION_S
 from robotd_conformance.checks.test_stops_of_some_axes import EARLY_S, STOPS, Stop
@@ -87,16 +89,8 @@ def test_an_axis_that_is_stopped_speeds_up_no_more(harness: Harness, stop: Stop)
         before = len(recording) - 1
         stop(harness.drivers.axes, harness.all)
         harness.rest()
-    speed = np.abs(recording.velocity_command)
-    problems = []
-    for axis in harness.all:
-        ramp = harness.profile(axis).acceleration
-        rise, most = speed[:, axis].max() - speed[before, axis], ramp * 0.5 * REACTION_S
-        if rise > most + NOTICED_RAD_S:
-            problems.append(
-                f"axis {axis}: sped up by {rise:.3g} rad/s after the stop, at most {most:.3g}"
-            )
-    judge(harness, recording, problems)
+    ramps = [harness.profile(axis).acceleration for axis in harness.all]
+    judge(harness, recording, sped_up(recording, before, ramps))
 
 
 @pytest.mark.clause("AxisDriver.stop/all-axes", "AxisDriver.stop/idle")
@@ -202,3 +196,14 @@ def test_a_quick_stop_is_no_gentler_than_the_hardest_stop(harness: Harness) -> N
         if -ramps[:, axis].min() < LESS * profile.deceleration
     ]
     judge(harness, recording, problems)
+
+
+def sped_up(recording: Recording, before: int, ramps: Sequence[float]) -> list[str]:
+    """Axes that went on to speed up with ``ramps[axis]``, after a stop at sample ``before``."""
+    speed = np.abs(recording.velocity_command)
+    rise = speed[before:].max(0) - speed[before]
+    most = 0.5 * REACTION_S * np.array(ramps) + NOTICED_RAD_S
+    return [
+        f"axis {axis}: sped up by {rise[axis]:.3g} rad/s after the stop, at most {most[axis]:.3g}"
+        for axis in np.flatnonzero(rise > most)
+    ]
