@@ -9,13 +9,14 @@ import pytest
 
 from robotd.api import Capability, FloatArray, Profile
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
-from robotd_conformance.checks.recorded_motion import jog, judge
+from robotd_conformance.checks.recorded_motion import jog, judge, mean_velocity
 from robotd_conformance.checks.recording import Recording
 from robotd_conformance.checks.test_stop_ramps import sped_up
 from robotd_conformance.checks.test_stopping import REACTION_S
 
 # Shares of the way, and the time until the next command comes.
 MOVES = ((1.0, 0.0), (0.2, 0.0), (1.0, 0.12), (0.25, 0.06), (0.9, 0.03), (0.0, 0.15), (0.4, 0.3))
+JOGS = ((1.0, 0.0), (0.3, 0.01), (-1.0, 0.03), (1.0, 0.05), (-0.5, 0.05), (0.7, 0.3))
 NEARER = 0.02  # share of the way to a target at which an axis cannot stop any more
 JOG_SHARE = 0.3
 SOFT = 0.2  # share of the ramp with which an axis is slow to stop
@@ -38,6 +39,22 @@ def test_the_last_of_many_moves_counts(harness: Harness) -> None:
         start + MOVES[-1][0] * way, abs=SETTLED_RAD
     )
     assert harness.image.motion_complete.all()
+
+
+@pytest.mark.needs(Capability.VELOCITY_MODE)
+@pytest.mark.clause("AxisDriver.jog/changes", "AxisDriver.jog/starts")
+def test_the_last_of_many_velocity_commands_counts(fresh: Harness) -> None:
+    fresh.set_velocity_mode()
+    speeds = fresh.speeds(JOG_SHARE)
+    for sign in (1.0, -1.0):
+        for share, wait_s in JOGS:
+            jog(fresh, sign * share * speeds)
+            fresh.pass_time(wait_s)
+        expected = sign * JOGS[-1][0] * speeds
+        assert fresh.image.velocity_command == pytest.approx(expected, rel=0.02, abs=BACK_RAD_S)
+        assert mean_velocity(fresh) == pytest.approx(expected, rel=0.05, abs=BACK_RAD_S)
+        jog(fresh, 0.0 * speeds)
+        fresh.rest()
 
 
 @pytest.mark.clause("AxisDriver.move/overrides", "AxisDriver.move/target")

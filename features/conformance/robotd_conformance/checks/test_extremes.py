@@ -20,6 +20,7 @@ FINE_SPEED_RAD_S, FINE_S = 2e-3, 0.4
 GENTLE_SHARE, GENTLE_WAY = 0.04, 0.15
 LONG_SHARES = (0.95, 0.6)  # of the limits of velocity and acceleration
 CRUISE = 0.25  # part of a long move without ramps
+FAST_JOG_SHARE, WAY = 0.9, 0.85  # of the limits; of the way that a long move has
 SLOWER = 0.07  # what a speed may be less than asked for
 
 
@@ -112,6 +113,39 @@ def test_a_long_move_reaches_its_speed_in_both_directions(harness: Harness, shar
                 )
         judge(harness, recording, problems)
         assert harness.image.position == pytest.approx(targets, abs=SETTLED_RAD)
+
+
+@pytest.mark.needs(Capability.VELOCITY_MODE)
+@pytest.mark.free_space
+@pytest.mark.clause("AxisDriver.jog/starts", "AxisDriver.jog/profile")
+@pytest.mark.clause("AxisDriver.device_limits/limits")
+def test_a_velocity_command_near_the_limits_is_not_clipped(fresh: Harness) -> None:
+    """In both directions; a device that clips sooner reports its limits."""
+    if not fresh.can(Capability.SIMULATED):
+        pytest.skip("axes of hardware stay near their start pose")
+    profiles = [steep(fresh, axis, FAST_JOG_SHARE) for axis in fresh.all]
+    way = long_way(fresh, profiles)
+    passed_s = max(each.velocity / each.acceleration for each in profiles)
+    # Of all axes at once: speed up and slow down take a way of velocity times ``passed_s``.
+    speeds = np.sign(way) * [
+        min(each.velocity, each.acceleration * passed_s, WAY * abs(way[axis]) / passed_s)
+        for axis, each in enumerate(profiles)
+    ]
+    fresh.set_velocity_mode()
+    for sign in (1.0, -1.0):
+        with fresh.recording() as recording:
+            jog(fresh, sign * speeds, profiles)
+            fresh.pass_time(passed_s)
+            jog(fresh, 0.0 * speeds, profiles)
+            fresh.rest()
+        problems = ramp_problems(recording, profiles)
+        top = np.abs(recording.velocity_command).max(0)
+        problems += [
+            f"axis {axis}: {top[axis]:.3g} rad/s, asked for {sign * speeds[axis]:.3g}"
+            for axis in fresh.all
+            if not (1.0 - SLOWER) * abs(speeds[axis]) <= top[axis] <= 1.02 * abs(speeds[axis])
+        ]
+        judge(fresh, recording, problems)
 
 
 def long_way(harness: Harness, profiles: list[Profile]) -> FloatArray:

@@ -17,6 +17,7 @@ SHOWN_PERIODS = 5  # until the image shows the end of a motion in all its values
 SPIKE_RAD_S = 0.05  # measured at most of an axis that stands
 AT_REST_RAD_S = 1e-4  # commanded at most
 LOOK_S = 0.1
+ENDED_S = 0.5  # granted to a drive to find that it has arrived
 COUNTS, TURN = 2.0**18, 2.0 * np.pi  # of a gear ratio
 
 
@@ -32,6 +33,7 @@ class Watch:
         self._problems: dict[tuple[int, str], str] = {}
         self._targets: FloatArray = np.full(harness.count, np.nan)
         self._idle_reads = np.zeros(harness.count, int)
+        self._moved_ns = np.zeros(harness.count, np.int64)
         self._fresh_ns = 0
 
     @property
@@ -52,14 +54,19 @@ class Watch:
             return
         self._fresh_ns = image.fresh_ns
         executing = image.operation != Operation.IDLE
+        at_rest = np.abs(image.velocity_command) <= AT_REST_RAD_S
+        streams = image.operation == Operation.STREAM
+        self._moved_ns = np.where(executing & at_rest & ~streams, self._moved_ns, image.fresh_ns)
+        overdue = image.fresh_ns - self._moved_ns > ENDED_S * 1e9
         self._idle_reads = np.where(executing, 0, self._idle_reads + 1)
         settled = (self._idle_reads > SHOWN_PERIODS) & image.servo_on
-        moving = settled & (np.abs(image.velocity_command) > AT_REST_RAD_S)
+        moving = settled & ~at_rest
         away = settled & (np.abs(image.position_command - image.position) > 5 * SETTLED_RAD)
         short = image.motion_complete & (
             np.abs(image.position_command - self._targets) > SETTLED_RAD
         )
         self._note(executing & image.motion_complete, "motion_complete while it executes", image)
+        self._note(overdue, f"executes {ENDED_S:g} s after the end of its command", image)
         self._note(moving, "idle with a velocity command", image)
         self._note(away, "idle with a position command that is not where it stands", image)
         self._note(short, "motion_complete before the command is at its target", image)

@@ -20,8 +20,10 @@ from robotd_conformance.checks.recording import Recording
 from robotd_conformance.checks.test_ramps import LESS, ramp_problems
 from robotd_conformance.checks.test_stopping import MORE, REACTION_S
 from robotd_conformance.checks.test_stops_of_some_axes import EARLY_S, STOPS, Stop
+from robotd_conformance.checks.test_units import slope_problems
 
 FIRST_WAY, FIRST_SPEED = 0.6, 0.25  # shares of a move that is overridden
+AFTER_SPEED = 0.25  # share of the speed of a move after a stop
 JOG_SHARE = 0.3
 RISING_S = 0.06  # of a move that still speeds up
 HARD, HARDEST_RAD_S2 = 0.95, 10.0  # share of the limit with which an axis slows down
@@ -55,11 +57,35 @@ def test_a_stop_has_the_ramp_of_the_last_move(harness: Harness) -> None:
             harness.drivers.axes.stop(harness.all[:: -1 if command else 1])
             harness.rest()
         problems = ramp_problems(recording, second, rising=False)
+        if harness.stepped:  # else commands and values of one sample may belong to different times
+            problems += slope_problems(harness, recording, "position_command", "velocity_command")
         judge(harness, recording, [f"stop {command + 1}, {each}" for each in problems])
         harness.move(harness.all, begin)
         harness.pass_time(EARLY_S)
         harness.drivers.axes.quick_stop(harness.all)
         harness.rest()
+
+
+@pytest.mark.clause("AxisDriver.move/profile", "AxisDriver.stop/rests")
+def test_a_move_after_a_stop_has_its_own_profile(harness: Harness, stop: Stop) -> None:
+    """Its velocity and its ramps, not those of the stop or of what was stopped."""
+    start, way = harness.image.position_command.copy(), harness.travel()
+    harness.move(harness.all, start + way, different_ramps(harness, 1.0, 0))
+    harness.pass_time(EARLY_S)
+    stop(harness.drivers.axes, harness.all)
+    harness.rest()
+    profiles = different_ramps(harness, AFTER_SPEED, 1)
+    with harness.recording() as recording:
+        harness.move(harness.all, start + way, profiles)
+        harness.rest()
+    problems = ramp_problems(recording, profiles)
+    top = np.abs(recording.velocity_command).max(0)
+    problems += [
+        f"axis {axis}: {top[axis]:.3g} rad/s, asked for {profile.velocity:.3g}"
+        for axis, profile in enumerate(profiles)
+        if not 0.9 * profile.velocity <= top[axis] <= 1.05 * profile.velocity
+    ]
+    judge(harness, recording, problems)
 
 
 @pytest.mark.needs(Capability.VELOCITY_MODE)
