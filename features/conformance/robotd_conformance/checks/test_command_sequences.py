@@ -16,7 +16,7 @@ from robotd_conformance.checks.test_stopping import REACTION_S
 
 # Shares of the way, and the time until the next command comes.
 MOVES = ((1.0, 0.0), (0.2, 0.0), (1.0, 0.12), (0.25, 0.06), (0.9, 0.03), (0.0, 0.15), (0.4, 0.3))
-JOGS = ((1.0, 0.0), (0.3, 0.01), (-1.0, 0.03), (1.0, 0.05), (-0.5, 0.05), (0.7, 0.3))
+JOGS = ((1.0, 0.0), (0.3, 0.01), (-1.0, 0.15), (0.0, 0.2), (1.0, 0.03), (0.5, 0.3))
 NEARER = 0.02  # share of the way to a target at which an axis cannot stop any more
 JOG_SHARE = 0.3
 SOFT = 0.2  # share of the ramp with which an axis is slow to stop

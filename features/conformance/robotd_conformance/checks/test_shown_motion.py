@@ -52,6 +52,8 @@ class Watch:
     def __call__(self, image: ProcessImage) -> None:
         if image.fresh_ns == self._fresh_ns:
             return
+        if not self._fresh_ns:
+            self._moved_ns[:] = image.fresh_ns
         self._fresh_ns = image.fresh_ns
         executing = image.operation != Operation.IDLE
         at_rest = np.abs(image.velocity_command) <= AT_REST_RAD_S

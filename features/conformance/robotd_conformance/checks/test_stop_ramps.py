@@ -38,7 +38,7 @@ def stop(request: pytest.FixtureRequest) -> Stop:
     return lambda driver, axes: getattr(driver, name)(axes)
 
 
-@pytest.mark.clause("AxisDriver.stop/ramp", "AxisDriver.move/new-profile")
+@pytest.mark.clause("AxisDriver.stop/ramp", "AxisDriver.move/new-profile", "AxisDriver.stop/rests")
 def test_a_stop_has_the_ramp_of_the_last_move(harness: Harness) -> None:
     """Of each axis, also where the move has overridden another, and after a quick stop."""
     here = harness.image.position_command.copy()

@@ -246,3 +246,32 @@ class TargetTooNearIsPassed(Mutant):
             rest = segments[-1].position
             passed = (rest - target) * np.sign(speed) > 0.0 and (target - here) * speed > 0.0
             super().move(axis, rest if passed else target, profile)
+
+
+class JogIgnoredWhileItSpeedsUp(Mutant):
+    breaks = ("AxisDriver.jog/changes", "ignored")
+    found_by = "test_command_sequences.py::test_the_last_of_many_velocity_commands_counts"
+
+    class Axes(Remembers):
+        def jog(self, axis: int, profile: Profile) -> None:
+            servo = self._simulation.servo
+            rises = float(servo.command_velocity[axis] * servo.command_acceleration[axis]) > 0.0
+            if not (self.runs(axis) and rises):
+                super().jog(axis, profile)
+
+
+class MoveAfterAStopIsSlow(Mutant):
+    breaks = ("AxisDriver.move/profile", "second call")
+    found_by = "test_stop_ramps.py::test_a_move_after_a_stop_has_its_own_profile"
+
+    class Axes(SimAxes):
+        def stop(self, axes: Sequence[int]) -> None:
+            self.__dict__.setdefault("stopped", set()).update(axes)
+            super().stop(axes)
+
+        def move(self, axis: int, target: float, profile: Profile) -> None:
+            stopped: set[int] = self.__dict__.setdefault("stopped", set())
+            if axis in stopped:
+                stopped.discard(axis)
+                profile = replace(profile, velocity=0.6 * profile.velocity)
+            super().move(axis, target, profile)

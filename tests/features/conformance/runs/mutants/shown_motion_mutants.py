@@ -172,3 +172,40 @@ class RampsClippedBack(Mutant):
                 hardest = min(profile.deceleration, 7.0)
                 profile = replace(profile, deceleration=hardest)
             super().move(axis, target, profile)
+
+
+class ExecutingLongAfterTheEnd(Mutant):
+    breaks = ("AxisDriver.read/states", "late")
+    found_by = MOVE
+    says = "after the end of its command"
+
+    class Axes(ReadAnew):
+        def read(self, image: ProcessImage) -> None:
+            super().read(image)
+            last: dict[int, tuple[int, int]] = self.__dict__.setdefault("last", {})
+            for axis in range(image.axes):
+                operation, now_ns = int(image.operation[axis]), image.fresh_ns
+                if operation != Operation.IDLE:
+                    last[axis] = operation, now_ns
+                elif axis in last and 0 <= now_ns - last[axis][1] < 700_000_000:
+                    image.operation[axis] = last[axis][0]
+                    image.motion_complete[axis] = False
+
+
+class JogClippedBack(Mutant):
+    breaks = ("AxisDriver.jog/starts", "clipped")
+    found_by = "test_extremes.py::test_a_velocity_command_near_the_limits_is_not_clipped"
+
+    class Axes(SimAxes):
+        def jog(self, axis: int, profile: Profile) -> None:
+            super().jog(axis, replace(profile, velocity=max(profile.velocity, -1.4)))
+
+
+class RampsOfJogsClipped(Mutant):
+    breaks = ("AxisDriver.jog/profile", "clipped")
+    found_by = "test_extremes.py::test_a_velocity_command_near_the_limits_is_not_clipped"
+
+    class Axes(SimAxes):
+        def jog(self, axis: int, profile: Profile) -> None:
+            ramps = min(profile.acceleration, 7.0), min(profile.deceleration, 7.0)
+            super().jog(axis, Profile(profile.velocity, *ramps))

@@ -194,3 +194,23 @@ class StopProlongsAQuickStop(Mutant):
             with self._world.lock:
                 for axis in quick:
                     self._motion.brake(axis, self._motion._deceleration[axis])
+
+
+class CommandJumpsBackAtAStop(Mutant):
+    """By the following error: the stop begins at the measured position."""
+
+    breaks = ("AxisDriver.stop/rests", "side effect")
+    found_by = "test_stop_ramps.py::test_a_stop_has_the_ramp_of_the_last_move"
+    says = "beside the slope"
+
+    class Axes(SimAxes):
+        def stop(self, axes: Sequence[int]) -> None:
+            servo = self._simulation.servo
+            with self._world.lock:
+                self._world.advance()
+                for axis in axes:
+                    if self._states.operation[axis] == Operation.POSITION:
+                        speed = float(servo.command_velocity[axis])
+                        behind = float(servo.command[axis]) - 0.005 * np.sign(speed)
+                        servo.place(axis, float(servo.position[axis]), behind, speed)
+            super().stop(axes)
