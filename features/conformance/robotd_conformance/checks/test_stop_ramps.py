@@ -20,7 +20,6 @@ from robotd_conformance.checks.recording import Recording
 from robotd_conformance.checks.test_ramps import LESS, ramp_problems
 from robotd_conformance.checks.test_stopping import MORE, REACTION_S
 from robotd_conformance.checks.test_stops_of_some_axes import EARLY_S, STOPS, Stop
-from robotd_conformance.checks.test_units import slope_problems
 
 FIRST_WAY, FIRST_SPEED = 0.6, 0.25  # shares of a move that is overridden
 AFTER_SPEED = 0.25  # share of the speed of a move after a stop
@@ -58,7 +57,7 @@ def test_a_stop_has_the_ramp_of_the_last_move(harness: Harness) -> None:
             harness.rest()
         problems = ramp_problems(recording, second, rising=False)
         if harness.stepped:  # else commands and values of one sample may belong to different times
-            problems += slope_problems(harness, recording, "position_command", "velocity_command")
+            problems += jumps(recording)
         judge(harness, recording, [f"stop {command + 1}, {each}" for each in problems])
         harness.move(harness.all, begin)
         harness.pass_time(EARLY_S)
@@ -232,4 +231,15 @@ def sped_up(recording: Recording, before: int, ramps: Sequence[float]) -> list[s
     return [
         f"axis {axis}: sped up by {rise[axis]:.3g} rad/s after the stop, at most {most[axis]:.3g}"
         for axis in np.flatnonzero(rise > most)
+    ]
+
+
+def jumps(recording: Recording) -> list[str]:
+    """Axes whose position command jumps: it is not where its velocity command leads."""
+    velocity, steps_s = recording.velocity_command, np.diff(recording.time_s)[:, None]
+    led = 0.5 * (velocity[1:] + velocity[:-1]) * steps_s
+    jump = np.abs(np.diff(recording.position_command, axis=0) - led).max(0)
+    return [
+        f"axis {axis}: its position command jumps by {jump[axis]:.4f}"
+        for axis in np.flatnonzero(jump > SETTLED_RAD)
     ]

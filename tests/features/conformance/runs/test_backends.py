@@ -72,4 +72,4 @@ def test_a_whole_arm_that_hides_what_it_is_fails(
 @pytest.mark.daily
 def test_every_theme_is_there() -> None:
     themes = {path.stem for path in CHECKS.glob("test_*.py")}
-    assert len(themes) == 32
+    assert len(themes) == 37

@@ -201,7 +201,7 @@ class CommandJumpsBackAtAStop(Mutant):
 
     breaks = ("AxisDriver.stop/rests", "side effect")
     found_by = "test_stop_ramps.py::test_a_stop_has_the_ramp_of_the_last_move"
-    says = "beside the slope"
+    says = "jumps"
 
     class Axes(SimAxes):
         def stop(self, axes: Sequence[int]) -> None:
