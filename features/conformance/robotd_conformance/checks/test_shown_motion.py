@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import numpy as np
@@ -131,7 +131,7 @@ def test_each_read_of_a_move_agrees_with_itself(harness: Harness) -> None:
 @pytest.mark.clause("AxisDriver.read/commands", "AxisDriver.read/states")
 def test_each_read_of_a_velocity_command_agrees_with_itself(fresh: Harness) -> None:
     speeds, targets = fresh.speeds(JOG_SHARE), fresh.image.position_command + fresh.travel(0.2)
-    ends = {
+    ends: dict[str, Callable[[], None]] = {
         "velocity 0": lambda: jog(fresh, 0.0 * speeds),
         "stop": lambda: fresh.drivers.axes.stop(fresh.all),
         "quick stop": lambda: fresh.drivers.axes.quick_stop(fresh.all),

@@ -93,10 +93,10 @@ def test_a_stop_has_the_ramp_of_the_last_velocity_command(fresh: Harness) -> Non
     fresh.set_velocity_mode()
     speeds = fresh.speeds(JOG_SHARE)
     for command, sign in enumerate((1.0, -1.0)):
-        for share in (0.5, 1.0):
-            profiles = different_ramps(fresh, JOG_SHARE, command + round(2 * share))
-            jog(fresh, sign * share * speeds, profiles)
-            fresh.pass_time(ramp_s(profiles))
+        slow, profiles = (different_ramps(fresh, JOG_SHARE, command + each) for each in (1, 2))
+        for share, each in ((0.5, slow), (1.0, profiles)):
+            jog(fresh, sign * share * speeds, each)
+            fresh.pass_time(ramp_s(each))
         with fresh.recording() as recording:
             fresh.periods(2)
             fresh.drivers.axes.stop(fresh.all[:: -1 if command else 1])
