@@ -211,20 +211,26 @@ class AxisDriver(ABC):
     def move(self, axis: int, target: float, profile: Profile) -> None:
         """Start a move to an absolute target (rad or m); return when it is accepted.
 
-        A running move or velocity command is overridden without a jump.
+        A running move or velocity command is overridden without a jump. From then on its ramps are
+        those of the new profile, and so is that of a stop. A driver may reject a move while the
+        axis stops; one that it accepts is made.
         """
 
     @abstractmethod
     def stop(self, axes: Sequence[int]) -> None:
         """Start a controlled stop of whatever moves the axes. Idle axes: no effect.
 
-        A move or velocity command ends with the deceleration of its profile, a stream with a
-        ramp of the driver's own. A stream of torques ends with position control: the axis holds
-        where it has come to rest. Returns at once: a stop that waits delays the next one.
+        A running stop is not prolonged, be it a quick stop. A move or velocity command ends with
+        the deceleration of its profile, a stream with a ramp of the driver's own. A stream of
+        torques ends with position control: the axis holds where it has come to rest. Returns at
+        once: a stop that waits delays the next one.
         """
 
     def quick_stop(self, axes: Sequence[int]) -> None:
-        """Start the fastest controlled stop. Idle axes: no effect. Returns at once."""
+        """Start the fastest controlled stop. Idle axes: no effect. Returns at once.
+
+        It takes over a running stop.
+        """
         self.stop(axes)
 
     def begin_stream(self, axes: Sequence[int]) -> None:
@@ -328,7 +334,8 @@ class AxisDriver(ABC):
     def jog(self, axis: int, profile: Profile) -> None:
         """Start or change a velocity command, signed ``profile.velocity`` (VELOCITY_MODE).
 
-        Velocity 0 slows to rest, after which the axis is idle.
+        The speed falls by the deceleration of this profile, also to a turn, and rises by its
+        acceleration. Velocity 0 slows to rest, after which the axis is idle.
         """
         raise Unsupported("velocity mode")
 

@@ -44,11 +44,13 @@ class ProcessImage:
 
     Attributes:
         position, velocity, torque: measured; rad or m, rad/s or m/s, N·m or N.
-        position_command, velocity_command: what the servo is asked for now, same units.
+        position_command, velocity_command: what the servo is asked for now, same units; of an
+            axis at rest a velocity of 0.
         servo_on, amp_alarm, offline: the drive is enabled, in alarm, not answering.
         alarm_code: the drive's own alarm number, 0 without an alarm.
         home_done, home_switch, negative_limit, positive_limit: as the drive reports them.
-        motion_complete: the last move or trajectory ran to its end and the axis is idle.
+        motion_complete: the last move or trajectory ran to its end and the axis is idle; False
+            while anything is executed.
         mode, operation: ``CommandMode`` and ``Operation`` as integers.
         setpoint: (2, n_axes) position and velocity of the last setpoints that were sent.
         values, flags, numbers: the arrays above are the rows of these three blocks, whose order

@@ -127,10 +127,11 @@ class Axis(Generic[DriveT]):
     def brake(self, deceleration: float) -> None:
         """Stop the running operation as its mode requires. Any thread.
 
-        A command that is being started begins no motion then.
+        A command that is being started begins no motion then. Of two stops the harder one counts.
         """
         self.activity.stops += 1
-        if self.activity.operation in (Operation.IDLE, Operation.STOPPING):
+        stopping = self.activity.operation is Operation.STOPPING
+        if self.activity.is_idle or (stopping and deceleration <= self.setpoint.deceleration):
             return
         self.setpoint.deceleration = deceleration
         self.setpoint.target_velocity = 0.0

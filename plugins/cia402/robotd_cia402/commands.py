@@ -252,16 +252,19 @@ class Commands:
 
     def stop(self) -> None:
         """Controlled stop; the control loop does the rest. A command that runs begins no motion."""
-        axis = self._axis
-        streamed = axis.activity.operation is Operation.STREAM
-        ramp = axis.options.stop_deceleration_rad_s2
-        axis.brake(ramp if streamed else axis.setpoint.deceleration)
+        self._axis.brake(self._stop_ramp())
 
     def quick_stop(self) -> None:
-        """The drive's own quick stop; the axis stays powered. As ``stop``."""
-        axis = self._axis
+        """The drive's own quick stop; the axis stays powered. As ``stop``.
+
+        Of a command that ends with a harder ramp it is a stop: the drive's own is gentler.
+        """
+        axis, ramp = self._axis, self._axis.options.quick_stop_deceleration_rad_s2
         moving = not axis.activity.is_idle
-        axis.brake(axis.options.quick_stop_deceleration_rad_s2)
+        if moving and self._stop_ramp() > ramp:
+            self.stop()
+            return
+        axis.brake(ramp)
         if moving:
             axis.power.quick_stop()
 
@@ -291,6 +294,13 @@ class Commands:
             raise self._error(DeviceTimeout, text)
         if failed():
             raise self._error(OperationError, f"homing failed, {self._status()}")
+
+    def _stop_ramp(self) -> float:
+        """Return the deceleration of a stop now, rad/s² or m/s²."""
+        axis = self._axis
+        if axis.activity.operation is Operation.STREAM:
+            return axis.options.stop_deceleration_rad_s2
+        return axis.setpoint.deceleration
 
     def _wait_for_fresh_values(self) -> None:
         """Wait until every value is from after the present frame."""

@@ -93,10 +93,11 @@ class Setpoint:
         self.position += self.velocity * period_s
 
     def ramp(self, period_s: float) -> None:
-        """Control loop: one period towards ``target_velocity``."""
-        slower = abs(self.target_velocity) < abs(self.velocity)
-        rate = self.deceleration if slower else self.acceleration
-        self.velocity = _towards(self.velocity, self.target_velocity, rate * period_s)
+        """Control loop: one period towards ``target_velocity``; a turn slows down to 0 first."""
+        turns = self.velocity * self.target_velocity < 0.0
+        goal = 0.0 if turns else self.target_velocity
+        rate = self.deceleration if abs(goal) < abs(self.velocity) else self.acceleration
+        self.velocity = _towards(self.velocity, goal, rate * period_s)
 
 
 class ProfileEstimate:

@@ -55,6 +55,7 @@ class WmxAxes(AxisDriver):
         if not self._positions.available:
             connection.after_open(self._splines.allocate)
         self._readout = Readout(connection, self._stream, self._positions)
+        self._jogging: set[int] = set()  # by a velocity command that no stop has ended
 
     def read(self, image: ProcessImage) -> None:
         self._readout.fill(image)
@@ -182,15 +183,18 @@ class WmxAxes(AxisDriver):
 
     def jog(self, axis: int, profile: Profile) -> None:
         if profile.velocity == 0.0:
-            self.stop([axis])
+            self._end_jog(axis, profile.deceleration)
             return
         in_velocity_mode = self._status().mode(axis) == CommandMode.VELOCITY
         start = self._device.start_vel if in_velocity_mode else self._device.start_jog
         with translated(f"velocity {profile.velocity:g}", axis=axis):
             start(axis, *self._scaling.profile(axis, profile))
+        if in_velocity_mode:
+            self._jogging.add(axis)
 
     def stop(self, axes: Sequence[int]) -> None:
         """Stop splines in the joints' own time, moves with their deceleration."""
+        self._jogging.difference_update(axes)
         streamed = self._stream.end(axes)
         self._slow_down(streamed)
         streamed += self._positions.stop(axes)
@@ -218,6 +222,7 @@ class WmxAxes(AxisDriver):
             self._each_mode(moving, self._device.stop_motion, self._device.stop_velocity)
 
     def quick_stop(self, axes: Sequence[int]) -> None:
+        self._jogging.difference_update(axes)
         self._stream.end(axes)
         streamed = self._positions.quick_stop(axes)
         axes = [axis for axis in axes if axis not in streamed]
@@ -257,6 +262,22 @@ class WmxAxes(AxisDriver):
 
     def _streams(self, axis: int) -> bool:
         return self._positions.active(axis) or bool(self._stream.active[axis])
+
+    def _end_jog(self, axis: int, deceleration: float) -> None:
+        """Slow down by ``deceleration``: the engine's stop has the ramp of the running command.
+
+        A running stop stays as it is, for it may be the harder one.
+        """
+        status = self._status()
+        if axis not in self._jogging or status.idle(axis):
+            self.stop([axis])
+            return
+        self._jogging.discard(axis)
+        speed = abs(status.velocity_command(axis)) * float(self._scaling.si[axis])
+        try:
+            self._device.timed_stop_velocity(axis, max(1.0, speed / deceleration * 1000.0))
+        except CallError as error:
+            self._excuse(error, [axis])
 
     def _slow_down(self, axes: Sequence[int]) -> None:
         """Streamed commands have no deceleration of their own: stop within |v| / deceleration."""

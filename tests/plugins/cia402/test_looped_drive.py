@@ -134,6 +134,35 @@ def test_a_quick_stop_keeps_the_power_and_the_next_move_leaves_it(on: LoopedDriv
     assert on.drive.position == pytest.approx(0.0, abs=1e-3)
 
 
+@pytest.mark.parametrize("hard", [5.0, 80.0])
+def test_a_quick_stop_takes_over_a_gentler_stop(on: LoopedDrive, hard: float) -> None:
+    """The drive has 40 rad/s² for a quick stop: a harder ramp of the command stays in force."""
+    on.commands.move(9.0, Profile(velocity=2.0, acceleration=20.0, deceleration=hard))
+    on.run(0.3)
+    on.commands.stop()
+    on.run(0.008)
+    speed, stopped = on.image.velocity_command[0], on.drive.position
+    on.commands.quick_stop()
+    idle(on)
+    way = speed**2 / (2.0 * max(hard, 40.0))
+    assert on.drive.position - stopped == pytest.approx(way, abs=0.02)
+    assert on.image.position_command[0] == pytest.approx(on.drive.position, abs=1e-3)
+
+
+@pytest.mark.parametrize("velocity_mode", ["csv", "pv"])
+def test_a_velocity_command_that_turns_slows_down_by_its_deceleration(velocity_mode: str) -> None:
+    looped = LoopedDrive(velocity_mode=velocity_mode)
+    looped.commands.set_mode(CommandMode.VELOCITY)
+    looped.commands.enable(1.0)
+    looped.commands.jog(Profile(velocity=1.0, acceleration=10.0, deceleration=10.0))
+    looped.run(0.5)
+    looped.commands.jog(Profile(velocity=-1.0, acceleration=10.0, deceleration=2.0))
+    looped.run(0.25)
+    assert looped.image.velocity_command[0] == pytest.approx(0.5, abs=0.05)
+    looped.run(0.3)
+    assert looped.image.velocity_command[0] == pytest.approx(-0.5, abs=0.1)
+
+
 def peak_velocity(looped: LoopedDrive, periods: int = 250) -> float:
     """Return the largest velocity of the motor while it runs; an axis at rest does not jump."""
     velocities = []

@@ -50,11 +50,12 @@ def pytest_configure(config: pytest.Config) -> None:
 # First what moves nothing, then stops, then ever longer and faster motion; endurance at the end.
 SAFE_ORDER = (
     "rejections", "fieldbus", "io", "io_images", "switches", "enable", "hand_moves", "connection",
-    "ageing", "stopping", "stops_of_some_axes", "ramps", "faults", "watchdog", "axes_apart",
-    "resumption", "units", "neighbours", "small_and_large", "profiles", "questions", "feedback",
-    "last_axis", "velocity_commands", "streams", "setpoints", "whole_streams", "underrun",
-    "dry_buffers", "trajectories", "bus_objects", "lost_nodes", "limits", "torque", "scaling",
-    "scale_and_home", "parameters", "reopening", "open_again", "cost", "process", "leaks", "locks",
+    "ageing", "stopping", "stops_of_some_axes", "stop_ramps", "ramps", "faults", "watchdog",
+    "axes_apart", "resumption", "units", "neighbours", "small_and_large", "profiles", "overrides",
+    "command_sequences", "shown_motion", "extremes", "questions", "feedback", "last_axis",
+    "velocity_commands", "streams", "setpoints", "whole_streams", "underrun", "dry_buffers",
+    "trajectories", "bus_objects", "lost_nodes", "limits", "torque", "scaling", "scale_and_home",
+    "parameters", "reopening", "open_again", "cost", "process", "leaks", "locks",
     "threads",
 )  # fmt: skip
 # Checks that change what a position means, or that use the whole way of a simulated axis.

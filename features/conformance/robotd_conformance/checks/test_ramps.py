@@ -8,7 +8,7 @@ from math import isfinite
 import numpy as np
 import pytest
 
-from robotd.api import AxisDriver, Capability, Profile
+from robotd.api import AxisDriver, Capability, FloatArray, Profile
 from robotd.api.robots import Outcome
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.recorded_motion import jog, judge
@@ -39,13 +39,26 @@ def uneven(harness: Harness, axis: int, gentle: str) -> Profile:
 
 
 def ramp_problems(
-    recording: Recording, profiles: Sequence[Profile], *, rising: bool = True
+    recording: Recording,
+    profiles: Sequence[Profile],
+    *,
+    rising: bool = True,
+    falling: bool = True,
+    speeds: FloatArray | None = None,
 ) -> list[str]:
-    """Axes whose steepest ramps are not those of their profiles."""
-    _, ramps = recording.slope(np.abs(recording.velocity_command), SPAN_S)
+    """Axes whose steepest ramps are not those of their profiles.
+
+    Args:
+        rising, falling: speed up, and slow down, in the recording.
+        speeds: (samples, n_axes), none negative; None: of the velocity command.
+    """
+    chosen = np.abs(recording.velocity_command) if speeds is None else speeds
+    _, ramps = recording.slope(chosen, SPAN_S)
     found = []
     for axis, profile in enumerate(profiles):
-        seen = [("deceleration", -ramps[:, axis].min(), profile.deceleration)]
+        seen = []
+        if falling:
+            seen.append(("deceleration", -ramps[:, axis].min(), profile.deceleration))
         if rising:
             seen.append(("acceleration", ramps[:, axis].max(), profile.acceleration))
         found += [
