@@ -148,10 +148,10 @@ class JointSettings(Section):
     @property
     def initial_position(self) -> float:
         """Position at which a simulation begins: 0, or the nearest one well inside the limits."""
-        if self.lower <= 0.0 <= self.upper:
-            return 0.0
-        margin = INITIAL_MARGIN * (self.upper - self.lower)
-        return self.lower + margin if self.lower > 0.0 else self.upper - margin
+        way = self.upper - self.lower
+        if not math.isfinite(way):
+            return min(max(0.0, self.lower), self.upper)
+        return min(max(0.0, self.lower + INITIAL_MARGIN * way), self.upper - INITIAL_MARGIN * way)
 
     def key(self, turning: str) -> str:
         """Return the key of this joint for ``turning``, the key of a revolute one."""

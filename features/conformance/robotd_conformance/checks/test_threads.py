@@ -67,8 +67,7 @@ def test_commands_to_all_axes_at_once(make_harness: MakeHarness) -> None:
     def command(axis: int) -> Callable[[], None]:
         def work() -> None:
             counters[axis] += 1
-            sign = 1.0 if counters[axis] % 2 else -1.0
-            harness.move([axis], home + sign * travel)
+            harness.move([axis], home + counters[axis] % 2 * travel)
             time.sleep(0.01)
             if counters[axis] % 5 == 0:
                 harness.robot.axes.stop([axis])
