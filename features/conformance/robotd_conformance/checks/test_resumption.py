@@ -157,6 +157,7 @@ def test_nothing_moves_after_homing(fresh: Harness) -> None:
     enable(fresh)
     for axis in fresh.all:
         fresh.drivers.axes.home(axis, 10.0)
+    fresh.pass_time(WAITS_S + fresh.feedback_s)  # the image has the new positions
     look(fresh, motion.kinds)
 
 
