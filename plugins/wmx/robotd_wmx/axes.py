@@ -93,9 +93,9 @@ class WmxAxes(AxisDriver):
         for axis in axes:
             if not status.servo_on(axis):
                 raise NotReady("streaming: the servo is off", axis=axis)
-            if self._positions.stopping(axis):
+            if self._positions.stopping(axis) and not status.idle(axis):
                 raise NotReady("streaming: the stream before is being stopped", axis=axis)
-        axes = [axis for axis in axes if not self._streams(axis)]
+        axes = [axis for axis in axes if not self._streams(axis, status)]
         by_position = [axis for axis in axes if status.mode(axis) != CommandMode.VELOCITY]
         if by_position and not self._positions.available:
             raise Unsupported("streamed positions")
@@ -260,8 +260,10 @@ class WmxAxes(AxisDriver):
         if self._status().servo_on(axis):
             raise NotReady(f"{what}: the servo is on", axis=axis)
 
-    def _streams(self, axis: int) -> bool:
-        return self._positions.active(axis) or bool(self._stream.active[axis])
+    def _streams(self, axis: int, status: Snapshot) -> bool:
+        """The engine has an axis idle whose stream ended with the communication."""
+        by_position = self._positions.active(axis) and not status.idle(axis)
+        return by_position or bool(self._stream.active[axis])
 
     def _end_jog(self, axis: int, deceleration: float) -> None:
         """Slow down by ``deceleration``: the engine's stop has the ramp of the running command.
