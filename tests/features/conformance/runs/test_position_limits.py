@@ -19,7 +19,7 @@ from robotd_ros.diagnostics.part_status import Level
 from robotd_ros.diagnostics.robot_health import Health
 
 RANGES = ((-2.0, 2.0), (-3.0, -1.0), (0.5, 1.5), (-1.0, 1.0), (0.0, 2.0), (-1.5, -0.1))
-INITIAL = (0.0, -1.2, 0.6, 0.0, 0.0, -0.24)  # a tenth of the range inside
+INITIAL = (0.0, -1.2, 0.6, 0.0, 0.2, -0.24)  # a tenth of the range inside
 
 
 @pytest.fixture(params=["sim", "canopen", "ethercat"])
@@ -70,7 +70,7 @@ def test_a_joint_outside_its_limits_is_a_problem_until_it_is_back(backend: str) 
     with cr3a(backend) as robot:
         limits = list(robot.axes.limits)
         limits[1] = replace(limits[1], lower=-3.0, upper=-1.3)
-        limits[4] = replace(limits[4], lower=-0.0005, upper=2.0)
+        limits[4] = replace(limits[4], lower=0.1995, upper=2.0)
         robot.axes.limits = tuple(limits)
         robot.start()
         assert outside(robot) == ["joint2: at -1.2 rad, outside its limits -3 to -1.3 rad"]
