@@ -49,6 +49,14 @@ def test_a_lost_node_is_not_operational_and_says_why(fresh: Harness, place: int)
             ), f"node {node.id} is shown as faulty, too"
 
 
+@pytest.mark.clause("FieldbusDriver.status/offline", "AxisDriver.read/states")
+def test_a_drive_whose_servo_is_off_is_lost_as_well(fresh: Harness) -> None:
+    fresh.disable()
+    last = fresh.count - 1
+    fresh.injector.disconnect(last)
+    fresh.until(lambda: bool(fresh.image.offline[last]), "the drive is offline", LOST_S)
+
+
 def problems(bus: FieldbusDriver) -> list[str]:
     """Name what is wrong with the nodes while one of them is lost."""
     nodes = [node for _, node in nodes_of(bus)]

@@ -110,6 +110,11 @@ def lose_drive(harness: Harness, motion: MixedMotion) -> None:
     stop(harness, motion)
 
 
+def servos_off_at_rest(harness: Harness) -> None:
+    harness.disable()
+    harness.rest()
+
+
 def by_name(function: End) -> str:
     return function.__name__
 
@@ -146,6 +151,23 @@ def test_nothing_moves_after_the_end_of_a_motion(harness: Harness, end: End) -> 
 def test_nothing_moves_after_a_new_connection(fresh: Harness, end: End) -> None:
     for turn in turns(fresh):
         look(fresh, run_and_end(fresh, turn, end).kinds)
+
+
+@pytest.mark.clause("AxisDriver/resumption", "AxisDriver.servo/no-jump")
+def test_a_command_that_was_rejected_is_forgotten(fresh: Harness) -> None:
+    driver, targets = fresh.drivers.axes, fresh.image.position_command + fresh.travel(0.1)
+    for mode in modes_of(fresh):
+        servos_off_at_rest(fresh)
+        for axis in fresh.all:
+            driver.set_command_mode(axis, mode)
+            profile = fresh.profile(axis, 0.2)
+            with suppress(RobotdError):
+                if mode is CommandMode.VELOCITY:
+                    driver.jog(axis, profile)
+                else:
+                    driver.move(axis, float(targets[axis]), profile)
+        enable(fresh)
+        stays(fresh, ["command that was rejected"] * fresh.count, "the servos are switched on")
 
 
 @pytest.mark.clause("AxisDriver.home/no-motion", "AxisDriver/resumption")

@@ -24,6 +24,7 @@ pytestmark = pytest.mark.needs(Capability.VELOCITY_MODE)
 
 SLOW_SHARE = 0.02
 REACTION_S = 0.05
+LASTS_S = 4.0  # longer than a command that is taken for a heartbeat
 HARD = 1.5  # what a ramp may be above the limit of its axis
 
 
@@ -137,3 +138,17 @@ def end_problems(harness: Harness, recording: Recording, speeds: FloatArray) -> 
         if hardest > HARD * limit:
             found.append(f"axis {axis}: slowed by {hardest:.3g} rad/s², the limit is {limit:.3g}")
     return found
+
+
+@pytest.mark.needs(Capability.SIMULATED)
+@pytest.mark.clause("AxisDriver.jog/starts")
+def test_a_velocity_command_does_not_expire(fresh: Harness) -> None:
+    fresh.set_velocity_mode()
+    speeds = fresh.travel(0.5) / LASTS_S
+    for axis in fresh.all:
+        fresh.drivers.axes.jog(axis, replace(fresh.profile(axis), velocity=float(speeds[axis])))
+    fresh.pass_time(LASTS_S)
+    assert (fresh.image.operation == Operation.VELOCITY).all(), "a velocity command has ended"
+    assert fresh.image.velocity_command == pytest.approx(speeds, rel=0.05)
+    fresh.drivers.axes.stop(fresh.all)
+    fresh.rest()

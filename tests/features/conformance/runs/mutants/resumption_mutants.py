@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from tests.features.conformance.runs.mutants.plugin import Mutant
 
-from robotd.api import CommandMode, Operation, Profile
+from robotd.api import CommandMode, NotReady, Operation, ProcessImage, Profile
 from robotd_sim import SimAxes, SimDevice
 
 AFTER_END = "test_resumption.py::test_nothing_moves_after_the_end_of_a_motion"
@@ -387,3 +387,55 @@ class CommandOfTheConnectionBefore(Mutant):
             if on and axis in kept:
                 with self._world.lock:
                     self._motion.hold(axis, kept.pop(axis))
+
+
+class RejectedMovesAreMadeOnceEnabled(Mutant):
+    """A move that is rejected, as the servo is off, stays in a register of the drive."""
+
+    breaks = ("AxisDriver/resumption", "side effect")
+    found_by = "test_resumption.py::test_a_command_that_was_rejected_is_forgotten"
+
+    class Axes(SimAxes):
+        def move(self, axis: int, target: float, profile: Profile) -> None:
+            try:
+                super().move(axis, target, profile)
+            except NotReady:
+                self.__dict__.setdefault("latched", {})[axis] = target, profile
+                raise
+
+        def servo(self, axis: int, on: bool, timeout_s: float) -> None:
+            super().servo(axis, on, timeout_s)
+            if on and axis in self.__dict__.get("latched", {}):
+                super().move(axis, *self.__dict__["latched"].pop(axis))
+
+
+class VelocityCommandsExpire(Mutant):
+    """A velocity command ends after two seconds, as if it had to be repeated."""
+
+    breaks = ("AxisDriver.jog/starts", "clipped")
+    found_by = "test_velocity_commands.py::test_a_velocity_command_does_not_expire"
+
+    class Axes(SimAxes):
+        def jog(self, axis: int, profile: Profile) -> None:
+            super().jog(axis, profile)
+            self.__dict__.setdefault("begun", {})[axis] = self._simulation.clock.now_ns()
+
+        def read(self, image: ProcessImage) -> None:
+            super().read(image)
+            for axis, begun_ns in [*self.__dict__.get("begun", {}).items()]:
+                if self._simulation.clock.now_ns() > begun_ns + 2_000_000_000:
+                    self.__dict__["begun"].pop(axis)
+                    self.stop([axis])
+
+
+class DrivesThatAreOffAreNeverOffline(Mutant):
+    """A drive is looked for only while its servo is on."""
+
+    breaks = ("AxisDriver.read/states", "stale")
+    found_by = "test_lost_nodes.py::test_a_drive_whose_servo_is_off_is_lost_as_well"
+
+    class Axes(SimAxes):
+        def read(self, image: ProcessImage) -> None:
+            was_off = ~image.servo_on & ~image.offline
+            super().read(image)
+            image.offline &= ~was_off
