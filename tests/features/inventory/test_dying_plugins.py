@@ -92,6 +92,14 @@ def test_the_checks_name_the_one_that_it_ended_in(source: str, says: str, tmp_pa
     assert f"{ORIGIN} ended the process {says}" in done.stderr
 
 
+def test_the_checks_show_what_a_hook_has_raised(tmp_path: Path) -> None:
+    source = AT_OPEN.replace("return FakeAxes(3)", "raise AttributeError('no such axis')")
+    done = robotd(tmp_path, source, "conform", "--backend", "odd")
+    assert done.returncode == ExitCode.PLUGIN
+    assert f"{ORIGIN}: robotd_axes failed: AttributeError: no such axis" in done.stdout
+    assert "INTERNALERROR" not in done.stdout + done.stderr
+
+
 def test_a_child_that_notes_nothing_any_more_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(foreign_process, "STEP_LIMIT_S", 0.5)
     command = [sys.executable, "-c", "import time; time.sleep(40)"]

@@ -75,7 +75,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         item.user_properties.append(("capability", str(capability)))
         clauses = [name for mark in item.iter_markers("clause") for name in mark.args]
         item.user_properties.append(("clauses", " ".join(dict.fromkeys(clauses))))
-    results: Results | None = config.stash[RESULTS]
+    results = config.stash.get(RESULTS, None)  # none either where the backend cannot be loaded
     if results is not None:
         left, passed = results.split(items)
         config.hook.pytest_deselected(items=passed)
