@@ -85,19 +85,35 @@ def _clause_rows(
 
 def _mutants(path: Path) -> Iterator[Cell]:
     """Yield clause, fault, name and finding checks of each mutant of a module."""
-    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+    body = ast.parse(path.read_text(encoding="utf-8")).body
+    constants = _assigned(body, {})
+    for node in body:
         if not isinstance(node, ast.ClassDef) or node.name.startswith("_"):
             continue
-        values = {
-            ast.unparse(each.targets[0]): ast.literal_eval(each.value)
-            for each in node.body
-            if isinstance(each, ast.Assign)
-            and ast.unparse(each.targets[0]) in ("breaks", "found_by")
-        }
-        checks = values.get("found_by", "")
+        values = _assigned(node.body, constants)
+        if "breaks" not in values:  # a part of several mutants
+            continue
+        checks = values.get("found_by") or ""
         names = [checks] if isinstance(checks, str) else checks
         found_by = tuple(name.partition("::test_")[2] for name in names if name)
         yield *values["breaks"], node.name, found_by
+
+
+def _assigned(body: list[ast.stmt], constants: dict[str, Any]) -> dict[str, Any]:
+    """Return the texts, and tuples of texts, that statements give to names."""
+
+    def value(node: ast.expr) -> Any:
+        if isinstance(node, ast.Name):
+            return constants.get(node.id)
+        if isinstance(node, ast.Tuple):
+            return tuple(map(value, node.elts))
+        return node.value if isinstance(node, ast.Constant) else None
+
+    return {
+        each.targets[0].id: value(each.value)
+        for each in body
+        if isinstance(each, ast.Assign) and isinstance(each.targets[0], ast.Name)
+    }
 
 
 def _bearing() -> dict[str, list[str]]:
