@@ -99,6 +99,8 @@ class VelocityStream:
 
     def _expire(self) -> None:
         axes = self._feeds()
+        if not axes:  # they have been ended since
+            return
         log.warning("stopped: no setpoints arrive", axes=axes, after_s=TIMEOUT_S)
         try:
             self._on_timeout(axes)

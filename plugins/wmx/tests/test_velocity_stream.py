@@ -11,6 +11,7 @@ import pytest
 
 from robotd.device.state import CommandMode, Operation
 from robotd.robot import Robot
+from robotd_wmx.velocity_stream import TIMEOUT_S
 from robots import eventually, running
 from standin_port import port
 
@@ -62,3 +63,18 @@ def test_an_axis_stops_without_setpoints(tmp_path: Path) -> None:
         eventually(lambda: robot.image.operation[AXIS] == Operation.IDLE, 2.0)
         assert robot.image.position[AXIS] > start
         eventually(lambda: bool(abs(robot.image.velocity[AXIS]) < 1e-3), 1.0)
+
+
+def test_a_stream_that_has_ended_is_not_missed(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with running(tmp_path) as robot:
+        robot.axes.set_command_mode(AXIS, CommandMode.VELOCITY)
+        driver = robot.axes._driver
+        driver.begin_stream([AXIS])
+        send(robot, 0.2)
+        driver.end_stream([AXIS])
+        eventually(lambda: robot.image.operation[AXIS] == Operation.IDLE)
+        end_s = time.monotonic() + 2.0 * TIMEOUT_S
+        eventually(lambda: time.monotonic() > end_s)
+    assert not [each for each in caplog.messages if "no setpoints arrive" in each]
