@@ -6,10 +6,11 @@ Plugins are loaded for it, so that it takes half a second.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from importlib.metadata import entry_points
 
 import click
 from click.shell_completion import CompletionItem
+
+from robotd.entry_points import entry_points
 
 Complete = Callable[[click.Context, click.Parameter, str], list[CompletionItem]]
 

@@ -84,7 +84,9 @@ class MobileBase:
         )
         self._command = TwistCommand()
         self._odometry = Odometry(self.wheels, settings.wheel_wrap_rad)
-        self._jump = JUMP * wheel_limits(settings).velocity
+        self._limits, wheel = twist_limits(settings), wheel_limits(settings)
+        self._wheel_acceleration = wheel.acceleration
+        self._jump = JUMP * wheel.velocity
         self._tracked_ns = 0
 
     @property
@@ -255,7 +257,7 @@ class MobileBase:
 
     def _submit(self, claimed_ns: int) -> WheelMotion:
         axes = self.settings.axes
-        limiter = TwistLimiter(twist_limits(self.settings), self._period_s)
+        limiter = TwistLimiter(self._limits, self._period_s)
         while True:
             motion = WheelMotion(
                 self._axes,
@@ -279,7 +281,7 @@ class MobileBase:
             return RollingFollower(wheels)
         positions = self._axes.image.position_command
         angles = [float(positions[axes[place]]) for place in wheels.steered]
-        return wheels.follower(angles, wheel_limits(self.settings).acceleration, self._period_s)
+        return wheels.follower(angles, self._wheel_acceleration, self._period_s)
 
     def _end_motion(self) -> None:
         for motion in self._slot.active:

@@ -108,7 +108,7 @@ class DriveSettings(Section):
 
     @property
     def dimensions(self) -> str:
-        """What people need to know of its size, beside the radius of the wheels; "": nothing."""
+        """Its size in words, beside the radius of the wheels; "" for no more than that."""
         return ""
 
     def problems(self) -> Iterator[Problem]:

@@ -57,8 +57,8 @@ def isolated(driver: Driver, contract: type[Driver], plugin: str, backend: str) 
     for name in (name for name in dir(contract) if not name.startswith("_")):
         what, attribute = f"plugin {plugin}: {contract.__name__}.{name}", getattr(contract, name)
         if isinstance(attribute, property):
-            get = partial(getattr, driver, name)
-            members[name] = property(_guarded(lambda _, get=get: get(), what, backend))
+            get = _guarded(lambda _, name=name: getattr(driver, name), what, backend)
+            members[name] = property(get)
             continue
         signature = None if name in _UNTIMED[contract] else inspect.signature(attribute)
         own_s = COMMAND_BUDGET_S if contract in (AxisDriver, IoDriver) else CALL_BUDGET_S
