@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -33,6 +33,16 @@ def record_move(harness: Harness, share: float = 1.0) -> Recording:
         harness.move_all(speed=share)
         harness.rest()
     return recording
+
+
+def there_and_back(harness: Harness) -> Iterator[tuple[int, FloatArray, FloatArray]]:
+    """Yield number, begin and end (n_axes,) of the ways over the travel; the axes rest at begin."""
+    here = harness.image.position_command.copy()
+    there = here + harness.travel()
+    for number, (begin, end) in enumerate(((here, there), (there, here))):
+        harness.move(harness.all, begin)
+        harness.rest()
+        yield number, begin, end
 
 
 def mean_velocity(harness: Harness, seconds: float = 0.1) -> FloatArray:

@@ -9,7 +9,7 @@ import pytest
 
 from robotd.api import Capability, FloatArray, Profile
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
-from robotd_conformance.checks.recorded_motion import jog, judge, mean_velocity
+from robotd_conformance.checks.recorded_motion import jog, judge, mean_velocity, there_and_back
 from robotd_conformance.checks.recording import Recording
 from robotd_conformance.checks.test_stop_ramps import sped_up
 from robotd_conformance.checks.test_stopping import REACTION_S
@@ -59,13 +59,10 @@ def test_the_last_of_many_velocity_commands_counts(fresh: Harness) -> None:
 
 @pytest.mark.clause("AxisDriver.move/overrides", "AxisDriver.move/target")
 def test_a_target_too_near_to_stop_at_is_reached(harness: Harness) -> None:
-    start, way = harness.image.position_command.copy(), harness.travel()
-    for begin, sign in ((start, 1.0), (start + way, -1.0)):
-        harness.move(harness.all, begin)
-        harness.rest()
-        harness.move(harness.all, begin + sign * way)
+    for _, begin, end in there_and_back(harness):
+        harness.move(harness.all, end)
         harness.pass_time(0.15)
-        targets = harness.image.position_command + sign * NEARER * way
+        targets = harness.image.position_command + NEARER * (end - begin)
         harness.move(harness.all, targets)
         harness.rest()
         assert harness.image.position == pytest.approx(targets, abs=SETTLED_RAD)

@@ -27,11 +27,17 @@ from robotd_conformance.checks.stopwatch import timed
 pytestmark = pytest.mark.needs(Capability.IO)
 
 
-@pytest.fixture
-def io(harness: Harness) -> Iterator[IoDriver]:
+def io_of(harness: Harness) -> IoDriver:
+    """Return the I/O of a device; without outputs, skip the check."""
     driver = harness.drivers.io
     if driver is None or driver.output_bytes == 0:
         pytest.skip("the device has no outputs")
+    return driver
+
+
+@pytest.fixture
+def io(harness: Harness) -> Iterator[IoDriver]:
+    driver = io_of(harness)
     before = driver.read_outputs(0, driver.output_bytes)
     yield driver
     driver.write_outputs(0, before)
@@ -259,9 +265,7 @@ def test_outputs_are_no_inputs(harness: Harness, io: IoDriver) -> None:
 
 @pytest.mark.clause("drivers/rejects")
 def test_nothing_is_written_while_no_device_is_open(unopened: Harness) -> None:
-    driver = unopened.drivers.io
-    if driver is None or driver.output_bytes == 0:
-        pytest.skip("the device has no outputs")
+    driver = io_of(unopened)
     with pytest.raises(OperationError):
         driver.write_outputs(0, bytes(1))
     with pytest.raises(OperationError):

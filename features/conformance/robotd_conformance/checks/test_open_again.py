@@ -13,7 +13,7 @@ from robotd.api import Capability, CommandMode, ConnectionState, IoDriver, Robot
 from robotd.api.robots import Jog
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.recorded_motion import mean_velocity
-from robotd_conformance.checks.test_io import is_live, output_is, outputs, window
+from robotd_conformance.checks.test_io import io_of, is_live, output_is, outputs, window
 from robotd_conformance.checks.test_questions import shown
 
 SHARE = 0.3
@@ -24,9 +24,7 @@ PATTERNS = (0x00, 0xA5, 0x5A)
 @pytest.fixture
 def io(fresh: Harness) -> Iterator[IoDriver]:
     """I/O of a harness of its own; its outputs are put back."""
-    driver = fresh.drivers.io
-    if driver is None or driver.output_bytes == 0:
-        pytest.skip("the device has no outputs")
+    driver = io_of(fresh)
     before = driver.read_outputs(0, driver.output_bytes)
     yield driver
     with suppress(RobotdError):  # the check may have failed on a closed device
@@ -146,9 +144,7 @@ def shows_byte(image: memoryview, byte: int, value: int) -> bool:
 @pytest.mark.clause("IoDriver/reads")
 def test_io_answers_in_every_state(unopened: Harness) -> None:
     """Whole images, of the sizes that they have; and bits are written after each start."""
-    driver, device = unopened.drivers.io, unopened.drivers.device
-    if driver is None or driver.output_bytes == 0:
-        pytest.skip("the device has no outputs")
+    driver, device = io_of(unopened), unopened.drivers.device
     unopened.begin()
     sizes, byte = (driver.input_bytes, driver.output_bytes), driver.output_bytes - 1
     steps: list[Callable[[], object]] = [

@@ -11,15 +11,16 @@ import pytest
 from robotd.api import Capability, CommandMode, Profile, RobotdError
 from robotd_conformance.checks.different_ramps import (
     AFTER_S,
+    FIRST_SPEED,
+    FIRST_WAY,
     different_ramps,
     ramp_s,
     turn_problems,
 )
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
-from robotd_conformance.checks.recorded_motion import jog, judge
+from robotd_conformance.checks.recorded_motion import jog, judge, there_and_back
 from robotd_conformance.checks.test_ramps import ramp_problems
 
-FIRST_WAY, FIRST_SPEED = 0.6, 0.25  # shares of a move that is overridden
 JOG_SHARE = 0.3
 # Shares of the speed of a velocity command, one after the other.
 AHEAD_S = 0.2  # at the highest speed: the way back does not go beyond the start
@@ -29,11 +30,7 @@ CHANGES = (0.5, 1.0, 0.5, -0.5, -1.0, -0.5, 0.5, 0.0)
 @pytest.mark.clause("AxisDriver.move/overrides", "AxisDriver.move/new-profile")
 @pytest.mark.parametrize("where", ["farther", "same", "back"])
 def test_a_move_that_overrides_another_has_its_own_ramps(harness: Harness, where: str) -> None:
-    here = harness.image.position_command.copy()
-    there = here + harness.travel()
-    for command, (begin, end) in enumerate(((here, there), (there, here))):
-        harness.move(harness.all, begin)
-        harness.rest()
+    for command, begin, end in there_and_back(harness):
         first = different_ramps(harness, FIRST_SPEED, command)
         second = different_ramps(harness, 1.0, command + 1)
         aim = begin + FIRST_WAY * (end - begin)

@@ -110,11 +110,6 @@ def lose_drive(harness: Harness, motion: MixedMotion) -> None:
     stop(harness, motion)
 
 
-def servos_off_at_rest(harness: Harness) -> None:
-    harness.disable()
-    harness.rest()
-
-
 def by_name(function: End) -> str:
     return function.__name__
 
@@ -157,7 +152,8 @@ def test_nothing_moves_after_a_new_connection(fresh: Harness, end: End) -> None:
 def test_a_command_that_was_rejected_is_forgotten(fresh: Harness) -> None:
     driver, targets = fresh.drivers.axes, fresh.image.position_command + fresh.travel(0.1)
     for mode in modes_of(fresh):
-        servos_off_at_rest(fresh)
+        fresh.disable()
+        fresh.rest()
         for axis in fresh.all:
             driver.set_command_mode(axis, mode)
             profile = fresh.profile(axis, 0.2)

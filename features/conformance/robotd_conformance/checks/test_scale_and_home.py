@@ -251,7 +251,7 @@ def test_a_scale_turns_about_the_home_position(fresh: Harness) -> None:
 @pytest.mark.needs(Capability.SCALING)
 @pytest.mark.clause("AxisDriver.home/no-motion", "AxisDriver.home/scale")
 def test_homing_leaves_the_scale_alone(rescalable: Harness) -> None:
-    """What is set again afterwards is in force already: no position changes."""
+    """Setting afterwards what is in force already changes no position."""
     if not rescalable.can(Capability.HOMING):
         pytest.skip("the axes have no home")
     axes, last = rescalable.robot.axes, rescalable.count - 1

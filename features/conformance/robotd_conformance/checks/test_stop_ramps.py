@@ -13,15 +13,19 @@ import numpy as np
 import pytest
 
 from robotd.api import Capability, CommandMode, Operation, ProcessImage
-from robotd_conformance.checks.different_ramps import different_ramps, ramp_s
+from robotd_conformance.checks.different_ramps import (
+    FIRST_SPEED,
+    FIRST_WAY,
+    different_ramps,
+    ramp_s,
+)
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
-from robotd_conformance.checks.recorded_motion import jog, judge, ramped
+from robotd_conformance.checks.recorded_motion import jog, judge, ramped, there_and_back
 from robotd_conformance.checks.recording import Recording
 from robotd_conformance.checks.test_ramps import LESS, ramp_problems
 from robotd_conformance.checks.test_stopping import MORE, REACTION_S
 from robotd_conformance.checks.test_stops_of_some_axes import EARLY_S, STOPS, Stop
 
-FIRST_WAY, FIRST_SPEED = 0.6, 0.25  # shares of a move that is overridden
 AFTER_SPEED = 0.25  # share of the speed of a move after a stop
 JOG_SHARE = 0.3
 RISING_S = 0.06  # of a move that still speeds up
@@ -40,11 +44,7 @@ def stop(request: pytest.FixtureRequest) -> Stop:
 @pytest.mark.clause("AxisDriver.stop/ramp", "AxisDriver.move/new-profile", "AxisDriver.stop/rests")
 def test_a_stop_has_the_ramp_of_the_last_move(harness: Harness) -> None:
     """Of each axis, also where the move has overridden another, and after a quick stop."""
-    here = harness.image.position_command.copy()
-    there = here + harness.travel()
-    for command, (begin, end) in enumerate(((here, there), (there, here))):
-        harness.move(harness.all, begin)
-        harness.rest()
+    for command, begin, end in there_and_back(harness):
         first = different_ramps(harness, FIRST_SPEED, command)
         second = different_ramps(harness, 1.0, command + 1)
         harness.move(harness.all, begin + FIRST_WAY * (end - begin), first)
