@@ -98,6 +98,7 @@ def test_the_checks_show_what_a_hook_has_raised(tmp_path: Path) -> None:
     assert done.returncode == ExitCode.PLUGIN
     assert f"{ORIGIN}: robotd_axes failed: AttributeError: no such axis" in done.stdout
     assert "INTERNALERROR" not in done.stdout + done.stderr
+    assert "ended the process" not in done.stderr
 
 
 def test_a_child_that_notes_nothing_any_more_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:

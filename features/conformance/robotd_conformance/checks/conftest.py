@@ -27,6 +27,7 @@ def pytest_configure(config: pytest.Config) -> None:
     if not name:
         raise pytest.UsageError("which backend? add --robotd-backend NAME")
     config.add_cleanup(INTERRUPTION.install())
+    config.pluginmanager.register(TimeLimits(), "robotd-conformance-time-limits")
     config.stash[AT_START] = surroundings()
     try:
         note_step(f"loading the backend {name}")
@@ -44,7 +45,6 @@ def pytest_configure(config: pytest.Config) -> None:
     report = Report(target, results, progress=progress)
     config.pluginmanager.register(report, "robotd-conformance-report")
     config.pluginmanager.register(Repeats(target), "robotd-conformance-repeats")
-    config.pluginmanager.register(TimeLimits(), "robotd-conformance-time-limits")
 
 
 # First what moves nothing, then stops, then ever longer and faster motion; endurance at the end.
