@@ -15,6 +15,7 @@ from robotd_conformance.checks.recorded_motion import judge, record_move
 
 CALLS = 20
 SAMPLES = 60
+SILENT_PERIODS = 3  # of the feedback, besides those in which what is on its way arrives
 
 
 @pytest.mark.clause("AxisDriver.read/fresh")
@@ -169,3 +170,23 @@ def test_each_silence_has_its_reason(fresh: Harness) -> None:
         fresh.periods(5)
         assert device.fault() == "", "a fault of the past is still reported"
     assert bool(said[0]) is bool(said[1]), f"the fault is {said[0]!r}, the second time {said[1]!r}"
+
+
+@pytest.mark.clause("AxisDriver.read/fresh")
+def test_a_short_silence_has_no_new_stamps(fresh: Harness) -> None:
+    """Shorter than what ends the connection, three times."""
+    image, connection = fresh.image, fresh.robot.connection
+    if (SILENT_PERIODS + 2) * fresh.feedback_s >= connection.settings.stale_after_s:
+        pytest.skip("values count as stale after fewer periods")
+    for _ in range(3):
+        fresh.injector.freeze(True)
+        fresh.periods(2)
+        last_ns = image.fresh_ns
+        fresh.periods(SILENT_PERIODS)
+        gained_ns = image.fresh_ns - last_ns
+        fresh.injector.freeze(False)
+        assert gained_ns == 0, f"values are stamped {gained_ns * 1e-6:.1f} ms later, but none came"
+        fresh.periods(2)
+        if fresh.drivers.device.state() is not ConnectionState.COMMUNICATING:
+            connection.start()
+        fresh.until(lambda: connection.ready, "values arrive again")

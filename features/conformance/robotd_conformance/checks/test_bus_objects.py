@@ -27,6 +27,7 @@ from robotd_conformance.checks.test_fieldbus import (
 pytestmark = pytest.mark.needs(Capability.FIELDBUS)
 
 ERROR_CODE, STATUSWORD, MODE, POSITION = 0x603F, 0x6041, 0x6061, 0x6064  # of CiA 402
+NAME = 0x1008  # manufacturer's device name, a text of any length (CiA 301)
 AXIS_STEP = 0x800  # from an object of one axis of a drive to that of the next (CiA 402-1)
 STATE, ENABLED = 0x6F, 0x27  # bits of a statusword, and their values with operation enabled
 ALARM = 0x2310  # its two bytes differ
@@ -199,6 +200,25 @@ def test_objects_of_each_size_are_written_beside_each_other(harness: Harness) ->
     for (node, index), data in before.items():
         bus.write_object(0, node, index, 0, data)
         assert bus.read_object(0, node, index, 0) == data
+
+
+@pytest.mark.needs(Capability.OBJECTS)
+@pytest.mark.clause("FieldbusDriver.read_object/value")
+def test_names_of_nodes_are_read_to_their_end(harness: Harness) -> None:
+    """A text of one length at every kind of node, as long as an integer, is one that was cut."""
+    bus, names = fieldbus_of(harness), set[bytes]()
+    for number in range(bus.buses):
+        for node in bus.node_ids(number):
+            with suppress(OperationError):
+                names.add(bus.read_object(number, node, NAME, 0))
+    if not names:
+        pytest.skip("no node tells its name")
+    for name in names:
+        text = name.rstrip(b"\0")
+        assert text.isascii(), f"0x1008 is {name!r}"
+        assert text.decode().isprintable(), f"0x1008 is {name!r}"
+    sizes = {len(name) for name in names}
+    assert sizes not in ({1}, {2}, {4}, {8}), f"every name has {sizes.pop()} bytes: {names}"
 
 
 @pytest.mark.needs(Capability.OBJECTS)

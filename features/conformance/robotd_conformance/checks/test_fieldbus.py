@@ -23,6 +23,7 @@ pytestmark = pytest.mark.needs(Capability.FIELDBUS)
 
 DEVICE_TYPE, IDENTITY = 0x1000, 0x1018  # objects that CiA 301 and CoE ask of every node
 LOST = 3  # frames
+BYTE = 256  # where a counter of 8 bits begins anew
 RESERVED = 0x0FFF  # no object can have this index
 HARMLESS = (0x6068, 0x6066, 0x6067)  # of CiA 402: window and time-outs of the drive's own messages
 
@@ -285,6 +286,26 @@ def test_counters_count_again_after_a_reset(harness: Harness, injector: FaultInj
             counted = lost() - before
             most = LOST * max(1, len(fieldbus_of(harness).status(0).nodes))
             assert counted <= most, f"{counted} frames counted of {LOST}"
+
+
+@pytest.mark.clause("FieldbusDriver.status/status")
+@pytest.mark.needs(Capability.STATISTICS)
+def test_lost_frames_are_counted_beyond_a_byte(harness: Harness, injector: FaultInjector) -> None:
+    def lost() -> int:
+        status = fieldbus_of(harness).status(0)
+        return status.lost_frames + status.timeouts
+
+    if not harness.stepped:
+        pytest.skip("so many frames are lost too slowly in real time")
+    harness.robot.fieldbus.reset_statistics(0)
+    before = 0
+    while before <= BYTE:
+        injector.lose_packets(LOST)
+        harness.until(lambda before=before: lost() != before, "lost frames are counted", 2.0)  # type: ignore[misc]
+        harness.until(lambda: harness.robot.connection.ready, "frames arrive again")
+        assert lost() > before, f"{lost()} frames are lost, after {before}"
+        before = lost()
+    harness.robot.fieldbus.reset_statistics(0)
 
 
 @pytest.mark.clause("DeviceDriver.scan_network/summary")

@@ -290,3 +290,50 @@ def switching(harness: Harness, axis: int) -> Iterator[Switching]:
     finally:
         servo.end()
         thread.join(20.0)
+
+
+@pytest.mark.clause("DeviceDriver.state/blocks", "DeviceDriver.fault/blocks")
+def test_the_state_does_not_wait_for_a_start(make_harness: MakeHarness) -> None:
+    """Asked all the time while the device is opened, starts to communicate, and stops."""
+    harness = make_harness(real_time=True)
+    harness.begin()
+    device, slow = harness.drivers.device, [""]
+    steps: dict[str, Call] = {
+        "open": harness.open,
+        "start_communication": lambda: device.start_communication(10.0),
+        "stop_communication": lambda: device.stop_communication(10.0),
+        "close": device.close,
+    }
+    for _ in range(ATTEMPTS):
+        if not (slow := [text for name in steps for text in asked_during(harness, name, steps)]):
+            return
+    raise AssertionError("; ".join(slow))
+
+
+def asked_during(harness: Harness, name: str, steps: dict[str, Call]) -> Iterator[str]:
+    """Make a step while a thread asks for state and fault; yield which of them waited for it."""
+    device, ended = harness.drivers.device, threading.Event()
+    waits: dict[str, list[float]] = {"state": [0.0], "fault": [0.0]}
+
+    def ask() -> None:
+        while not ended.is_set():
+            for question, call in (("state", device.state), ("fault", device.fault)):
+                began_s = time.perf_counter()
+                call()
+                waits[question].append(time.perf_counter() - began_s)
+            time.sleep(0.0005)
+
+    thread = threading.Thread(target=ask, name="caller")
+    thread.start()
+    began_s = time.perf_counter()
+    try:
+        steps[name]()
+    finally:
+        took_s = time.perf_counter() - began_s
+        ended.set()
+        thread.join(20.0)
+    assert not thread.is_alive(), f"a question during {name} has not come back"
+    limit_s = max(HELD_S, 0.5 * took_s)
+    for question, times in waits.items():
+        if max(times) > limit_s:
+            yield f"{question} waits {1e3 * max(times):.1f} ms for {name} ({1e3 * took_s:.1f} ms)"

@@ -13,6 +13,7 @@ from robotd_conformance.checks.test_connection import _parameters
 from robotd_conformance.checks.test_scaling import COUNTS, TURN
 from robotd_wmx_parameters import WmxParameters, write_wmx_parameters
 
+LITTLE = 2e-4  # a difference that the file shows
 # Some change what a position means, which needs this one too.
 pytestmark = pytest.mark.needs(Capability.SCALING)
 
@@ -82,6 +83,13 @@ def test_each_load_is_in_force_also_after_communication_stopped(
     disabled.drivers.axes.set_polarity(last, -int(own["AxisPolarity"][last]))
     turned = dumps(disabled)
     assert_changed(second, turned, [last], "polarity of the last axis")
+    disabled.drivers.axes.set_polarity(last, int(own["AxisPolarity"][last]))
+    assert_changed(second, dumps(disabled), [], "the polarity as before")
+    nearly = write(own, tmp_path / "nearly.xml", QuickStopDec={last: 3.25 + LITTLE})
+    device.load_parameters(nearly)
+    assert_changed(second, dumps(disabled), [last], f"a ramp that is {LITTLE} rad/s² higher")
+    device.load_parameters(soft)
+    disabled.drivers.axes.set_polarity(last, -int(own["AxisPolarity"][last]))
     for _ in range(2):
         device.stop_communication(10.0)
         device.start_communication(10.0)

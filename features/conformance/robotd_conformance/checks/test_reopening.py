@@ -220,6 +220,10 @@ def test_a_lost_link_is_shown_and_resumed(fresh: Harness) -> None:
     fresh.until(lambda: not connection.ready, "the engine is not ready", limit_s)
     fresh.pass_time(COASTS_S)
     stood = read_shafts(fresh, fresh.injector)
+    fresh.until(
+        lambda: device.state() is not ConnectionState.UNKNOWN or connection.ready,
+        "the device says whether communication can be resumed",
+    )
     if device.state() is ConnectionState.RUNNING:
         connection.start_communication()
     else:

@@ -18,6 +18,9 @@ from robotd_conformance.checks.test_units import slope_problems, stream_ramp
 OFF_ZERO_RAD = 0.03  # from where on a position shows its scale and its sign
 FASTER = 1.25  # a scale near the axis' own: its motion stays what the robot allows
 WAY_RAD = 0.1
+ALARMS = 0x2310, 0x7305  # a current, and an encoder: after that a drive may start anew
+SMALL_RAD = 0.006  # a way that a home within the tolerance of a limit switch would leave
+SPEED = 0.8, 1.2  # share of the commanded speed that a move reaches, at least and at most
 
 
 def scaled_positions(harness: Harness) -> FloatArray:
@@ -65,7 +68,7 @@ def test_polarity_and_gear_ratio_leave_each_other_alone(rescalable: Harness) -> 
 
 @pytest.mark.needs(Capability.SCALING)
 @pytest.mark.clause("AxisDriver.set_gear_ratio/counts", "AxisDriver.read/measured")
-@pytest.mark.clause("AxisDriver.read/commands")
+@pytest.mark.clause("AxisDriver.read/commands", "AxisDriver.move/profile")
 def test_all_values_have_the_new_scale(rescalable: Harness) -> None:
     """Measured and commanded, in both directions, by ratios near the axis' own."""
     own = rescalable.image.position.copy()
@@ -79,15 +82,21 @@ def test_all_values_have_the_new_scale(rescalable: Harness) -> None:
         if not limits.lower + WAY_RAD < here < limits.upper - WAY_RAD:
             pytest.skip(f"axis {axis} would leave its limits")
         rescalable.robot.axes.servo(axis, True)
-        targets = rescalable.image.position_command.copy()
+        targets, profile = rescalable.image.position_command.copy(), rescalable.profile(axis)
+        # Half of what the ramps allow on this way: the move cruises.
+        speed = min(profile.velocity, 0.5 * float(np.sqrt(WAY_RAD * profile.acceleration)))
+        profiles = [replace(profile, velocity=speed)] * rescalable.count
         for way in (WAY_RAD, -WAY_RAD):
             targets[axis] += way
             with rescalable.recording() as recording:
-                rescalable.move([axis], targets)
+                rescalable.move([axis], targets, profiles)
                 rescalable.rest([axis])
             at = rescalable.image.position[axis]
             assert abs(at - targets[axis]) <= SETTLED_RAD, f"axis {axis} went to {at:.4f}"
             problems = slope_problems(rescalable, recording, "position", "velocity")
+            top = float(np.abs(recording.velocity[:, axis]).max())
+            if not SPEED[0] * speed <= top <= SPEED[1] * speed:
+                problems.append(f"axis {axis} moves at {top:.3f} rad/s, commanded {speed:.3f}")
             if rescalable.stepped:  # see test_units
                 problems += slope_problems(
                     rescalable, recording, "position_command", "velocity_command"
@@ -275,3 +284,58 @@ def test_homing_leaves_the_scale_alone(rescalable: Harness) -> None:
     assert_positions(rescalable, expected, "the polarity as before homing")
     axes.set_gear_ratio(last, 1.5 * COUNTS, TURN)
     assert_positions(rescalable, expected, "the gear ratio as before homing")
+
+
+@pytest.mark.needs(Capability.HOMING)
+@pytest.mark.clause("AxisDriver.home/zero", "AxisDriver.home/scale")
+@pytest.mark.parametrize("polarity", [1, -1])
+def test_homing_makes_a_small_way_zero_too(fresh: Harness, polarity: int) -> None:
+    """The last axis is homed, goes a little further, and is homed again; to both sides."""
+    fresh.require_rescaling()
+    last = fresh.count - 1
+    limits, driver = fresh.robot.axes.limits[last], fresh.drivers.axes
+    if not limits.lower < -SMALL_RAD < SMALL_RAD < limits.upper:
+        pytest.skip("the home position would be outside the limits of the last axis")
+    if polarity < 0:
+        if not fresh.can(Capability.SCALING):
+            pytest.skip("the polarity cannot be set")
+        fresh.robot.axes.servo(last, False)
+        fresh.rest()
+        driver.set_polarity(last, polarity)
+        fresh.periods(5)
+        fresh.robot.axes.servo(last, True)
+    for way in (0.0, SMALL_RAD, -SMALL_RAD):
+        targets = fresh.image.position_command.copy()
+        if way:
+            targets[last] = way
+            fresh.move([last], targets)
+            fresh.rest()
+        targets[last] = 0.0
+        driver.home(last, 10.0)
+        assert_positions(fresh, targets, f"homing {1e3 * way:g} mrad from the home before")
+
+
+@pytest.mark.needs(Capability.SCALING)
+@pytest.mark.clause("AxisDriver.set_polarity/sets", "AxisDriver.set_gear_ratio/counts")
+@pytest.mark.clause("AxisDriver.clear_alarm/clears")
+def test_a_scale_outlives_an_alarm_and_a_servo(rescalable: Harness) -> None:
+    """Tripped, cleared, switched on and off: each time the position stays what it was."""
+    axes, last = rescalable.robot.axes, rescalable.count - 1
+    injector = rescalable.injector
+    for axis in rescalable.all:
+        axes.set_gear_ratio(axis, 1.5 * COUNTS, TURN)
+        axes.set_polarity(axis, -1)
+    rescalable.periods(5)
+    expected = rescalable.image.position.copy()
+    for axis in dict.fromkeys((0, last)):
+        for code in ALARMS:
+            injector.trip(axis, code)
+            rescalable.until(lambda: bool(rescalable.image.amp_alarm.any()), "an alarm", 1.0)
+            assert_positions(rescalable, expected, f"alarm {code:#x} of axis {axis}")
+            axes.clear_alarm(axis)
+            assert_positions(rescalable, expected, f"clearing alarm {code:#x} of axis {axis}")
+        if axes.limits[axis].lower < expected[axis] < axes.limits[axis].upper:
+            axes.servo(axis, True)
+            assert_positions(rescalable, expected, f"servo on of axis {axis}")
+            axes.servo(axis, False)
+            assert_positions(rescalable, expected, f"servo off of axis {axis}")

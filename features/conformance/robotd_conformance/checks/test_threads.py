@@ -86,6 +86,46 @@ def test_commands_to_all_axes_at_once(make_harness: MakeHarness) -> None:
     assert np.abs(harness.image.position - home).max() <= SETTLED_RAD
 
 
+@pytest.mark.clause("drivers/threads", "AxisDriver.move/target", "AxisDriver.move/profile")
+def test_moves_that_begin_at_once_keep_apart(make_harness: MakeHarness) -> None:
+    """Each axis by a thread of its own, all at the same moment, with a target and a speed each."""
+    harness = make_harness(real_time=True)
+    harness.start()
+    driver, home = harness.drivers.axes, harness.image.position_command.copy()
+    profiles = [harness.profile(axis, 1.0 - 0.5 * axis / harness.count) for axis in harness.all]
+    for share in (0.3, -0.15, 0.2, 0.0) * 2:
+        targets = home + harness.travel(share)
+        begin, errors = threading.Barrier(harness.count), list[Exception]()
+
+        def move(
+            axis: int,
+            target: float,
+            begin: threading.Barrier = begin,
+            errors: list[Exception] = errors,
+        ) -> None:
+            try:
+                begin.wait(10.0)
+                driver.move(axis, target, profiles[axis])
+            except Exception as error:  # noqa: BLE001 - the check looks at it
+                errors.append(error)
+
+        threads = [
+            threading.Thread(target=move, args=(axis, float(targets[axis])), name="caller")
+            for axis in harness.all
+        ]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(20.0)
+        assert not any(thread.is_alive() for thread in threads), "a move has not come back"
+        assert not errors
+        harness.rest()
+        away = np.abs(harness.image.position - targets)
+        assert away.max() <= SETTLED_RAD, (
+            f"axis {away.argmax()} is {away.max():.4f} rad from its target"
+        )
+
+
 @pytest.mark.clause("drivers/threads", "drivers/timeouts")
 def test_switching_servos_does_not_disturb_the_cycle(make_harness: MakeHarness) -> None:
     harness, durations_s, failures = start(make_harness)
