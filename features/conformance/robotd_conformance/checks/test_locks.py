@@ -29,6 +29,7 @@ Calls = Callable[[Harness], Iterator[tuple[str, Call]]]
 
 TIMES = 3  # that each call is made; the median counts
 ATTEMPTS = 3  # a busy computer makes calls slower, never faster: the best attempt counts
+CERTAIN = 5.0  # so many times the limit need no further attempt
 HELD_S, HELD_PERIODS = 0.004, 1.5  # the longer one: a read that takes longer was held up
 AT_ONCE_S, AT_ONCE_SHARE = 0.0015, 0.4  # or of a servo's time: a longer call has waited for it
 ROUNDS = 7
@@ -148,12 +149,9 @@ def scale_calls(harness: Harness) -> Iterator[tuple[str, Call]]:
         yield "home", lambda: axes.home(last, 10.0)
 
 
-def held_up(harness: Harness, calls: Calls) -> list[str]:
-    """Make every call ``TIMES``; return those during which the control loop waits."""
-    limit_s, held = (
-        max(HELD_S, HELD_PERIODS * harness.period_s),
-        dict[tuple[int, str], list[float]](),
-    )
+def held_up(harness: Harness, calls: Calls, limit_s: float) -> dict[str, float]:
+    """Make every call ``TIMES``; return the waits of the control loop, s, that are too long."""
+    held = dict[tuple[int, str], list[float]]()
     with watched_loop(harness) as loop:
         for _ in range(TIMES):
             for step, (name, call) in enumerate(calls(harness)):
@@ -166,12 +164,8 @@ def held_up(harness: Harness, calls: Calls) -> list[str]:
                 harness.periods(2)  # the read that the call has held up has ended
                 held.setdefault((step, name), []).append(loop.longest_s(began_s, ended_s))
             harness.rest([harness.count - 1])
-    return [
-        f"{name} holds up the control loop for {1e3 * median(times):.1f} ms,"
-        f" the limit is {1e3 * limit_s:.1f} ms"
-        for (_, name), times in held.items()
-        if median(times) > limit_s
-    ]
+    waits = sorted((median(times), name) for (_, name), times in held.items())
+    return {name: wait_s for wait_s, name in waits if wait_s > limit_s}
 
 
 @pytest.mark.clause("drivers/timeouts", "drivers/loop", "AxisDriver.move/starts")
@@ -198,11 +192,20 @@ def assert_free(harness: Harness, calls: Calls) -> None:
     """Fail where each attempt finds calls during which the control loop waits."""
     if harness.count < 2:
         pytest.skip("there is one axis")
-    found = [""]
+    limit_s, found = max(HELD_S, HELD_PERIODS * harness.period_s), dict[str, float]()
     for _ in range(ATTEMPTS):
-        if not (found := held_up(harness, calls)):
+        found = held_up(harness, calls, limit_s)
+        if not found:
             return
-    raise AssertionError("; ".join(found))
+        if max(found.values()) > CERTAIN * limit_s:
+            break
+    limit = f"the limit is {1e3 * limit_s:.1f} ms"
+    raise AssertionError(
+        "; ".join(
+            f"{name} holds up the control loop for {1e3 * wait_s:.1f} ms, {limit}"
+            for name, wait_s in found.items()
+        )
+    )
 
 
 @pytest.mark.clause("drivers/threads", "AxisDriver.stop/returns", "AxisDriver.quick_stop/returns")

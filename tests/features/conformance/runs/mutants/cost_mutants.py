@@ -125,8 +125,8 @@ class StateWaitsForServos(Mutant):
 
     class Axes(SimAxes):
         def servo(self, axis: int, on: bool, timeout_s: float) -> None:
+            super().servo(axis, on, timeout_s)
             with _STATE_LOCK:
-                super().servo(axis, on, timeout_s)
                 time.sleep(0.1)
 
 
@@ -200,6 +200,6 @@ class ReadWaitsForServos(Mutant):
 
     class Axes(SimAxes):
         def servo(self, axis: int, on: bool, timeout_s: float) -> None:
+            super().servo(axis, on, timeout_s)
             with self._world.lock:
-                super().servo(axis, on, timeout_s)
                 time.sleep(0.04)
