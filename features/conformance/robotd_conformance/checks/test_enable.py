@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 import pytest
 
-from robotd.api import FaultInjector, NotReady, OperationError, ProcessImage, Profile
+from robotd.api import (
+    DeviceTimeout,
+    FaultInjector,
+    NotReady,
+    OperationError,
+    ProcessImage,
+    Profile,
+    RobotdError,
+)
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 
 MORE = 1.3
+ALARM = 0x2310
+TOO_SHORT_S = 1e-6  # for any drive to confirm anything
 
 
 @pytest.mark.clause("AxisDriver.servo/no-jump")
@@ -134,3 +146,23 @@ def test_switching_a_servo_leaves_moving_axes_alone(harness: Harness) -> None:
     assert harness.image.motion_complete[others].all()
     fastest = np.array([harness.profile(axis).velocity for axis in others])
     assert (np.abs(recording.velocity).max(0)[others] <= MORE * fastest).all(), "an axis has jumped"
+
+
+@pytest.mark.clause("drivers/errors", "AxisDriver.servo/switches", "AxisDriver.clear_alarm/waits")
+def test_what_takes_too_long_is_a_time_out(fresh: Harness) -> None:
+    """Of servo and alarm: done in time, or DeviceTimeout; with more time it is done."""
+    driver, last = fresh.drivers.axes, fresh.count - 1
+    for on in (False, True):
+        with suppress(DeviceTimeout):
+            driver.servo(last, on, TOO_SHORT_S)
+        driver.servo(last, on, 5.0)
+        fresh.periods(2)
+        assert fresh.image.servo_on[last] == on
+    with suppress(RobotdError):  # a drive that cannot be tripped
+        fresh.injector.trip(last, ALARM)
+    fresh.periods(5)
+    with suppress(DeviceTimeout):
+        driver.clear_alarm(last, TOO_SHORT_S)
+    driver.clear_alarm(last, 5.0)
+    fresh.periods(2)
+    assert not fresh.image.amp_alarm[last]

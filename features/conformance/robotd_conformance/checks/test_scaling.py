@@ -94,6 +94,8 @@ def test_a_gear_ratio_is_a_fraction(rescalable: Harness) -> None:
         (COUNTS, 2.0 * TURN),
         (COUNTS, 2.0 * TURN),
         (3.0 * COUNTS, 2.0 * TURN),
+        (COUNTS / TURN, 1.0),
+        (0.375 * COUNTS / TURN, 0.375),
         (COUNTS, TURN),
     ):
         axes.set_gear_ratio(last, numerator, denominator)

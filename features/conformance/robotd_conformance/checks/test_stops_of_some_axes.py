@@ -32,13 +32,17 @@ def stop(request: pytest.FixtureRequest) -> Stop:
 def chosen(harness: Harness, named: str) -> list[int]:
     if harness.count < 2:
         pytest.skip(f"the robot {harness.robot.descriptor.name} has one axis")
+    if named == "first and last":
+        if harness.count < 3:
+            pytest.skip("there is no axis between the first and the last one")
+        return [harness.count - 1, 0]
     return harness.all[-1:] if named == "last" else harness.all[:0:-1]
 
 
 @pytest.mark.clause("AxisDriver.move/starts")
 @pytest.mark.clause("AxisDriver.stop/starts", "AxisDriver.stop/all-axes")
 @pytest.mark.clause("AxisDriver.quick_stop/starts")
-@pytest.mark.parametrize("named", ["last", "all but the first"])
+@pytest.mark.parametrize("named", ["last", "all but the first", "first and last"])
 def test_a_stop_reaches_each_named_axis_of_a_move(harness: Harness, stop: Stop, named: str) -> None:
     axes, start = chosen(harness, named), harness.image.position_command.copy()
     for targets in (start + harness.travel(), start):

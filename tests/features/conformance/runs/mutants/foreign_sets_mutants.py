@@ -1,17 +1,26 @@
-"""Mutants: faults that another author's set had and no check found."""
+"""Mutants: faults that sets of other authors had and no check found."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from threading import RLock
 
 from tests.features.conformance.runs.mutants.plugin import Mutant, ReadAnew
 
-from robotd.api import BusStatus, ConnectionState, ProcessImage, Profile
+from robotd.api import (
+    BusStatus,
+    ConnectionState,
+    DeviceTimeout,
+    OperationError,
+    ProcessImage,
+    Profile,
+)
 from robotd_sim import SimAxes, SimDevice, SimFieldbus
 
 SHORT_NS = 20_000_000
+MISSING = "test_fieldbus.py::test_an_object_that_the_node_does_not_have_is_an_error_without_effect"
 
 
 class RoundedDumps(Mutant):
@@ -177,3 +186,53 @@ class StateWaitsForTheStart(Mutant):
         def state(self) -> ConnectionState:
             with self._held():
                 return super().state()
+
+
+class WholeNumbersOfTheGear(Mutant):
+    breaks = ("AxisDriver.set_gear_ratio/counts", "small")
+    found_by = "test_scaling.py::test_a_gear_ratio_is_a_fraction"
+
+    class Axes(SimAxes):
+        def set_gear_ratio(self, axis: int, numerator: float, denominator: float) -> None:
+            whole = float(max(1, int(numerator))), float(max(1, int(denominator)))
+            super().set_gear_ratio(axis, *whole)
+
+
+class TimeOutsOfTheLibrary(Mutant):
+    breaks = ("drivers/errors", "raises")
+    found_by = "test_enable.py::test_what_takes_too_long_is_a_time_out"
+    says = "error 11"
+
+    class Axes(SimAxes):
+        def servo(self, axis: int, on: bool, timeout_s: float) -> None:
+            try:
+                super().servo(axis, on, timeout_s)
+            except DeviceTimeout:
+                raise RuntimeError("error 11") from None
+
+
+class AbortsWithoutTheirCode(Mutant):
+    breaks = ("FieldbusDriver.read_object/errors", "clipped")
+    found_by = (
+        "test_fieldbus.py::test_an_object_that_the_node_does_not_have_is_an_error_without_effect"
+    )
+    says = "transfer failed"
+
+    class Fieldbus(SimFieldbus):
+        def read_object(self, bus: int, node: int, index: int, subindex: int) -> bytes:
+            try:
+                return super().read_object(bus, node, index, subindex)
+            except OperationError:
+                raise OperationError("transfer failed") from None
+
+
+class StopsFromTheFirstToTheLast(Mutant):
+    """Of a range, though only its ends were named."""
+
+    breaks = ("AxisDriver.stop/all-axes", "wrong axis")
+    found_by = "test_stops_of_some_axes.py::test_a_stop_reaches_each_named_axis_of_a_move"
+    says = "stopped another axis"
+
+    class Axes(SimAxes):
+        def stop(self, axes: Sequence[int]) -> None:
+            super().stop(range(min(axes), max(axes) + 1))
