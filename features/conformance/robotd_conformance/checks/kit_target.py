@@ -61,9 +61,10 @@ class KitTarget:
 
     @property
     def stray(self) -> str:
-        """Axis of hardware that is too far from its start pose, as text; ""."""
+        """Axis that is outside of its range, or of hardware too far from its start pose; ""."""
         simulated = Capability.SIMULATED in self.backend.capabilities
-        return "" if simulated else self.pose.exceeded
+        began = self.pose.position is not None
+        return "" if simulated and began else self.pose.exceeded
 
     def take_read_errors(self) -> list[str]:
         """Return what reads have raised since the last call."""

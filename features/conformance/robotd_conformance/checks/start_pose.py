@@ -64,7 +64,11 @@ class StartPose:
         if self.position is None:
             self._names, self._units = names, [limit.unit for limit in limits]
             limits = self._narrowed(limits)
-            self._check_ranges(position, limits)
+            try:
+                self._check_ranges(position, limits)
+            except InvalidArgument as error:
+                self.exceeded = str(error)  # no check can begin anywhere else
+                raise
             self._room = np.array([(each.lower, each.upper) for each in limits]).T
             self.farthest = np.zeros(len(position))
             self._travel = np.array(
@@ -127,7 +131,7 @@ class StartPose:
         for axis, (name, limit) in enumerate(zip(self._names, limits, strict=True)):
             if name in self._ranges and not limit.lower <= position[axis] <= limit.upper:
                 raise InvalidArgument(
-                    f"{name} is at {position[axis]:.3f} {limit.unit}, outside of its --range"
+                    f"{name} is at {position[axis]:z.3f} {limit.unit}, outside of its --range"
                     f" {limit.lower:g} to {limit.upper:g} {limit.unit}: move it there first"
                 )
 

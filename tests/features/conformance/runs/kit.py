@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -40,10 +41,14 @@ class Outcome:
             self.passed.add(name)
 
 
-def run_kit(backend: str, *checks: str, robot: str | None = None) -> Outcome:
+def run_kit(
+    backend: str, *checks: str, robot: str | None = None, options: Sequence[str] = ()
+) -> Outcome:
     """Run ``checks`` (all of them without a name) on ``backend``, within this process."""
     outcome = Outcome()
-    arguments = [f"--robotd-backend={backend}", *([f"--robotd-robot={robot}"] if robot else [])]
+    arguments = [f"--robotd-backend={backend}", *options]
+    if robot:
+        arguments.append(f"--robotd-robot={robot}")
     status = pytest.main(
         [
             *([str(CHECKS / check) for check in checks] or [str(CHECKS)]),

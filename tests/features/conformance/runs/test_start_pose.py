@@ -49,3 +49,12 @@ def test_a_run_on_hardware_that_goes_astray_is_stopped_and_ends(
     assert "from its start pose; --max-excursion is 0.45 rad !" in capsys.readouterr().out
     assert Astray.position is not None
     assert np.abs(Astray.position).max() < 0.75, "0.9 rad is where it goes without a stop"
+
+
+def test_a_run_ends_at_once_where_an_axis_begins_outside_of_its_range(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    outcome = run_kit("sim", "test_units.py", robot="cr3a", options=["--robotd-range=joint1=0.5:1"])
+    assert outcome.ended_early
+    assert len(outcome.failed) == 1
+    assert "joint1 is at 0.000 rad, outside of its --range" in capsys.readouterr().out
