@@ -14,6 +14,7 @@ from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.recorded_motion import judge, record_move
 
 CALLS = 20
+PAUSE_S = 0.4  # shorter than what makes values stale, so that their stamps are seen
 SAMPLES = 60
 SILENT_PERIODS = 3  # of the feedback, besides those in which what is on its way arrives
 
@@ -34,6 +35,25 @@ def test_values_are_fresh(harness: Harness) -> None:
 @pytest.mark.clause("AxisDriver.read/fresh", "AxisDriver.feedback_period_s/held")
 def test_a_time_stamp_is_that_of_the_arrival(harness: Harness) -> None:
     """Of all values of a feedback period, the newest have just arrived."""
+    check_ages(harness)
+
+
+@pytest.mark.clause("AxisDriver.read/fresh", "DeviceDriver.start_communication/starts")
+@pytest.mark.parametrize("reopen", [False, True], ids=["stopped", "closed"])
+def test_a_pause_of_communication_makes_no_value_older(fresh: Harness, reopen: bool) -> None:
+    connection = fresh.robot.connection
+    if reopen:
+        connection.close()
+    else:
+        connection.stop_communication()
+    fresh.pass_time(PAUSE_S)
+    connection.start()
+    fresh.until(lambda: connection.ready, "values arrive again")
+    check_ages(fresh)
+
+
+def check_ages(harness: Harness) -> None:
+    """Fail unless some value is stamped when it arrives, while ``SAMPLES`` arrive."""
     ages_s = []
 
     def watch(image: ProcessImage) -> None:

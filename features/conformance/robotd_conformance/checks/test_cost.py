@@ -11,7 +11,8 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from robotd.api import ProcessImage
+from robotd.api import Capability, CommandMode, ProcessImage
+from robotd.api.features import FLAGS, NUMBERS
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness, MakeHarness
 from robotd_conformance.checks.stopwatch import timed
 
@@ -143,10 +144,13 @@ def test_read_fills_the_arrays_that_it_is_given(harness: Harness) -> None:
 
 @pytest.mark.clause("AxisDriver.read/fills")
 def test_a_second_image_is_filled_as_the_first(harness: Harness) -> None:
-    """A driver keeps no image: each is filled whole."""
-    axes, copies = harness.drivers.axes, list[ProcessImage]()
+    """A driver keeps no image: each is filled whole, also what is as it was in another one."""
+    axes, copies, wrong = harness.drivers.axes, list[ProcessImage](), set[str]()
     harness.move_all(0.3)
     harness.rest()
+    if harness.can(Capability.VELOCITY_MODE):  # a mode that no new image has
+        harness.set_velocity_mode()
+        harness.periods(2)
 
     def read_twice(image: ProcessImage) -> None:
         if len(copies) < 2:
@@ -154,9 +158,17 @@ def test_a_second_image_is_filled_as_the_first(harness: Harness) -> None:
             second.stamp_ns = image.stamp_ns
             axes.read(second)
             copies.append(second)
+            wrong.update(
+                name
+                for name in (*FLAGS, *NUMBERS)
+                if (getattr(second, name) != getattr(image, name)).any()
+            )
 
     with harness.each_period(read_twice):
         harness.periods(3)
+    for axis in harness.all:
+        harness.robot.axes.set_command_mode(axis, CommandMode.POSITION)
+    assert not wrong, f"not filled in another image: {', '.join(sorted(wrong))}"
     for copy in copies:
         assert copy.position == pytest.approx(harness.image.position, abs=SETTLED_RAD)
         assert copy.position_command == pytest.approx(harness.image.position_command, abs=1e-3)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robotd.api import Capability, FaultInjector, ProcessImage
+from robotd.api import Capability, FaultInjector, ProcessImage, Profile
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 
 LONG_S, LONG_STEPPED_S = 5.0, 20.0  # stepped time costs little
@@ -17,6 +17,8 @@ ACCELERATING_SHARE = 5e-5  # of the torque's range, that its acceleration accoun
 HELD = 0.2  # share of the samples that may repeat a value, of a computer that stalls
 DECLARED, OFTEN = 100, 0.7  # periods of the feedback, and share of them with new values
 UNDATED = 0.5  # share of the values whose time may wait for a slower drive of the same bus
+FASTEST_RAD_S, STEEPEST_RAD_S2 = 3.0, 12.0  # of an axis without limits
+STEEP, STRONG = 0.9, 0.7  # shares of an axis' limits, and of its largest torque
 CODES = (0x07, 0x2310, 0x8611)
 A_WORD = re.compile(r"[^\W\d_]{3}")
 EMPTY_WORDS = {"alarm", "error", "fault", "failed", "unknown", "none", "n/a"}
@@ -134,20 +136,31 @@ def test_torque_pushes_the_way_the_axis_accelerates_or_is_not_known(harness: Har
 
 @pytest.mark.clause("AxisDriver.read/torque")
 def test_torque_is_in_newton_metres(harness: Harness, injector: FaultInjector) -> None:
+    """At a gentle ramp, and at nearly the steepest one that the limits allow."""
     if np.isnan(harness.image.torque).all():
         pytest.skip(f"the {harness.robot.backend.name} backend measures no torque")
-    shown, exerted = [], []
-    harness.move_all(speed=0.5)
-    for _ in range(100):
-        harness.periods(2)
-        shown.append(harness.image.torque.copy())
-        exerted.append([injector.torque(axis) for axis in harness.all])
-    harness.rest()
-    measured, real = np.array(shown), np.array(exerted)
-    for axis in np.flatnonzero(np.isfinite(measured).all(0)):
-        size = (real[:, axis] ** 2).sum()
-        gain = float((measured[:, axis] * real[:, axis]).sum() / size)
-        assert gain == pytest.approx(1.0, abs=0.2), f"axis {axis}: {gain:.3g} shown for 1 N·m"
+    steep = []
+    for limits in harness.robot.axes.limits:
+        ramp = STEEP * min(limits.acceleration, STEEPEST_RAD_S2)
+        steep.append(Profile(STEEP * min(limits.velocity, FASTEST_RAD_S), ramp, ramp))
+    begin = harness.image.position_command.copy()
+    for targets, profiles in (
+        (begin + harness.travel(), [harness.profile(axis, 0.5) for axis in harness.all]),
+        (begin, steep),
+    ):
+        shown, exerted = [], []
+        harness.move(harness.all, targets, profiles)
+        for _ in range(200):
+            harness.periods(1)
+            shown.append(harness.image.torque.copy())
+            exerted.append([injector.torque(axis) for axis in harness.all])
+        harness.rest()
+        measured, real = np.array(shown), np.array(exerted)
+        for axis in np.flatnonzero(np.isfinite(measured).all(0)):
+            strong = np.abs(real[:, axis]) >= STRONG * np.abs(real[:, axis]).max()
+            size = (real[strong, axis] ** 2).sum()
+            gain = float((measured[strong, axis] * real[strong, axis]).sum() / size)
+            assert gain == pytest.approx(1.0, abs=0.2), f"axis {axis}: {gain:.3g} shown for 1 N·m"
 
 
 @pytest.mark.clause("AxisDriver.read/alarms")

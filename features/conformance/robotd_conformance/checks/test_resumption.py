@@ -98,7 +98,7 @@ def die(harness: Harness, motion: MixedMotion) -> None:
 
 
 def lose_drive(harness: Harness, motion: MixedMotion) -> None:
-    """Of the last axis; the others are stopped when it is back."""
+    """Of the last axis; the others alone are stopped when it is back."""
     if not harness.can(Capability.HOT_CONNECT):
         pytest.skip(f"the {harness.robot.backend.name} backend takes no drive in again")
     last, image = harness.count - 1, harness.image
@@ -107,7 +107,7 @@ def lose_drive(harness: Harness, motion: MixedMotion) -> None:
     harness.injector.reconnect(last)
     harness.robot.fieldbus.start_hot_connect(0)
     harness.until(lambda: not image.offline[last], "the drive is back")
-    stop(harness, motion)
+    harness.drivers.axes.stop(harness.all[:last])
 
 
 def by_name(function: End) -> str:

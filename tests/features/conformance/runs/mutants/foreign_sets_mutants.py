@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from threading import RLock
 
+import numpy as np
 from tests.features.conformance.runs.mutants.plugin import Mutant, ReadAnew
 
 from robotd.api import (
@@ -236,3 +238,87 @@ class StopsFromTheFirstToTheLast(Mutant):
     class Axes(SimAxes):
         def stop(self, axes: Sequence[int]) -> None:
             super().stop(range(min(axes), max(axes) + 1))
+
+
+class TorqueEndsAtItsRatedOne(Mutant):
+    breaks = ("AxisDriver.read/torque", "clipped")
+    found_by = "test_feedback.py::test_torque_is_in_newton_metres"
+    says = "shown for 1 N·m"
+
+    class Axes(ReadAnew):
+        def read(self, image: ProcessImage) -> None:
+            super().read(image)
+            np.clip(image.torque, -4.0, 4.0, out=image.torque)
+
+
+class StampsLateByThePause(Mutant):
+    breaks = ("AxisDriver.read/fresh", "stale")
+    found_by = "test_ageing.py::test_a_pause_of_communication_makes_no_value_older"
+    says = "before they are shown"
+
+    class Axes(ReadAnew):
+        def read(self, image: ProcessImage) -> None:
+            super().read(image)
+            now_ns = self._simulation.clock.now_ns()
+            gap_ns = now_ns - self.__dict__.get("heard_ns", now_ns)
+            if self._simulation.communicating:
+                self.__dict__["heard_ns"] = now_ns
+            if gap_ns > SHORT_NS:
+                self.__dict__["late_ns"] = gap_ns
+            image.fresh_ns -= self.__dict__.get("late_ns", 0)
+
+
+class FlagsAreWrittenWhenTheyChange(Mutant):
+    breaks = ("AxisDriver.read/fills", "stale")
+    found_by = "test_cost.py::test_a_second_image_is_filled_as_the_first"
+    says = "not filled in another image: .*mode"
+
+    class Axes(ReadAnew):
+        def read(self, image: ProcessImage) -> None:
+            kept = image.home_done.copy(), image.mode.copy()
+            super().read(image)
+            now = image.home_done.tobytes() + image.mode.tobytes()
+            if now == self.__dict__.get("now"):
+                image.home_done[:], image.mode[:] = kept
+            self.__dict__["now"] = now
+
+
+class ServoReturnsAfterItsTime(Mutant):
+    breaks = ("AxisDriver.servo/waits", "late")
+    found_by = "test_enable.py::test_what_takes_too_long_is_a_time_out"
+    says = "before it is done"
+
+    class Axes(SimAxes):
+        def servo(self, axis: int, on: bool, timeout_s: float) -> None:
+            with suppress(DeviceTimeout):
+                super().servo(axis, on, timeout_s)
+
+
+class MoveWaitsForItsDrive(Mutant):
+    """What a lost drive has not finished is made when its servo is on again, unless stopped."""
+
+    breaks = ("AxisDriver/resumption", "side effect")
+    found_by = "test_resumption.py::test_nothing_moves_after_a_new_connection"
+    says = "without a command"
+
+    class Axes(SimAxes):
+        def read(self, image: ProcessImage) -> None:
+            super().read(image)
+            lost = self.__dict__.setdefault("lost", set())
+            lost.update(np.flatnonzero(~self._states.connected).tolist())
+
+        def move(self, axis: int, target: float, profile: Profile) -> None:
+            super().move(axis, target, profile)
+            self.__dict__.setdefault("moves", {})[axis] = target, profile
+
+        def stop(self, axes: Sequence[int]) -> None:
+            super().stop(axes)
+            for axis in axes:
+                self.__dict__.setdefault("moves", {}).pop(axis, None)
+
+        def servo(self, axis: int, on: bool, timeout_s: float) -> None:
+            super().servo(axis, on, timeout_s)
+            move = self.__dict__.setdefault("moves", {}).pop(axis, None)
+            if on and move and axis in self.__dict__.get("lost", ()):
+                with self._world.lock:
+                    self._motion.move(axis, *move)
