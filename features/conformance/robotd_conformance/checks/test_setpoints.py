@@ -127,6 +127,15 @@ def test_a_setpoint_that_was_too_late_has_no_effect(stepped: Harness) -> None:
             stepped.pass_time(RAMP_S + 0.05)
             stepped.periods(8)
             if rejected == [np.inf]:
+                # Then it counts, and the commands lead to it.
+                off = np.array([
+                    position - path.setpoint(time_s)[0] for time_s, position, _ in path.commands
+                ])  # fmt: skip
+                for axis in stepped.all:
+                    assert off[:, axis].max() > 0.5 * OFF_RAD, (
+                        f"a setpoint of axis {axis} that was too late was neither executed nor"
+                        " rejected by LateSetpoint"
+                    )
                 pytest.skip("no setpoint is too late for the device")
             stepped.pass_time(CRUISE_S)
         stepped.rest()

@@ -15,6 +15,8 @@ from robotd.api import (
     BusStatus,
     ConnectionState,
     DeviceTimeout,
+    FloatArray,
+    LateSetpoint,
     OperationError,
     ProcessImage,
     Profile,
@@ -322,3 +324,14 @@ class MoveWaitsForItsDrive(Mutant):
             if on and move and axis in self.__dict__.get("lost", ()):
                 with self._world.lock:
                     self._motion.move(axis, *move)
+
+
+class LateSetpointsAreDropped(Mutant):
+    breaks = ("AxisDriver.stream/late", "ignored")
+    found_by = "test_setpoints.py::test_a_setpoint_that_was_too_late_has_no_effect"
+    says = "neither executed nor rejected"
+
+    class Axes(SimAxes):
+        def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
+            with suppress(LateSetpoint):
+                super().stream(position, velocity, due_ns)
