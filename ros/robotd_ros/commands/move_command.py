@@ -12,8 +12,7 @@ from robotd.cli.exit_codes import ExitCode, Rejected
 from robotd.cli.preflight import import_ros
 from robotd.cli.shell_values import joint_completion
 from robotd.number_argument import NumberRange, parse_number
-from robotd_ros.commands.goal import carry_out, tell
-from robotd_ros.commands.progress import Progress
+from robotd_ros.commands.goal import Progress, carry_out, tell
 from robotd_ros.commands.robot_client import (
     ROS_EPILOG,
     client_options,
