@@ -14,12 +14,12 @@ from robotd.control.joint_group import JointGroups
 from robotd.log import get_logger
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
-from robotd_ros.nodes.arm_settings import read_trajectory_server
-from robotd_ros.nodes.constraint_settings import (
+from robotd_ros.nodes.arm_settings import (
     END_VELOCITY,
     GOAL_TIME,
     goal_name,
     path_name,
+    read_trajectory_server,
 )
 from robotd_ros.nodes.node_parameters import read_settings
 from robotd_ros.nodes.trajectory_action import TrajectoryAction

@@ -15,7 +15,7 @@ from robotd.errors import DescriptorError, InvalidArgument
 from robotd.log import get_logger
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
-from robotd_ros.nodes.command_settings import read_gripper_controller
+from robotd_ros.nodes.arm_settings import read_gripper_controller
 from robotd_ros.nodes.node_parameters import read_settings
 from robotd_ros.worker_action import WorkerAction
 

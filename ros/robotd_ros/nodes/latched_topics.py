@@ -1,22 +1,27 @@
-"""Latched topics: readiness for commands and the URDF; publishing for the life of a node."""
+"""Latched topics: readiness for commands, the URDF, the log; publishing for the life of a node."""
 
 from __future__ import annotations
 
 import threading
+import time
 from contextlib import suppress
-from typing import Any
+from typing import Any, Self
 
+from rcl_interfaces.msg import Log
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from std_msgs.msg import Bool, String
 
+from robotd import log
+from robotd.clock import NANOSECONDS
 from robotd.device.connection import Connection
 from robotd_ros.middleware import NODE_GONE
-from robotd_ros.qos import LATCHED
+from robotd_ros.qos import LATCHED, ROSOUT
 
 PERIOD_S = 1.0
+LEVELS = {"debug": Log.DEBUG, "info": Log.INFO, "warning": Log.WARN, "critical": Log.FATAL}
 
 
 class ReadyTopic:
@@ -49,3 +54,31 @@ def publish_description(node: Node, description: str) -> None:
         node.create_publisher(String, "robot_description", LATCHED).publish(
             String(data=description)
         )
+
+
+class RosoutTopic:
+    """Publishes the lines of the log: ``with RosoutTopic(node):``.
+
+    Each is published by the thread that logs it; the name is that of the node, a dot, and the
+    component.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._publisher = node.create_publisher(Log, "/rosout", ROSOUT)
+        self._name = node.get_logger().name
+
+    def __enter__(self) -> Self:
+        log.add_listener(self._publish)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        log.remove_listener(self._publish)
+
+    def _publish(self, line: log.LogLine) -> None:
+        message = Log(
+            level=LEVELS.get(line.level, Log.ERROR),
+            name=f"{self._name}.{line.component}",
+            msg=line.text,
+        )
+        message.stamp.sec, message.stamp.nanosec = divmod(time.time_ns(), NANOSECONDS)
+        publish_if_alive(self._publisher, message)
