@@ -1,4 +1,4 @@
-"""Limits of the page's connections: their number, and the time to the first request."""
+"""Guards of the page's server: number of connections, time to a request, and who may ask."""
 
 from __future__ import annotations
 
@@ -7,7 +7,21 @@ import asyncio
 from aiohttp import web
 from aiohttp.typedefs import Handler
 
+from robotd_shared.local_http import rejection
+
 COUNT_DELAY_S = 0.01
+CONTENT_SECURITY_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:;"
+    " connect-src 'self' blob: data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+HEADERS = {
+    "Content-Security-Policy": CONTENT_SECURITY_POLICY,
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "Cache-Control": "no-store",
+}
 
 
 class ConnectionGuard:
@@ -56,3 +70,16 @@ class ConnectionGuard:
             timer.cancel()
         if isinstance(protocol.transport, asyncio.Transport):
             protocol.transport.abort()
+
+
+@web.middleware
+async def check_request(request: web.Request, handler: Handler) -> web.StreamResponse:
+    """Answer 403 to foreign requests."""
+    if reason := rejection(request.headers.get("Host", ""), request.headers.get("Origin")):
+        return web.Response(status=403, text=f"robotd: {reason}\n")
+    return await handler(request)
+
+
+async def add_headers(request: web.Request, response: web.StreamResponse) -> None:
+    """Add ``HEADERS`` to every response."""
+    response.headers.update(HEADERS)

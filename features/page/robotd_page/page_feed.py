@@ -1,20 +1,23 @@
-"""Messages to the viewers of a page, made from the tap of a robot."""
+"""Messages to the viewers of a page, made from the tap of a robot in this process."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
 from typing import Any
 
-from robotd.api.features import Tap
+from robotd.api import InvalidArgument
+from robotd.api.features import CameraPictures, Tap
 from robotd_page.live_samples import LiveSamples
-from robotd_page.page_description import describe
+from robotd_page.page_description import WorldObjects, describe
 from robotd_page.page_message import Message, json_text
 from robotd_page.seen_state import reduces_motion
-from robotd_page.world_objects import WorldObjects
+from robotd_shared.mesh_files import MeshFiles
 from robotd_shared.robot_state import Goals, event_of, state_of
 
 FIRST_EVENTS = 300  # of the log that a new viewer gets
-STATE_LOOKS = 2  # calls of ``PageFeed.changes`` for one state
+STATE_LOOKS = 2  # calls of ``PageFeed.messages`` with changes for one state
 
 
 class PageFeed:
@@ -40,8 +43,9 @@ class PageFeed:
         has_pictures: bool = False,
     ) -> None:
         self._tap, self._has_pictures = tap, has_pictures
-        self._nodes, self._meshes, self._has_control = nodes, meshes, has_control
-        self._namespace = namespace
+        self._describe = partial(
+            describe, tap, nodes, meshes, has_control=has_control, namespace=namespace
+        )
         self._live = LiveSamples(tap)
         self._objects = WorldObjects(tap.robot)
         _ = tap.robot.backend.code_tables  # imported now, not at the first alarm
@@ -59,13 +63,7 @@ class PageFeed:
         if viewers == 1:
             self._live.restart()
             self._note(*self._tap.events.since(self._cursor))
-        description = describe(
-            self._tap,
-            self._nodes,
-            self._meshes,
-            has_control=self._has_control,
-            namespace=self._namespace,
-        )
+        description = self._describe()
         description["objects"] = self._objects.describe()
         description["cameras"] = self._cameras() if self._has_pictures else []
         events = self._tap.events.since(0)[0][-FIRST_EVENTS:]
@@ -78,18 +76,14 @@ class PageFeed:
 
     def messages(self, viewers: int, *, changes: bool) -> Iterator[Message]:
         """Yield the newest sample, objects that moved, and events and state where they are due."""
-        if sample := self.live():
+        if sample := self._live.sample():
             yield sample
         if moved := self._objects.moved():
             yield moved
         if changes:
-            yield from self.changes(viewers)
+            yield from self._changes(viewers)
 
-    def live(self) -> bytes | None:
-        """Return the newest sample; None without a new one."""
-        return self._live.sample()
-
-    def changes(self, viewers: int) -> Iterator[Message]:
+    def _changes(self, viewers: int) -> Iterator[Message]:
         """Yield the events and the state, as far as they are new.
 
         The state is read with each event and else in every ``STATE_LOOKS``-th call, because it
@@ -131,3 +125,46 @@ class PageFeed:
     def _read_state(self, viewers: int) -> dict[str, Any]:
         state = state_of(self._tap, self._goals.running(), viewers)
         return {**state, "seen": self._seen}  # commands of a page return it
+
+
+class RobotSource:
+    """The one robot of this process, whatever name the page asks for.
+
+    Args:
+        tap: of the robot.
+        nodes: names of the ROS nodes that are served.
+        has_control: the page can be unlocked to control the robot.
+        namespace: of the ROS nodes.
+    """
+
+    def __init__(
+        self,
+        tap: Tap,
+        nodes: Sequence[str],
+        *,
+        has_control: bool = False,
+        namespace: str = "/",
+    ) -> None:
+        self._meshes = MeshFiles()
+        urls = self._meshes.add(tap.urdf, tap.robot.descriptor.urdf)
+        self._feed = PageFeed(
+            tap, nodes, urls, has_control=has_control, namespace=namespace, has_pictures=True
+        )
+        world = tap.robot.world
+        self._pictures = CameraPictures(world) if world is not None else None
+        self._loop = tap.robot.control_loop
+
+    def feed(self, robot: str) -> PageFeed:
+        return self._feed
+
+    def file(self, url: str) -> Path | None:
+        return self._meshes.file(url)
+
+    def picture(self, camera: str) -> bytes:
+        if self._pictures is None:
+            raise InvalidArgument("the robot has no cameras")
+        return self._pictures.newest(camera)
+
+    @property
+    def yield_to_control_loop(self) -> Callable[[], None]:
+        return self._loop.yield_to_control_loop

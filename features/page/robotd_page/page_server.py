@@ -13,13 +13,18 @@ from typing import Self
 from aiohttp import WSCloseCode, web
 
 from robotd.api import InvalidArgument, OperationError, RobotdError, get_logger
-from robotd_page.channel import Channel, PageSource
-from robotd_page.connection_guard import ConnectionGuard
+from robotd_page.connection_guard import ConnectionGuard, add_headers, check_request
 from robotd_page.control_server import PageControl
 from robotd_page.live_samples import RATE_HZ
-from robotd_page.request_checks import add_headers, check_request
-from robotd_page.viewers import MAX_MESSAGE_BYTES, SEND_BUFFER_BYTES, Viewer, accept
-from robotd_shared.local_ports import MAX_CONNECTIONS
+from robotd_page.viewers import (
+    MAX_MESSAGE_BYTES,
+    SEND_BUFFER_BYTES,
+    Channel,
+    PageSource,
+    Viewer,
+    accept,
+)
+from robotd_shared.local_http import MAX_CONNECTIONS
 
 log = get_logger("page")
 
