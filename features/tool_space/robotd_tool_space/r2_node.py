@@ -18,10 +18,15 @@ from wmx_r2_message.srv import (
 from robotd.api import FloatArray, InvalidArgument, NotReady
 from robotd.api.robots import Robot
 from robotd_ros.api import RosHost, add_service, read_settings
+from robotd_tool_space.node_settings import read_robot_option
 from robotd_tool_space.r2_motion import Arrival, R2Motion
-from robotd_tool_space.r2_settings import read_robot_option
-from robotd_tool_space.r2_status import R2StatusTopic
-from robotd_tool_space.r2_units import fill_r2_pose, joints_of_r2, pose_of_r2, r2_factors
+from robotd_tool_space.r2_status import (
+    R2StatusTopic,
+    fill_r2_pose,
+    joints_of_r2,
+    pose_of_r2,
+    r2_factors,
+)
 from robotd_tool_space.robot_tool import BASE, TOOL, RobotTool
 from robotd_tool_space.tool_motion import ToolMotion
 
