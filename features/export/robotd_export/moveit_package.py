@@ -11,7 +11,7 @@ from robotd.api.models import mesh_files, parse_urdf
 from robotd_export.export_input import ExportInput
 from robotd_export.moveit import move_group_content
 from robotd_export.srdf import chain_groups, semantic_description
-from robotd_shared.moved_meshes import moved_mesh_names, with_mesh_names
+from robotd_shared.mesh_files import moved_mesh_names, with_mesh_names
 
 PLANNER = "RRTConnectkConfigDefault"
 OMPL = {

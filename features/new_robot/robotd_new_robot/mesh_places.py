@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from robotd.api.models import mesh_files
-from robotd_shared.mesh_files import gltf_parts
-from robotd_shared.moved_meshes import moved_mesh_names, with_mesh_names
+from robotd_shared.mesh_files import gltf_parts, moved_mesh_names, with_mesh_names
 
 FOLDER = "meshes"  # of a robot
 

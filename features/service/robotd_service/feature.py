@@ -58,7 +58,7 @@ def open_service(host: FeatureHost) -> Iterator[RobotProbe | None]:
     A manager that started this process is named in its environment, the port in the robot's file.
     The value is the probe; None without either.
     """
-    from robotd_service.notify_socket import NotifySocket
+    from robotd_service.service_notifier import NotifySocket, ServiceNotifier
 
     port = host.robot.descriptor.settings(ServiceKeys).health
     manager = NotifySocket.of_environment()
@@ -66,7 +66,6 @@ def open_service(host: FeatureHost) -> Iterator[RobotProbe | None]:
         yield None
         return
     from robotd_service.robot_probe import RobotProbe
-    from robotd_service.service_notifier import ServiceNotifier
 
     probe = RobotProbe(host.robot, host.namespace)
     with ExitStack() as stack:
