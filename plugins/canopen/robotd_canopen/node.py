@@ -10,7 +10,6 @@ from canopen.objectdictionary import ObjectDictionary
 
 from robotd.api import NANOSECONDS, Clock, OperationError, RobotdError, get_logger, wait_until
 from robotd_canopen.bus import Bus
-from robotd_canopen.dcf import DcfValue, dcf_values
 from robotd_canopen.nmt import (
     ANSWERS,
     HEARTBEATS,
@@ -19,7 +18,7 @@ from robotd_canopen.nmt import (
     NmtState,
     heartbeat_state,
 )
-from robotd_canopen.object_dictionary import startup_writes, variable
+from robotd_canopen.object_dictionary import DcfValue, dcf_values, startup_writes, variable
 from robotd_canopen.options import CanopenOptions, NodeOptions
 from robotd_canopen.pdo import Pdo, configure, disable_others
 from robotd_canopen.sdo import Sdo

@@ -1,4 +1,4 @@
-"""Device driver, I/O driver, fingers and world of one simulation."""
+"""Drivers of the simulated device: life cycle, axes, I/O, fingers and the world."""
 
 from __future__ import annotations
 
@@ -6,19 +6,24 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from robotd.api import (
     ConnectionState,
+    DeviceContext,
     DeviceDriver,
     FloatArray,
     IoDriver,
     NotReady,
     PassiveJoints,
+    ProcessImage,
+    ProfiledAxes,
     World,
     WorldCamera,
     WorldObject,
 )
+from robotd_mujoco.options import MujocoOptions
 from robotd_mujoco.physics import IMAGE_BYTES, Physics
 from robotd_mujoco.renderer import Renderer
 
@@ -163,3 +168,58 @@ class MujocoWorld(World):
 
     def image(self, camera: str) -> NDArray[Any]:
         return self._thread.submit(self._renderer.image, camera).result()
+
+
+class MujocoAxes(ProfiledAxes):
+    """All axes of one robot."""
+
+    def __init__(self, physics: Physics, context: DeviceContext[MujocoOptions]) -> None:
+        super().__init__(physics.axes, 1.0 / context.robot.cycle.rate_hz, context.clock)
+        self._physics = physics
+        options = context.options
+        self._noise = options.torque_noise_nm, options.velocity_noise_rad_s
+        self._random = np.random.default_rng(options.seed)
+
+    def read_feedback(self, image: ProcessImage) -> None:
+        physics = self._physics
+        with physics.lock:
+            physics.advance()
+            if physics.frozen:
+                return
+            image.servo_on[:] = physics.servo_on
+            image.alarm_code[:] = physics.alarm_code
+            image.amp_alarm[:] = physics.alarm_code != 0
+            image.offline[:] = ~physics.connected if physics.talking else True
+            image.reason[:] = physics.reason
+            image.home_done[:] = True  # absolute encoders
+            if not physics.talking:
+                return
+            image.fresh_ns = physics.now_ns
+            online = physics.connected
+            np.copyto(image.position, physics.positions() + physics.encoder_offset, where=online)
+            np.copyto(image.velocity, physics.velocities(), where=online)
+            np.copyto(image.torque, physics.torques(), where=online)
+        torque, velocity = self._noise
+        if torque:
+            image.torque += torque * self._random.standard_normal(physics.axes)
+        if velocity:
+            image.velocity += velocity * self._random.standard_normal(physics.axes)
+
+    def send_targets(self, positions: FloatArray) -> None:
+        with self._physics.lock:
+            if self._physics.talking:
+                self._physics.follow(positions)
+
+    def servo(self, axis: int, on: bool, timeout_s: float) -> None:
+        with self._physics.lock:
+            self._physics.advance()
+            if on:
+                self._physics.enable(axis)
+            else:
+                self._physics.disable(axis)
+
+    def clear_alarm(self, axis: int, timeout_s: float) -> None:
+        with self._physics.lock:
+            if not self._physics.talking:
+                raise NotReady("the drive does not answer", axis=axis)
+            self._physics.clear(axis)

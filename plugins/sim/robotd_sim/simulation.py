@@ -22,8 +22,7 @@ from robotd.api import (
     RobotDescriptor,
 )
 from robotd_servo_model import Mechanics, Servo, World
-from robotd_sim.axis_states import AxisStates
-from robotd_sim.axis_switches import AxisSwitches
+from robotd_sim.axis_states import AxisStates, AxisSwitches
 from robotd_sim.io_image import IoImage
 from robotd_sim.limit_guards import Guards
 from robotd_sim.motion import Motion

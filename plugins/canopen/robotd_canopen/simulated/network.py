@@ -17,8 +17,7 @@ import canopen
 from robotd.api import NANOSECONDS, request_realtime
 from robotd_canopen.frame import Frame
 from robotd_canopen.simulated.device_nodes import DriveNode
-from robotd_canopen.simulated.node_faults import Faults
-from robotd_canopen.simulated.simulated_node import SimulatedNode
+from robotd_canopen.simulated.simulated_node import Faults, SimulatedNode
 from robotd_cia402.simulated.motors import Motors
 
 log = logging.getLogger(__name__)

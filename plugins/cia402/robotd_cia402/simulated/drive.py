@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 
 from robotd_cia402.simulated.drive_dictionary import AXIS_STEP, Objects
-from robotd_cia402.simulated.drive_faults import DriveFaults
 from robotd_cia402.simulated.mode_motion import Mode, Motion
 from robotd_cia402.simulated.motors import Motors
 from robotd_cia402.simulated.scale import NO_SWITCHES, Scale, Switches
@@ -18,6 +17,38 @@ _NO_WINDOW = 0xFFFFFFFF
 _STAYS = (5, 6, 7, 8)  # option codes of a quick stop after which the drive stays in that state
 _BRAKES = (2, 3)  # option codes of 0x6007 that stop without a fault
 _INT32 = 1 << 31
+Place = tuple[int, int | None]  # index and subindex of an object; None: all subindices
+
+
+@dataclass
+class DriveFaults:
+    """Faults in force for one drive; the defaults are a healthy one.
+
+    Attributes:
+        statusword: shown instead of the real one.
+        blocked: the motor does not move.
+        aborts: object → abort code of every access.
+        unanswered: objects of which SDO requests get no response.
+    """
+
+    statusword: int | None = None
+    blocked: bool = False
+    aborts: dict[Place, int] = field(default_factory=dict)
+    unanswered: set[Place] = field(default_factory=set)
+
+    def heal(self) -> None:
+        """End all faults."""
+        healthy = type(self)()
+        for fault in fields(self):
+            setattr(self, fault.name, getattr(healthy, fault.name))
+
+    def abort_code(self, index: int, sub: int) -> int | None:
+        """Return the abort code of an access; None: it is not aborted."""
+        return self.aborts.get((index, sub), self.aborts.get((index, None)))
+
+    def ignores(self, index: int, sub: int) -> bool:
+        """Return True if a request for the object gets no response."""
+        return (index, sub) in self.unanswered or (index, None) in self.unanswered
 
 
 @dataclass(frozen=True)
@@ -46,7 +77,6 @@ class Drive:
 
     Args:
         values: objects of the drive, shared with its bus model; it holds ``drive_defaults``.
-        machine: the motors.
         faults: injected from outside.
         emergency: sends an emergency, given error code and error register; 0: error reset.
     """

@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 from functools import partial
 
 from robotd_ethercat.simulated import registers as reg
-from robotd_ethercat.simulated.fmmu import BitRange, copy_bits
 from robotd_ethercat.simulated.slave_controller import SlaveController
-from robotd_ethercat.simulated.sync_manager import SyncManager
+from robotd_ethercat.simulated.sync_manager import BitRange, SyncManager, copy_bits
 
 _MAX_PLANS = 256  # a master uses a few layouts; random frames must not fill the memory
 

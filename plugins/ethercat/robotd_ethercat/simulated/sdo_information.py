@@ -5,9 +5,8 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 
-from robotd_ethercat.simulated.object_access import RX_PDOS, TX_PDOS
+from robotd_ethercat.simulated.object_access import RX_PDOS, TX_PDOS, AbortCode, SdoAbort
 from robotd_ethercat.simulated.object_dictionary import Access, ObjectCode, ObjectDictionary
-from robotd_ethercat.simulated.sdo_abort import AbortCode, SdoAbort
 
 _COE = (8 << 12).to_bytes(2, "little")
 _HEADER = struct.Struct("<BBH")  # opcode, reserved, fragments left
@@ -20,7 +19,6 @@ class SdoInformation:
     """Answers information requests about ``objects``.
 
     Args:
-        objects: the dictionary.
         capacity: returns the bytes of a message, CoE header included.
     """
 

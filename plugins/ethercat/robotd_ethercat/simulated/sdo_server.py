@@ -5,8 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 
-from robotd_ethercat.simulated.object_access import ObjectAccess, SlaveFaults
-from robotd_ethercat.simulated.sdo_abort import AbortCode, SdoAbort
+from robotd_ethercat.simulated.object_access import AbortCode, ObjectAccess, SdoAbort, SlaveFaults
 
 _SERVICE = struct.Struct("<H")
 _REQUEST, _RESPONSE = _SERVICE.pack(2 << 12), _SERVICE.pack(3 << 12)
@@ -25,8 +24,6 @@ class SdoServer:
     """One transfer at a time, as the mailbox allows it.
 
     Args:
-        access: the objects.
-        faults: injected faults.
         capacity: returns the bytes of a response, CoE header included.
     """
 
