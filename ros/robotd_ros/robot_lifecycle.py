@@ -143,7 +143,6 @@ class RobotLifecycle:
         A transition that fails is logged. One that leaves the robot in doubt closes the device.
 
         Args:
-            transition_id: id of the transition.
             label: used instead, unless it is "".
 
         Raises:

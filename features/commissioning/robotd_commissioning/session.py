@@ -92,8 +92,6 @@ class Commissioning:
 
     Args:
         load: loads the descriptor as it is now, from its file or from another one.
-        backend: of the robot.
-        joint: name.
         record: finished steps.
         make_operator: of an axis.
 

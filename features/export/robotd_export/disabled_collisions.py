@@ -28,7 +28,6 @@ def disabled_collisions(
     positions of the joints between them.
 
     Args:
-        urdf: of the robot.
         covers: of the links with collision shapes.
     """
     for first, second in combinations(covers, 2):

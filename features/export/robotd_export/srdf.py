@@ -34,7 +34,6 @@ def semantic_description(
     """Return the SRDF.
 
     Args:
-        urdf: of the robot.
         descriptor: its groups, tools and gripper.
         text: of the URDF, for its collision shapes.
         path: of the URDF.

@@ -120,9 +120,6 @@ class _Step(StreamedMotion):
     """Motion to a target, and the end of the stream there.
 
     Args:
-        stream: of the joint.
-        image: of the robot.
-        axis: of the joint.
         target: rad or m.
     """
 

@@ -29,11 +29,9 @@ def describe(
     """Return the first message to a viewer.
 
     Args:
-        tap: of the robot.
         nodes: names of the ROS nodes that are served.
         meshes: URL of each mesh, by its name in the URDF.
         has_control: the page can be unlocked to control the robot.
-        namespace: of the ROS nodes.
     """
     robot = tap.robot
     descriptor, clock = robot.descriptor, robot.clock
@@ -113,11 +111,7 @@ def _finite(value: float) -> float | None:
 
 
 class WorldObjects:
-    """Shapes and poses of the objects of a robot's world, which may have none. One thread.
-
-    Args:
-        robot: of the world.
-    """
+    """Shapes and poses of the objects of a robot's world, which may have none. One thread."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot, self._world = robot, robot.world

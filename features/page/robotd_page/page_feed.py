@@ -24,11 +24,9 @@ class PageFeed:
     """Makes each message once for all viewers. One thread; nothing runs between the calls.
 
     Args:
-        tap: of the robot.
         nodes: names of the ROS nodes that are served.
         meshes: URL of each mesh, by its name in the URDF.
         has_control: the page can be unlocked to control the robot.
-        namespace: of the ROS nodes.
         has_pictures: the server has pictures of the cameras.
     """
 
@@ -131,10 +129,8 @@ class RobotSource:
     """The one robot of this process, whatever name the page asks for.
 
     Args:
-        tap: of the robot.
         nodes: names of the ROS nodes that are served.
         has_control: the page can be unlocked to control the robot.
-        namespace: of the ROS nodes.
     """
 
     def __init__(

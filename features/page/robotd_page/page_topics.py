@@ -47,7 +47,6 @@ class PageTopics:
 
     Args:
         node: the one of the operator.
-        tap: of the robot.
         nodes: names of the ROS nodes that are served.
     """
 

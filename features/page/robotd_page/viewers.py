@@ -43,7 +43,6 @@ class Viewer:
 
     Args:
         socket: prepared.
-        transport: of the connection.
         first: frames to send at once.
         yield_to_control_loop: called before each write.
     """
@@ -146,9 +145,6 @@ class PageSource(Protocol):
 
 class Channel:
     """Viewers of one feed: each frame is made once. Thread of the server.
-
-    Args:
-        feed: source of the messages.
 
     Attributes:
         viewers: at present.

@@ -39,7 +39,6 @@ class CameraRecorder:
 
     Args:
         robot: in the world of the cameras.
-        cameras: of its world.
     """
 
     def __init__(self, robot: Robot, cameras: Sequence[WorldCamera]) -> None:
@@ -81,7 +80,6 @@ class ContinuousRecorder:
     Any thread may call. A disk that is full ends the recording and nothing else.
 
     Args:
-        tap: source.
         folder: where the files go; none is ever removed.
         split_bytes, split_s: size and time after which a new file begins.
         cameras: whose pictures are recorded, too.

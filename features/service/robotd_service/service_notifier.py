@@ -66,7 +66,6 @@ class ServiceNotifier:
 
     Args:
         socket: of the service manager.
-        probe: of the robot.
     """
 
     def __init__(self, socket: NotifySocket, probe: RobotProbe) -> None:

@@ -33,9 +33,6 @@ class Differential:
 
     Of an arm with more joints than directions they are the smallest. Components of a twist in
     which the tool of the arm never moves, or that are not its task, do not count.
-
-    Args:
-        kinematics: of the arm.
     """
 
     def __init__(self, kinematics: Kinematics) -> None:

@@ -47,8 +47,6 @@ class R2Motion:
     Any worker thread may call; ``arrive`` and ``state`` are for the executor thread.
 
     Args:
-        robot: of the arm.
-        tool: that moves.
         run_in_worker: runs a function with arguments that waits.
     """
 

@@ -34,9 +34,6 @@ class ReducedSpeed:
     The limit is that of the origins of all moving links of the chain, of the link of the tool, and
     of the tool, in the base of the arm. It is on by command, or by the input of the robot's file.
 
-    Args:
-        robot: of the tools.
-
     Raises:
         DescriptorError: no input has that name.
         Unsupported, DescriptorError: no group has a usable chain, as ``ToolGroups``; or there is

@@ -19,7 +19,6 @@ class ToolStream:
 
     Args:
         joints: open stream of all joints of the tool's group.
-        stage: moves them.
 
     Attributes:
         joints: the stream of the joints, for its end and its counts.

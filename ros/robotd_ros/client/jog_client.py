@@ -78,7 +78,6 @@ class JogClient:
         """Move ``axis``; the robot stops it 0.2 s after the last call.
 
         Args:
-            axis: its index.
             velocity: rad/s or m/s, signed; 0 slows to rest.
             fastest: velocity that an axis in velocity mode reaches in ``RAMP_S``.
         """
@@ -116,7 +115,6 @@ class ToolJogClient(JogClient):
     """Publisher of twists, and the state of the axes. One thread.
 
     Args:
-        client: of the robot.
         stack: leaves its subscriptions.
         in_tool: directions are those of the tool; False: of the base.
     """

@@ -140,9 +140,6 @@ class GoalRun:
     """One goal of an action, from sending it to its result.
 
     Args:
-        client: of the robot.
-        action_type: of the action.
-        on_feedback: called with each feedback.
         text_of: returns the robot's reason of a result.
     """
 

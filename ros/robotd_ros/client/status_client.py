@@ -209,7 +209,6 @@ def set_servos(client: RosClient, axes: Sequence[str], on: bool) -> str:
     """Switch servos; on, alarms are cleared first.
 
     Args:
-        client: of the robot.
         axes: names, or numbers from 0; empty: all.
         on: False: off.
 

@@ -36,7 +36,6 @@ class Diagnostics:
     Args:
         nodes: all of the process; the first one publishes, and its namespace distinguishes robots
             that share the topic.
-        robot: of the nodes.
         operator: publishes the problems.
     """
 

@@ -91,9 +91,6 @@ class WorkerActionServer(ActionServer):
 
     Args:
         node: serves the action; stamps are of its clock.
-        action_type: class of the action.
-        name: of the action.
-        requests: of the action.
         callbacks: plain functions, called in the executor thread.
     """
 

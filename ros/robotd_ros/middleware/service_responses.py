@@ -43,12 +43,7 @@ _MAX_KNOWN = 64  # readers remembered without a look-up
 
 
 class ServiceResponses:
-    """Sends the responses of one service.
-
-    Args:
-        node: the service's owner.
-        service: whose requests are answered.
-    """
+    """Sends the responses of one service."""
 
     def __init__(self, node: Node, service: Service) -> None:
         self._node = node

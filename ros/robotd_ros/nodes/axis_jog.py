@@ -30,7 +30,6 @@ class AxisJog:
     thread, ``check`` for the control loop.
 
     Args:
-        robot: of the axes.
         host: its workers stop axes.
         topic: name, for the log.
         timeout_s: age of the last message at which an axis slows to rest.

@@ -21,8 +21,6 @@ class AxisSources:
     """Sources of the commands of a topic, one for each axis. Executor thread.
 
     Args:
-        robot: of the axes.
-        topic: name.
         mode: of an axis in which its commands can move it.
         neutral: a command that asks for no motion, in words.
         timeout_s: age of the last message at which its motion ends; 0: it goes on.
@@ -62,9 +60,6 @@ class AxisMotion:
     """Executes messages that move single axes, or raises RobotdError. Executor thread.
 
     No motion of theirs ends with the age of a message, so ``sent_ns`` is not used.
-
-    Args:
-        robot: of the axes.
     """
 
     def __init__(self, robot: Robot) -> None:

@@ -57,10 +57,8 @@ class BaseController(Node):
     With this node in the set, the wheels are switched on at start.
 
     Args:
-        name: of the node.
         read: declares the parameters of the node.
         robot: has a base.
-        host: of the node.
 
     Raises:
         DescriptorError: the robot has no base of this kind, or a parameter is wrong; nothing was

@@ -62,7 +62,6 @@ class ConstraintParameters:
 
     Args:
         node: has declared the parameters.
-        groups: of the joints.
         values: at the start, by name.
     """
 

@@ -50,11 +50,7 @@ class GripperAction(WorkerAction):
     """One action of the gripper; each goal runs until standstill.
 
     Args:
-        node: its owner.
         host: its workers move the gripper.
-        gripper: to be moved.
-        action_type: class of the action.
-        name: of the action.
         wanted: returns the position of the gripper in a goal; raises InvalidArgument.
         fill: fills a result or a feedback from finger names and a state.
     """

@@ -47,7 +47,6 @@ class OperatorNode(Node):
     ``~/rejections`` has the commands of topics that are rejected, as the log has them.
 
     Args:
-        robot: of the operator.
         host: its workers answer.
         features: names of those that run.
     """

@@ -45,8 +45,6 @@ class SummaryTopic:
     Not in the executor: the reason for a lost device is asked of its driver, which may take long.
 
     Args:
-        node: of the operator.
-        robot: that is summed up.
         features: names of those that run.
     """
 

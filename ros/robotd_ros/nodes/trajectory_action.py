@@ -43,11 +43,7 @@ class TrajectoryAction(WorkerAction):
     """Executes one trajectory of a joint group at a time; a newer goal takes over.
 
     Args:
-        node: serves the action.
-        robot: of the group.
         host: its workers execute goals.
-        group: executes the trajectories.
-        action: name.
     """
 
     # The status that every client gets lists all goals, so that a thousand at once, each of which

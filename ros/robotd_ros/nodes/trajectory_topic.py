@@ -53,11 +53,7 @@ class TrajectoryTopic:
     - No point: the motion that this topic has started comes to rest.
 
     Args:
-        node: subscribes.
-        robot: of the group.
-        group: executes.
         host: its workers execute trajectories.
-        topic: name.
         stream: of single points.
         timeout_s: age at which a single point is dropped.
     """

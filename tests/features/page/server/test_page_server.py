@@ -173,7 +173,8 @@ def test_nothing_is_computed_while_nobody_watches(
 
     with served_page(tmp_path) as (_, server):
         calls: list[float] = []
-        live: Any = server._source.feed("")._live
+        feed: Any = server._source.feed("")
+        live = feed._live
         sample = live.sample
         monkeypatch.setattr(live, "sample", lambda: calls.append(time.monotonic()) or sample())
         asyncio.run(watch())
