@@ -95,8 +95,7 @@ class RosHost:
     def start(self) -> None:
         """Initialize rclpy and start the executor thread. Once per host.
 
-        Raises:
-            OperationError: the ROS arguments are wrong or the middleware does not start.
+        Raises OperationError: the ROS arguments are wrong or the middleware does not start.
         """
         without_files, reason = log_file_arguments()
         if reason:
@@ -123,8 +122,7 @@ class RosHost:
     def add_node(self, node: Node) -> None:
         """Serve ``node`` until ``close``, which destroys it. Any thread but the executor's.
 
-        Raises:
-            NotReady: the host was not started or is closed.
+        Raises NotReady: the host was not started or is closed.
         """
         if self._running is None:
             raise NotReady("ROS is not running")

@@ -73,8 +73,7 @@ def run_nodes(
         host: started.
         parts: running features by name, see ``FeatureHost``; None: none.
 
-    Raises:
-        DescriptorError, PluginError: a node or a parameter is wrong.
+    Raises DescriptorError, PluginError: a node or a parameter is wrong.
     """
     host.yield_to_control_loop = robot.control_loop.yield_to_control_loop
     # No client could stop it by ROS any more.

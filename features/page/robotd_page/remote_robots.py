@@ -18,7 +18,7 @@ from robotd.api import InvalidArgument, get_logger
 from robotd_page.page_message import json_text
 from robotd_page.page_messages import ALL, CHANGES, FIRST, NEWEST, SAMPLES
 from robotd_page.remote_feed import RemoteFeed
-from robotd_ros.client.problem_client import PROBLEMS
+from robotd_ros.client.operator_client import PROBLEMS
 from robotd_ros.client.ros_client import Listener, RosClient
 from robotd_ros.node_registry import IDENTITY
 from robotd_ros.problem_messages import read_problems

@@ -15,7 +15,7 @@ from wmx_ros2_message.msg import AxisState, AxisVelocity
 
 from robotd.errors import OperationError
 from robotd.log import escaped
-from robotd_ros.client.problem_client import STANDING, ProblemListener, with_remedy
+from robotd_ros.client.operator_client import STANDING, ProblemListener, with_remedy
 from robotd_ros.client.ros_client import RosClient
 from robotd_ros.client.status_client import (
     AXIS_STATE,

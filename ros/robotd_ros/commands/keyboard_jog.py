@@ -38,7 +38,7 @@ def jog_by_keys(timeout_s: float, speed: float, tool: str | None = None) -> Exit
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise click.UsageError("--keys needs a terminal")
     with robot_client(timeout_s) as client:
-        import_ros("robotd_ros.client.problem_client").require_ready(client)
+        import_ros("robotd_ros.client.operator_client").require_ready(client)
         print_addressed_robots(client)
         with (
             import_ros("robotd_ros.client.jog_client").jog_client(client, tool) as jog,

@@ -24,7 +24,6 @@ from robotd_ros.middleware.start_arguments import (
     check_overrides,
     check_remapping,
     overrides_of,
-    remapped_action,
 )
 from robotd_ros.middleware.type_mismatch import TypeMismatchCheck
 
@@ -45,7 +44,6 @@ __all__ = [
     "exit_after",
     "log_file_arguments",
     "overrides_of",
-    "remapped_action",
     "remove_leftovers",
     "request_id_of",
     "see_whole_graph",

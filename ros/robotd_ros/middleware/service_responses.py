@@ -25,12 +25,7 @@ from rclpy.service import Service
 
 from robotd.log import get_logger
 from robotd_ros.middleware.rcl_error import NODE_GONE
-from robotd_ros.middleware.release_gil import (
-    LayoutError,
-    RequestId,
-    ResponseSender,
-    request_id_of,
-)
+from robotd_ros.middleware.release_gil import LayoutError, RequestId, ResponseSender, request_id_of
 
 log = get_logger("ros")
 

@@ -118,8 +118,7 @@ class CommandTimes:
             stamp_ns: time in the message, by the node's clock; 0: none.
             timeout_s: highest age.
 
-        Raises:
-            InvalidArgument: it is older, or further ahead.
+        Raises InvalidArgument: it is older, or further ahead.
         """
         now_ns, age_ns = self._clock.now_ns(), 0
         follows_topic = self._ros_clock.ros_time_is_active

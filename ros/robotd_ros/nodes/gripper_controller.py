@@ -27,8 +27,7 @@ NAME = "gripper_controller"
 class GripperController(Node):
     """Opens and closes the gripper for MoveIt's gripper controllers.
 
-    Raises:
-        DescriptorError: the robot has no gripper, or a parameter is wrong.
+    Raises DescriptorError: the robot has no gripper, or a parameter is wrong.
     """
 
     def __init__(self, robot: Robot, host: RosHost) -> None:

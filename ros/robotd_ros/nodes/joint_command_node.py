@@ -45,8 +45,7 @@ class JointCommandNode(Node):
 
     Each topic moves the joints while messages come. One client at a time: see ``stream.takeover``.
 
-    Raises:
-        DescriptorError: the robot has no joints, or a parameter is wrong.
+    Raises DescriptorError: the robot has no joints, or a parameter is wrong.
     """
 
     def __init__(self, robot: Robot, host: RosHost) -> None:

@@ -36,8 +36,7 @@ class RobotStatePublisher(Node):
 
     It reads the joints from the process image, not from ``joint_states``.
 
-    Raises:
-        DescriptorError: a parameter or the URDF is wrong; nothing was opened.
+    Raises DescriptorError: a parameter or the URDF is wrong; nothing was opened.
     """
 
     def __init__(self, robot: Robot, host: RosHost) -> None:

@@ -28,11 +28,7 @@ from robotd_ros.nodes.command_subscription import (
     header_stamp_ns,
 )
 from robotd_ros.nodes.topic_stream import TopicStream
-from robotd_ros.nodes.trajectory_conversions import (
-    stamp_ns,
-    start_time_ns,
-    trajectory_request,
-)
+from robotd_ros.nodes.trajectory_conversions import stamp_ns, start_time_ns, trajectory_request
 
 log = get_logger("trajectory")
 
