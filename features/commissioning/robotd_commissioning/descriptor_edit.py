@@ -27,8 +27,7 @@ class DescriptorEdit:
         backend: name of the section.
         keys: of the backend.
 
-    Raises:
-        DescriptorError: the robot has no file, or the axis is described in one that it extends.
+    Raises DescriptorError: the robot has no file, or the axis is described in one that it extends.
     """
 
     def __init__(

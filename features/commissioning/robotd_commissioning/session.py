@@ -46,8 +46,7 @@ class CommissionRecord:
     Args:
         robot: the robot's file; the record is ``<name>.commission.json`` beside it.
 
-    Raises:
-        DescriptorError: the file is there and is no record.
+    Raises DescriptorError: the file is there and is no record.
     """
 
     def __init__(self, robot: Path) -> None:

@@ -12,11 +12,10 @@ from typing import Any
 from robotd.api import get_logger
 from robotd_messages.cdr_stream import CdrReader
 from robotd_messages.message_encoders import read_octets_message
-from robotd_page.live_samples import RATE_HZ
+from robotd_page.live_samples import HISTORY_S, RATE_HZ
 from robotd_page.page_feed import FIRST_EVENTS
 from robotd_page.page_message import Message, json_text
 from robotd_page.page_messages import CHANGES, FIRST, SAMPLES, unpack_first
-from robotd_page.plot_history import HISTORY_S
 from robotd_shared.mesh_files import MeshFiles
 
 log = get_logger("page")

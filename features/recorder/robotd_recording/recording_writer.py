@@ -143,8 +143,7 @@ class RecordingWriter:
         info: metadata of the recording.
         urdf: text of the robot's URDF; "" for none.
 
-    Raises:
-        OSError: the disk is full or the file cannot be written; also from the other methods.
+    Raises OSError: the disk is full or the file cannot be written; also from the other methods.
     """
 
     def __init__(self, stream: IO[bytes], info: RecordingInfo, urdf: str = "") -> None:

@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from robotd.api.features import FeatureHost
     from robotd.api.models import RobotDescriptor
     from robotd.api.robots import Backend, Robot
-    from robotd_scenario.fault_schedule import FaultSchedule
-    from robotd_scenario.requested_faults import RequestedFaults
+    from robotd_scenario.fault_schedule import FaultSchedule, RequestedFaults
 
 SIMULATION_NODE = "robotd_sim"
 MAX_STEPS = 1_000_000  # periods at once
@@ -101,6 +100,6 @@ def _injects_faults(robot: Robot) -> bool:
 
 
 def _requested(host: FeatureHost, schedule: FaultSchedule) -> RequestedFaults | None:
-    from robotd_scenario.requested_faults import requested_faults
+    from robotd_scenario.fault_schedule import requested_faults
 
     return requested_faults(host.robot, schedule)

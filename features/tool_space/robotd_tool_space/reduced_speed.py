@@ -8,13 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from robotd.api import (
-    DescriptorError,
-    FloatArray,
-    Unsupported,
-    get_logger,
-    unknown_name,
-)
+from robotd.api import DescriptorError, FloatArray, Unsupported, get_logger, unknown_name
 from robotd.api.features import EventKind, ProcessImage
 from robotd.api.robots import Robot
 from robotd_tool_space.robot_tool import RobotTool, moved_by_device

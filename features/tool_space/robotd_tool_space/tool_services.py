@@ -21,8 +21,7 @@ from robotd_ros.services import add_service
 from robotd_ros.worker_action import WorkerAction
 from robotd_tool_space.reduced_speed import ReducedSpeed
 from robotd_tool_space.robot_tool import BASE, TOOL, RobotTool
-from robotd_tool_space.ros_poses import fill_pose, pose_of_message
-from robotd_tool_space.rotations import inverse_pose
+from robotd_tool_space.rotations import fill_pose, inverse_pose, pose_of_message
 from robotd_tool_space.tool_groups import ToolGroups
 from robotd_tool_space.tool_motion import ToolMotion
 

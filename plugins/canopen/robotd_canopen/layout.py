@@ -25,13 +25,7 @@ from robotd_canopen.object_dictionary import (
     startup_writes,
     variable,
 )
-from robotd_canopen.options import (
-    AxisOptions,
-    CanopenOptions,
-    IoOptions,
-    NodeOptions,
-    PdoOptions,
-)
+from robotd_canopen.options import AxisOptions, CanopenOptions, IoOptions, NodeOptions, PdoOptions
 from robotd_canopen.pdo import MAX_SYNCHRONOUS, Direction, Pdo, io_pdos, resolve
 from robotd_cia402.modes import OperationMode
 from robotd_cia402.object_numbers import on_axis

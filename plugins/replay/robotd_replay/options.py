@@ -9,13 +9,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from robotd.api import (
-    BackendOptions,
-    DescriptorError,
-    Frames,
-    RobotdError,
-    RobotDescriptor,
-)
+from robotd.api import BackendOptions, DescriptorError, Frames, RobotdError, RobotDescriptor
 from robotd_recording.recording_reader import Recording, read_recording
 
 

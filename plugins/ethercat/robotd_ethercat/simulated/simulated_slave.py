@@ -10,8 +10,7 @@ from robotd_ethercat.simulated.mailbox import Mailbox
 from robotd_ethercat.simulated.object_access import ObjectAccess, SlaveFaults
 from robotd_ethercat.simulated.object_dictionary import ObjectDefinition, ObjectDictionary
 from robotd_ethercat.simulated.pdo_image import PdoImage
-from robotd_ethercat.simulated.sdo_information import SdoInformation
-from robotd_ethercat.simulated.sdo_server import SdoServer
+from robotd_ethercat.simulated.sdo_server import SdoInformation, SdoServer
 from robotd_ethercat.simulated.sii_content import Hardware, Identity, change_identity, sii_image
 from robotd_ethercat.simulated.slave_controller import SlaveController
 from robotd_ethercat.simulated.standard_objects import ERROR_SETTINGS, standard_objects
