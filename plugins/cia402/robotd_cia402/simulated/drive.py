@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
+from enum import Enum, auto
 
 from robotd_cia402.simulated.drive_dictionary import AXIS_STEP, Objects
 from robotd_cia402.simulated.mode_motion import Mode, Motion
 from robotd_cia402.simulated.motors import Motors
 from robotd_cia402.simulated.scale import NO_SWITCHES, Scale, Switches
-from robotd_cia402.simulated.statusword import TRANSITIONS, State, command, resets_fault
 
 _REMOTE, _TARGET_REACHED, _LIMIT, _MODE_BIT, _ERROR_BIT = 1 << 9, 1 << 10, 1 << 11, 1 << 12, 1 << 13
 _FOLLOWING_ERROR, _REFERENCE_LIMIT = 0x8611, 0x8612
@@ -18,6 +18,66 @@ _STAYS = (5, 6, 7, 8)  # option codes of a quick stop after which the drive stay
 _BRAKES = (2, 3)  # option codes of 0x6007 that stop without a fault
 _INT32 = 1 << 31
 Place = tuple[int, int | None]  # index and subindex of an object; None: all subindices
+_FAULT_RESET = 0x80
+_TRANSITION_BITS = 0x0F
+
+
+class State(Enum):
+    """State of a drive; the value is its statusword pattern (CiA 402-2, table 30)."""
+
+    SWITCH_ON_DISABLED = 0x40
+    READY_TO_SWITCH_ON = 0x31
+    SWITCHED_ON = 0x33
+    OPERATION_ENABLED = 0x37
+    QUICK_STOP_ACTIVE = 0x17
+    FAULT_REACTION_ACTIVE = 0x1F
+    FAULT = 0x08
+
+
+class Command(Enum):
+    """Command in a controlword (CiA 402-2, table 27)."""
+
+    DISABLE_VOLTAGE = auto()
+    QUICK_STOP = auto()
+    SHUTDOWN = auto()
+    SWITCH_ON = auto()
+    ENABLE_OPERATION = auto()
+
+
+TRANSITIONS: dict[tuple[State, Command], State] = {
+    (State.SWITCH_ON_DISABLED, Command.SHUTDOWN): State.READY_TO_SWITCH_ON,
+    (State.READY_TO_SWITCH_ON, Command.SWITCH_ON): State.SWITCHED_ON,
+    (State.READY_TO_SWITCH_ON, Command.ENABLE_OPERATION): State.OPERATION_ENABLED,
+    (State.READY_TO_SWITCH_ON, Command.QUICK_STOP): State.SWITCH_ON_DISABLED,
+    (State.READY_TO_SWITCH_ON, Command.DISABLE_VOLTAGE): State.SWITCH_ON_DISABLED,
+    (State.SWITCHED_ON, Command.ENABLE_OPERATION): State.OPERATION_ENABLED,
+    (State.SWITCHED_ON, Command.SHUTDOWN): State.READY_TO_SWITCH_ON,
+    (State.SWITCHED_ON, Command.QUICK_STOP): State.SWITCH_ON_DISABLED,
+    (State.SWITCHED_ON, Command.DISABLE_VOLTAGE): State.SWITCH_ON_DISABLED,
+    (State.OPERATION_ENABLED, Command.SWITCH_ON): State.SWITCHED_ON,
+    (State.OPERATION_ENABLED, Command.SHUTDOWN): State.READY_TO_SWITCH_ON,
+    (State.OPERATION_ENABLED, Command.DISABLE_VOLTAGE): State.SWITCH_ON_DISABLED,
+    (State.OPERATION_ENABLED, Command.QUICK_STOP): State.QUICK_STOP_ACTIVE,
+    (State.QUICK_STOP_ACTIVE, Command.ENABLE_OPERATION): State.OPERATION_ENABLED,
+    (State.QUICK_STOP_ACTIVE, Command.DISABLE_VOLTAGE): State.SWITCH_ON_DISABLED,
+}
+
+
+def command(controlword: int) -> Command:
+    """Return the command in bits 0 to 3."""
+    bits = controlword & _TRANSITION_BITS
+    if not bits & 2:
+        return Command.DISABLE_VOLTAGE
+    if not bits & 4:
+        return Command.QUICK_STOP
+    if not bits & 1:
+        return Command.SHUTDOWN
+    return Command.ENABLE_OPERATION if bits & 8 else Command.SWITCH_ON
+
+
+def resets_fault(before: int, now: int) -> bool:
+    """Return True if bit 7 rises from one controlword to the next."""
+    return bool(now & ~before & _FAULT_RESET)
 
 
 @dataclass
