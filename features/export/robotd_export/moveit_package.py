@@ -18,8 +18,7 @@ from robotd.api.models import (
     mesh_files,
     parse_urdf,
 )
-from robotd_export.collision_shapes import collision_covers
-from robotd_export.disabled_collisions import disabled_collisions
+from robotd_export.disabled_collisions import collision_covers, disabled_collisions
 from robotd_export.export_input import ExportInput
 from robotd_export.moveit import move_group_content
 from robotd_shared.mesh_files import moved_mesh_names, with_mesh_names
@@ -79,7 +78,6 @@ def semantic_description(
     Args:
         descriptor: its groups, tools and gripper.
         text: of the URDF, for its collision shapes.
-        path: of the URDF.
     """
     root = etree.Element("robot", name=urdf.name)
     groups = chain_groups(urdf, descriptor)

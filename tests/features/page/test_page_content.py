@@ -24,7 +24,7 @@ from robotd_page.live_samples import (
     LiveSamples,
     PlotHistory,
 )
-from robotd_page.page_description import WorldObjects, describe
+from robotd_page.page_feed import WorldObjects, describe
 from robotd_shared.mesh_files import MeshFiles, drawable_meshes
 from robotd_shared.robot_state import Goals, state_of
 
