@@ -25,7 +25,6 @@ class DescriptorEdit:
         robot: loaded from a file.
         joint: whose axis it is.
         backend: name of the section.
-        keys: of the backend.
 
     Raises DescriptorError: the robot has no file, or the axis is described in one that it extends.
     """

@@ -92,7 +92,6 @@ class Commissioning:
     Args:
         load: loads the descriptor as it is now, from its file or from another one.
         record: finished steps.
-        make_operator: of an axis.
 
     Raises:
         PluginError: the backend has no keys that commissioning could write.

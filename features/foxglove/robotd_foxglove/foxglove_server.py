@@ -103,7 +103,6 @@ class FoxgloveServer:
     Nothing is computed for a topic without subscribers. Clients can only read.
 
     Args:
-        tap: of the robot.
         port: on the loopback interface; 0: any free one.
 
     Attributes:

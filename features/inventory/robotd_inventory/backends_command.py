@@ -96,7 +96,6 @@ def check_backend(name: str, robot: str = ROBOT, overrides: Sequence[str] = ()) 
     A foreign plugin is checked in a process of its own, which it may end.
 
     Args:
-        name: of the entry point.
         robot: name or file of the robot that its drivers are made for.
         overrides: ``KEY=VALUE`` texts that replace values of its file.
     """

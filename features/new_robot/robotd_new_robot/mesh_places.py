@@ -33,7 +33,6 @@ def place_meshes(
     """Find the meshes of a URDF, and name them for another folder.
 
     Args:
-        text: of the URDF.
         path: of the URDF that is read.
         written: path that it gets.
         folders: searched in addition, see ``find_mesh``.

@@ -34,7 +34,6 @@ class RobotProbe:
 
     Args:
         robot: may be started or not.
-        namespace: of its nodes.
     """
 
     def __init__(self, robot: Robot, namespace: str) -> None:

@@ -63,9 +63,6 @@ class ServiceNotifier:
     """Thread ``robotd-notify``: sends STATUS on changes, and WATCHDOG while the loop is alive.
 
     It never restarts anything itself: the manager does, when the notifications end.
-
-    Args:
-        socket: of the service manager.
     """
 
     def __init__(self, socket: NotifySocket, probe: RobotProbe) -> None:

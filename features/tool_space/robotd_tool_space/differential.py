@@ -44,7 +44,6 @@ class Differential:
         """Return poses (p, 4, 4) and rates at positions (p, n) for one twist.
 
         Args:
-            positions: of the joints.
             twist: (6,) in the base, m/s and rad/s.
         """
         poses, jacobians = self._chain.forward_and_jacobian(positions)

@@ -91,7 +91,6 @@ def motion_fault(
     Args:
         execution: has ended.
         image: a copy of the time of the end.
-        axes, names: of the joints.
     """
     if execution.outcome not in FAILED:
         return None

@@ -207,7 +207,6 @@ def joints_of_r2(values: Sequence[float], names: Sequence[str], factors: FloatAr
 
     Args:
         values: one for each joint.
-        names: of the joints.
         factors: see ``r2_factors``.
 
     Raises InvalidArgument: another number of values, or one that is not finite.

@@ -40,7 +40,6 @@ def move_tool(
     """Move the tool; return at standstill, with the robot's reason.
 
     Args:
-        poses: of the tool.
         is_canceled: asked all the time; once it is true, the robot is asked to stop.
         on_progress: called with 0 to 1, and the measured pose.
         frame: "" for poses in the work frame or the base; "base" or "tool" for ways along the
