@@ -31,7 +31,7 @@ MAY_MOVE = "the arm may be moving, robotd stop stops it"
 BASE_NODES = ("diff_drive_controller", "mecanum_drive_controller", "tricycle_controller")
 ACTION_TYPE = "control_msgs/action/FollowJointTrajectory"
 
-_SETTLE_S = 0.6  # a second robotd is found within this time after the first one: discovery.py
+_SETTLE_S = 0.6  # a second robotd is found within this time after the first one
 
 Groups = Mapping[str, Sequence[str]]
 """Joints of each action of a robot with joint groups."""
