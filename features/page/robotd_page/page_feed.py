@@ -291,6 +291,10 @@ class RobotSource:
         return self._meshes.file(url)
 
     def picture(self, camera: str) -> bytes:
+        """Return the newest picture as JPEG. Blocks; any thread.
+
+        Raises InvalidArgument for an unknown camera, OperationError without OpenGL or Pillow.
+        """
         if self._pictures is None:
             raise InvalidArgument("the robot has no cameras")
         return self._pictures.newest(camera)

@@ -1,16 +1,19 @@
-"""Feeds that a page can show, and viewers of each: WebSockets with bounded memory."""
+"""Viewers of a page and of each feed: WebSocket connections with bounded memory."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterable
-from pathlib import Path
-from typing import Protocol
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from robotd.api import get_logger
-from robotd_page.page_message import Message, websocket_frames
+from robotd_page.page_message import websocket_frames
+
+if TYPE_CHECKING:  # remote robots need rclpy
+    from robotd_page.page_feed import PageFeed
+    from robotd_page.remote_robots import RemoteFeed
 
 log = get_logger("page")
 
@@ -90,59 +93,6 @@ class Viewer:
         await self._socket.close(code=WSCloseCode.GOING_AWAY, message=b"robotd has ended")
 
 
-class Feed(Protocol):
-    """Messages of one robot for its viewers. Called in the server's thread."""
-
-    def first(self, viewers: int) -> list[Message]:
-        """Return the messages to a new viewer.
-
-        Args:
-            viewers: number of viewers, with the new one.
-        """
-        ...
-
-    def messages(self, viewers: int, *, changes: bool) -> Iterable[Message]:
-        """Yield what is new, called at ``RATE_HZ`` while there are viewers.
-
-        Args:
-            viewers: number of viewers.
-            changes: besides the samples, everything else is due too.
-        """
-        ...
-
-    def release(self) -> None:
-        """Called when the last viewer has gone."""
-        ...
-
-
-class PageSource(Protocol):
-    """Feeds by the name of a robot, and the files that they name."""
-
-    def feed(self, robot: str) -> Feed:
-        """Return the feed of a robot, the same object each time.
-
-        Args:
-            robot: as the page asks for it; "" where it names none.
-        """
-        ...
-
-    def file(self, url: str) -> Path | None:
-        """Return the mesh at a path of the server; None where there is none."""
-        ...
-
-    def picture(self, camera: str) -> bytes:
-        """Return the newest picture as JPEG. Blocks; any thread.
-
-        Raises InvalidArgument for an unknown camera, OperationError without OpenGL or Pillow.
-        """
-        ...
-
-    @property
-    def yield_to_control_loop(self) -> Callable[[], None]:
-        """Called before the server takes the interpreter."""
-        ...
-
-
 class Channel:
     """Viewers of one feed: each frame is made once. Thread of the server.
 
@@ -150,7 +100,7 @@ class Channel:
         viewers: at present.
     """
 
-    def __init__(self, feed: Feed) -> None:
+    def __init__(self, feed: PageFeed | RemoteFeed) -> None:
         self._feed = feed
         self.viewers: set[Viewer] = set()
 
