@@ -24,8 +24,7 @@ from robotd_canopen.feedback import Feedback
 from robotd_canopen.frame import Frame
 from robotd_canopen.io_image import IoImage
 from robotd_canopen.layout import NetworkLayout
-from robotd_canopen.nmt import NmtCommand, NmtState
-from robotd_canopen.node import Node
+from robotd_canopen.node import NmtCommand, NmtState, Node
 from robotd_canopen.options import NodeOptions
 from robotd_canopen.supervision import Supervision
 from robotd_cia402.axes import Cia402Master, name_and_scaling
