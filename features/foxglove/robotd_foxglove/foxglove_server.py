@@ -15,8 +15,15 @@ from robotd.api import NANOSECONDS, FloatArray, OperationError, get_logger
 from robotd.api.features import Tap, measured_joints
 from robotd.api.models import JointFrames, UrdfJoint, parse_urdf
 from robotd_foxglove.limited_port import LimitedPort
-from robotd_messages.message_encoders import joint_state, log_message, string_message
-from robotd_messages.message_types import JOINT_STATE, LOG, SCHEMAS, STRING
+from robotd_messages.message_encoders import (
+    JOINT_STATE,
+    LOG,
+    SCHEMAS,
+    STRING,
+    joint_state,
+    log_message,
+    string_message,
+)
 from robotd_shared.mesh_files import drawable_meshes
 from robotd_shared.robot_state import Goals, state_of
 

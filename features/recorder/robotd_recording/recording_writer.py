@@ -23,7 +23,7 @@ from robotd.api.features import (
     measured_joints,
 )
 from robotd.api.models import MAX_AXES
-from robotd_messages import message_types as types
+from robotd_messages import message_encoders as types
 from robotd_messages.message_encoders import (
     AXIS_VALUES,
     LOOP_VALUES,
