@@ -6,8 +6,8 @@ does not pass on who sent a goal, and converts goals before it answers (``goal_r
 And it expires results by the node's clock: at ``--time-scale max`` 10 s of that are 0.3 s of real
 time, and a client that asks for a result later than that gets UNKNOWN.
 Measured: acceptance of a goal of 20 points 2.0 ms instead of 3.2 ms, answer to a cancel 0.9 ms
-instead of 2.2 ms (medians of the client in C of tools/bench/goal_client.py, x86_64, two cores shared
-with other work). In simulated time 17 of 70 goals lost their results.
+instead of 2.2 ms (medians of tools/bench/goal_client.py, in C, x86_64, two cores shared with other
+work). In simulated time 17 of 70 goals lost their results.
 Upstream: none known; https://github.com/ros2/rcl/issues/1103 (closed) is about the start of the
 time-out of results.
 Where rclpy has other internals than those of ``_INTERNALS``, ``PlainActionServer`` serves goals by
