@@ -11,8 +11,7 @@ from robotd.api import (
     IoDriver,
     hookimpl,
 )
-from robotd_replay.device import ReplayAxes, ReplayDevice, ReplayIo
-from robotd_replay.options import Replayed, ReplayOptions
+from robotd_replay.device import ReplayAxes, ReplayDevice, Replayed, ReplayIo, ReplayOptions
 
 
 @hookimpl
