@@ -19,9 +19,8 @@ from robotd_ros.diagnostics.diagnostics_publisher import Diagnostics
 from robotd_ros.host import RosHost, Senders
 from robotd_ros.middleware import check_overrides
 from robotd_ros.node_registry import OPERATOR_NODE, WORLD_NODE, make_node
-from robotd_ros.nodes.latched_topics import RosoutTopic
+from robotd_ros.nodes.latched_topics import RosoutTopic, SummaryTopic
 from robotd_ros.nodes.operator_node import OperatorNode
-from robotd_ros.nodes.summary_topic import SummaryTopic
 from robotd_ros.nodes.world_node import WorldNode
 from robotd_ros.plugin import BUILT_IN, built_in_nodes
 

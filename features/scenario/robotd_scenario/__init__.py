@@ -12,7 +12,7 @@ from robotd.api import lazy_names
 if TYPE_CHECKING:
     from robotd_scenario.fault_kinds import FAULTS, Fault, nested, validate_fault
     from robotd_scenario.fault_schedule import FaultSchedule
-    from robotd_scenario.scenario_model import Scenario, load_scenario
+    from robotd_scenario.program import Scenario, load_scenario
     from robotd_scenario.scenario_run import Result, ScenarioRun
 else:  # commands that read a robot's file need the keys of the feature only
     __getattr__, __dir__ = lazy_names(__name__)

@@ -62,7 +62,7 @@ def prepare_robot(descriptor: RobotDescriptor, backend: Backend) -> RobotDescrip
     if Capability.SIMULATED not in backend.capabilities:
         text = f"the backend {backend.name} is not simulated"
         raise click.BadParameter(text, param_hint="'--scenario'")
-    from robotd_scenario.scenario_model import load_scenario
+    from robotd_scenario.program import load_scenario
 
     return load_scenario(file).lay_over(descriptor)
 
@@ -78,7 +78,7 @@ def open_scenario(host: FeatureHost) -> Iterator[FaultSchedule | None]:
         yield None
         return
     from robotd_scenario.fault_schedule import FaultSchedule
-    from robotd_scenario.scenario_model import load_scenario
+    from robotd_scenario.program import load_scenario
 
     faults = FaultSchedule(host.robot, load_scenario(file).faults if file else ())
     host.offered["faults"] = lambda: _requested(host, faults)

@@ -116,9 +116,6 @@ def _jog(
                 f" {MAX_TIME_S:g} s"
             )
         target = arm.positions[joint] + distance
-        code, reason = carry_out(client, arm, {joint: target}, time_s, _no_progress)
+        # Shows no progress: an increment is short.
+        code, reason = carry_out(client, arm, {joint: target}, time_s, lambda *_: None)
     return tell(code, f"{joint}: {target / scale:+.4f} {'°' if turns else unit}; {reason}")
-
-
-def _no_progress(time_s: float, positions: object) -> None:
-    """Show nothing: an increment is short."""
