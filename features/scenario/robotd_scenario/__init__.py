@@ -1,8 +1,7 @@
 """Scenarios: faults, commands and expectations for a simulated robot.
 
 ``fault_kinds`` models the faults, ``fault_schedule`` injects them in the control loop,
-``program`` models commands and checks, ``scenario_run`` executes them, ``scenario_model`` is
-the file.
+``program`` is the file with its commands and checks, ``scenario_run`` executes them.
 """
 
 from typing import TYPE_CHECKING
