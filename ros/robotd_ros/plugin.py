@@ -43,12 +43,12 @@ BUILT_IN = {
     "joint_command_node": NodeInfo(
         "robotd_ros.nodes.joint_command_node:JointCommandNode",
         "motion on topics: trajectories, points, positions, velocities, jog",
-        parameters="robotd_ros.nodes.command_settings:read_joint_command",
+        parameters="robotd_ros.nodes.arm_settings:read_joint_command",
     ),
     "gripper_controller": NodeInfo(
         "robotd_ros.nodes.gripper_controller:GripperController",
         "the gripper as actions, for MoveIt",
-        parameters="robotd_ros.nodes.command_settings:read_gripper_controller",
+        parameters="robotd_ros.nodes.arm_settings:read_gripper_controller",
     ),
     "robot_state_publisher": NodeInfo(
         "robotd_ros.nodes.robot_state_publisher:RobotStatePublisher",

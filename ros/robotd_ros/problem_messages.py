@@ -20,7 +20,6 @@ def problem_array(problems: Sequence[Problem], stamp_ns: int, ahead_ns: int) -> 
     """Return the message of ``robotd/problems``.
 
     Args:
-        problems: of the robot.
         stamp_ns: ROS time of the message.
         ahead_ns: ROS time minus the robot's clock.
     """

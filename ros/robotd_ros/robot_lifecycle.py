@@ -1,17 +1,103 @@
-"""Life of a managed robot: configure opens, activate switches on, and back."""
+"""Life of a managed robot: configure opens, activate switches on, and back.
+
+States and transitions are those of ROS 2 (design: node_lifecycle).
+"""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable
 from contextlib import suppress
+from enum import Enum, IntEnum
+from typing import NamedTuple
 
 from robotd.errors import InvalidArgument, NotReady, RobotdError
 from robotd.log import get_logger
 from robotd.robot import Robot
-from robotd_ros.lifecycle_table import Outcome, State, Transition, available, ending
 
 log = get_logger("lifecycle")
+
+
+class State(IntEnum):
+    """States by their ids in ``lifecycle_msgs/msg/State``; a label is the name in lower case."""
+
+    UNKNOWN = 0
+    UNCONFIGURED = 1
+    INACTIVE = 2
+    ACTIVE = 3
+    FINALIZED = 4
+    CONFIGURING = 10
+    CLEANINGUP = 11
+    SHUTTINGDOWN = 12
+    ACTIVATING = 13
+    DEACTIVATING = 14
+    ERRORPROCESSING = 15
+
+    @property
+    def label(self) -> str:
+        """The label of the state."""
+        return self.name.lower()
+
+
+class Outcome(Enum):
+    """Result of a transition, by the last digit of its id."""
+
+    SUCCESS = 0
+    FAILURE = 1
+    ERROR = 2
+
+
+class Transition(NamedTuple):
+    """One edge of the graph.
+
+    Attributes:
+        id: of ``lifecycle_msgs/msg/Transition``.
+        label: word by which clients ask for it, or of its outcome.
+        start, goal: states.
+    """
+
+    id: int
+    label: str
+    start: State
+    goal: State
+
+
+REQUESTS = (
+    Transition(1, "configure", State.UNCONFIGURED, State.CONFIGURING),
+    Transition(2, "cleanup", State.INACTIVE, State.CLEANINGUP),
+    Transition(3, "activate", State.INACTIVE, State.ACTIVATING),
+    Transition(4, "deactivate", State.ACTIVE, State.DEACTIVATING),
+    Transition(5, "shutdown", State.UNCONFIGURED, State.SHUTTINGDOWN),
+    Transition(6, "shutdown", State.INACTIVE, State.SHUTTINGDOWN),
+    Transition(7, "shutdown", State.ACTIVE, State.SHUTTINGDOWN),
+)
+"""Transitions that a client can ask for."""
+
+# State of a transition: id of its success, and the states after success, failure and error.
+_OUTCOMES = {
+    State.CONFIGURING: (10, State.INACTIVE, State.UNCONFIGURED, State.ERRORPROCESSING),
+    State.CLEANINGUP: (20, State.UNCONFIGURED, State.INACTIVE, State.ERRORPROCESSING),
+    State.ACTIVATING: (30, State.ACTIVE, State.INACTIVE, State.ERRORPROCESSING),
+    State.DEACTIVATING: (40, State.INACTIVE, State.ACTIVE, State.ERRORPROCESSING),
+    State.SHUTTINGDOWN: (50, State.FINALIZED, State.FINALIZED, State.ERRORPROCESSING),
+    State.ERRORPROCESSING: (60, State.UNCONFIGURED, State.FINALIZED, State.FINALIZED),
+}
+
+
+def ending(state: State, outcome: Outcome) -> Transition:
+    """Return the transition that ends ``state``, one of those on the way."""
+    first, *goals = _OUTCOMES[state]
+    label = f"transition_{outcome.name.lower()}"
+    return Transition(first + outcome.value, label, state, goals[outcome.value])
+
+
+GRAPH = (*REQUESTS, *(ending(state, outcome) for state in _OUTCOMES for outcome in Outcome))
+"""Every transition."""
+
+
+def available(state: State) -> tuple[Transition, ...]:
+    """Return the transitions that a client can ask for in ``state``."""
+    return tuple(each for each in REQUESTS if each.start is state)
 
 
 class RobotLifecycle:
@@ -42,7 +128,7 @@ class RobotLifecycle:
             State.CLEANINGUP: self._clean_up,
             State.ACTIVATING: self._activate,
             State.DEACTIVATING: self._deactivate,
-            State.SHUTTINGDOWN: self._shut_down,
+            State.SHUTTINGDOWN: robot.shutdown,
         }
         self._restrict()
 
@@ -57,7 +143,6 @@ class RobotLifecycle:
         A transition that fails is logged. One that leaves the robot in doubt closes the device.
 
         Args:
-            transition_id: id of the transition.
             label: used instead, unless it is "".
 
         Raises:
@@ -147,9 +232,6 @@ class RobotLifecycle:
 
     def _clean_up(self) -> None:
         self._robot.connection.close()
-
-    def _shut_down(self) -> None:
-        self._robot.shutdown()
 
     def _process_error(self) -> None:
         """Close the device, which stops motion and switches off: unconfigured, or finalized."""

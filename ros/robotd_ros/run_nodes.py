@@ -2,27 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pkgutil import resolve_name
 from typing import Any
 
+from rclpy.action import get_action_server_names_and_types_by_node
 from rclpy.node import Node
 
+from robotd.cli.start_summary import ServeReport, Topic
 from robotd.feature import installed_features
 from robotd.plugin.registry import NodeRegistry
 from robotd.robot import Robot
 from robotd_ros.diagnostics.diagnostics_publisher import Diagnostics
-from robotd_ros.host import RosHost
+from robotd_ros.host import RosHost, Senders
 from robotd_ros.middleware import check_overrides
 from robotd_ros.node_registry import OPERATOR_NODE, WORLD_NODE, make_node
+from robotd_ros.nodes.latched_topics import RosoutTopic, SummaryTopic
 from robotd_ros.nodes.operator_node import OperatorNode
-from robotd_ros.nodes.rosout_topic import RosoutTopic
-from robotd_ros.nodes.summary_topic import SummaryTopic
 from robotd_ros.nodes.world_node import WorldNode
 from robotd_ros.plugin import BUILT_IN, built_in_nodes
-from robotd_ros.senders import Senders
+
+# Every node has these.
+_COMMON_TOPICS = ("/rosout", "/parameter_events", "/clock")
+_COMMON_SERVICES = (
+    "describe_parameters",
+    "get_parameter_types",
+    "get_parameters",
+    "get_type_description",
+    "list_parameters",
+    "set_parameters",
+    "set_parameters_atomically",
+)
 
 
 @dataclass(frozen=True)
@@ -59,8 +71,7 @@ def run_nodes(
         host: started.
         parts: running features by name, see ``FeatureHost``; None: none.
 
-    Raises:
-        DescriptorError, PluginError: a node or a parameter is wrong.
+    Raises DescriptorError, PluginError: a node or a parameter is wrong.
     """
     host.yield_to_control_loop = robot.control_loop.yield_to_control_loop
     # No client could stop it by ROS any more.
@@ -102,3 +113,33 @@ def own_nodes() -> set[str]:
     """Return the names of nodes that are made beside those of the robot."""
     features = (each.node_names for each in installed_features().values())
     return {OPERATOR_NODE, WORLD_NODE}.union(*features)
+
+
+def report_of(nodes: Iterable[Node]) -> ServeReport:
+    """Return everything that ``nodes`` publish, subscribe and serve.
+
+    A node may state the rates of its topics as ``rates_hz``, a mapping of resolved names.
+    """
+    names, topics, services, actions = [], {}, set(), set()
+    for node in nodes:
+        own = (node.get_name(), node.get_namespace())
+        names.append(node.get_fully_qualified_name())
+        rates = getattr(node, "rates_hz", {})
+        for listing in (
+            node.get_publisher_names_and_types_by_node(*own),
+            node.get_subscriber_names_and_types_by_node(*own),
+        ):
+            for name, types in listing:
+                if name not in _COMMON_TOPICS and "/_action/" not in name:
+                    topics[name] = Topic(name, types[0], rates.get(name))
+        for name, _ in node.get_service_names_and_types_by_node(*own):
+            own_name = name.removeprefix(f"{names[-1]}/")
+            if own_name not in _COMMON_SERVICES and "/_action/" not in name:
+                services.add(name)
+        actions |= {name for name, _ in get_action_server_names_and_types_by_node(node, *own)}
+    return ServeReport(
+        tuple(names),
+        tuple(topics[name] for name in sorted(topics)),
+        tuple(sorted(services)),
+        tuple(sorted(actions)),
+    )

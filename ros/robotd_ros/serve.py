@@ -21,11 +21,10 @@ from robotd.log import get_logger
 from robotd.plugin.registry import NodeInfo, NodeRegistry
 from robotd.robot import Robot
 from robotd.stop_signals import stop_signals
-from robotd_ros.endpoints import report_of
 from robotd_ros.host import RosHost
 from robotd_ros.middleware import check_remapping, exit_after, remove_leftovers, use_profiles
 from robotd_ros.robot_lifecycle import RobotLifecycle
-from robotd_ros.run_nodes import own_nodes, run_nodes, served_nodes
+from robotd_ros.run_nodes import own_nodes, report_of, run_nodes, served_nodes
 
 if TYPE_CHECKING:
     from rclpy.node import Node

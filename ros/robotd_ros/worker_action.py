@@ -30,11 +30,7 @@ class WorkerAction(ABC):
     many is rejected.
 
     Args:
-        node: serves the action.
         host: its workers execute goals.
-        action_type: class of the action.
-        name: of the action.
-        log: of the goals.
 
     Attributes:
         max_active: goals that may not have ended.
@@ -75,7 +71,6 @@ class WorkerAction(ABC):
 
         Args:
             goal: from rclpy.
-            result: to be filled.
             after: closed after the goal has ended.
             arrived: of ``arrived``.
 

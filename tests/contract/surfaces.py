@@ -16,10 +16,10 @@ from rclpy.node import Node
 
 from robotd.cli.start_summary import ServeReport
 from robotd.robot import Robot
-from robotd_ros.endpoints import report_of
 from robotd_ros.host import RosHost
 from robotd_ros.node_registry import make_node
 from robotd_ros.plugin import BUILT_IN
+from robotd_ros.run_nodes import report_of
 
 
 @contextmanager

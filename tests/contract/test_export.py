@@ -11,9 +11,9 @@ from tests.contract.surfaces import surface
 
 from robotd.cli.start_summary import ServeReport
 from robotd.robot import Robot, build_robot
+from robotd_export.export_command import export_function, export_targets
 from robotd_export.export_input import ExportInput
 from robotd_export.nav2 import twist_limits
-from robotd_export.targets import export_function, export_targets
 
 EXPORTS = {target: export_function(target) for target in export_targets()}
 

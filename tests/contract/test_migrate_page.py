@@ -14,8 +14,8 @@ import pytest
 from tests.contract.surfaces import made_nodes
 
 from robotd.robot import build_robot
-from robotd_ros.endpoints import report_of
 from robotd_ros.nodes.node_parameters import Parameters
+from robotd_ros.run_nodes import report_of
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "how-to" / "migrate.md").read_text(encoding="utf-8")

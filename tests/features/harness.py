@@ -9,7 +9,7 @@ from robotd.clock.simulated import SteppedClock
 from robotd.motion import TrajectoryRequest
 from robotd.observation.tap import Tap
 from robotd.robot import Robot, build_robot
-from robotd_recorder.flight_recorder import FlightRecorder
+from robotd_recorder.recorder import FlightRecorder
 from robotd_recording.recording_folder import RecordingFolder
 
 PERIODS = 500

@@ -25,7 +25,6 @@ from robotd_ros.middleware import (
     EventsExecutor,
     destroy_node,
     overrides_of,
-    remapped_action,
     shared_memory,
     use_profiles,
     with_message_info,
@@ -100,7 +99,7 @@ def test_rcl_does_not_remap_actions(node: Node) -> None:
 
 
 def test_a_remapped_name_is_kept_by_rcl(node: Node) -> None:
-    serve_action(node, remapped_action(node, "follow"))
+    serve_action(node, node.resolve_topic_name("follow"))
     wait_until(lambda: actions(node), "an action")
     assert actions(node) == ["/remapped"]
 

@@ -28,7 +28,7 @@ from tf2_msgs.msg import TFMessage
 from wmx_ros2_message.msg import AxisState
 from wmx_ros2_message.srv import SetAxis
 
-from robotd_ros.nodes.rejection_log import PAUSE_S
+from robotd_ros.nodes.command_subscription import PAUSE_S
 
 pytestmark = pytest.mark.ros
 

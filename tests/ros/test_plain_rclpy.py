@@ -29,7 +29,7 @@ from robotd_ros.middleware import (
     start_arguments,
     worker_action_server,
 )
-from robotd_ros.middleware.plain_action_server import PlainActionServer
+from robotd_ros.middleware.action_server import PlainActionServer
 from robotd_ros.middleware.release_gil import LayoutError
 from robotd_ros.services import add_service
 from robotd_testing.domain import own_domain

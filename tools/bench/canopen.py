@@ -28,8 +28,8 @@ from robotd_canopen.bus import Bus
 from robotd_canopen.feedback import Feedback
 from robotd_canopen.frame import Frame
 from robotd_canopen.layout import plan_network
+from robotd_canopen.master import SyncProducer
 from robotd_canopen.options import BusOptions, CanopenOptions
-from robotd_canopen.sync_producer import SyncProducer
 from robotd_cia402.scaling import Scaling
 
 FRAMES = 5_000

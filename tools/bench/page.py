@@ -31,8 +31,8 @@ from tools.bench.targets import Target, at_most
 
 from robotd.log import configure_logging
 from robotd.robot import Robot, build_robot
+from robotd_page.page_feed import RobotSource
 from robotd_page.page_server import BUNDLE_FOLDER, PageServer
-from robotd_page.robot_source import RobotSource
 from robotd_recorder.recorder import Recorder, observed
 
 CASES = ("nobody", "1 viewer", "5 viewers")

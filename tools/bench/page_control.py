@@ -28,10 +28,10 @@ from robotd.robot import Robot, build_robot
 from robotd_page.control_jog import jog_velocities
 from robotd_page.control_server import PageControl
 from robotd_page.held_motion import HEARTBEAT_S
+from robotd_page.page_feed import RobotSource
 from robotd_page.page_server import PageServer
-from robotd_page.robot_source import RobotSource
 from robotd_recorder.recorder import observed
-from robotd_scenario.requested_faults import requested_faults
+from robotd_scenario.fault_schedule import requested_faults
 
 AT_REST = 1e-3  # rad/s
 VELOCITY_ROW = VALUES.index("velocity")

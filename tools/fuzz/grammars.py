@@ -11,8 +11,7 @@ from tools.fuzz.mutations import NUMBERS
 
 from robotd.descriptor import RobotDescriptor
 from robotd_scenario import FAULTS
-from robotd_scenario.program import Check, Step
-from robotd_scenario.scenario_model import Scenario
+from robotd_scenario.program import Check, Scenario, Step
 from robotd_wmx_parameters.element_table import AXIS_SECTIONS, GLOBAL_SECTIONS
 
 DEPTH = 5

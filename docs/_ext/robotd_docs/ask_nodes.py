@@ -20,9 +20,8 @@ from robotd.clock.simulated import PacedClock
 from robotd.descriptor import load_robot_descriptor
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
-from robotd_ros.endpoints import report_of
 from robotd_ros.host import RosHost
-from robotd_ros.run_nodes import run_nodes
+from robotd_ros.run_nodes import report_of, run_nodes
 from robotd_scenario import FaultSchedule
 from robotd_testing.domain import own_domain
 

@@ -23,9 +23,8 @@ from robotd.api.commands import (
 )
 from robotd.api.models import Override, RobotDescriptor, load_robot_descriptor
 from robotd.api.robots import load_backend
-from robotd_commissioning.commission_record import CommissionRecord
 from robotd_commissioning.commission_terminal import CommissionTerminal, Left
-from robotd_commissioning.session import Commissioning
+from robotd_commissioning.session import Commissioning, CommissionRecord
 from robotd_commissioning.steps import STEPS
 
 

@@ -17,8 +17,7 @@ from robotd.api import OperationError, RobotdError
 from robotd.api.commands import Interrupt, parse_number
 from robotd_commissioning.commissioned_axis import CommissionedAxis
 from robotd_commissioning.findings import in_words
-from robotd_ros.commands.jog_keys import JogKeys
-from robotd_ros.commands.key_input import KeyInput
+from robotd_ros.commands.jog_keys import JogKeys, KeyInput
 
 TICK_S = 0.02
 SHOW_S = 0.2

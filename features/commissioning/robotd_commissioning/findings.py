@@ -64,7 +64,6 @@ def judge_identity(node: BusNode, expected: Mapping[str, Any], key: str) -> Find
     """Compare the identity of a drive with the descriptor's, or propose it.
 
     Args:
-        node: of the fieldbus.
         expected: ``vendor_id`` and others that the descriptor demands; None: not compared.
         key: of the identity in the axis' section.
     """
@@ -96,7 +95,6 @@ def judge_direction(
         reported: change of the position, rad or m.
         positive: the joint moved in its positive direction.
         polarity: of the descriptor, 1 or -1.
-        key: of the polarity.
         unit: ``rad`` or ``m``.
     """
     if abs(reported) < MIN_MOVE[unit]:
@@ -130,7 +128,6 @@ def judge_scale(
     Args:
         reported, true: change of the position, rad or m.
         scale: counts per rad (or m) of the descriptor.
-        key: of the scale.
         unit: ``rad`` or ``m``.
         stated: counts per turn by the drive's own objects.
     """

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import difflib
+import io
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from robotd.api import (
     AxisKeys,
@@ -15,13 +22,181 @@ from robotd.api import (
     PluginError,
     unknown_name,
 )
-from robotd.api.models import JointSettings, RobotDescriptor, validate_section
+from robotd.api.models import (
+    JointSettings,
+    RobotDescriptor,
+    is_file,
+    read_limited,
+    validate_section,
+)
 from robotd.api.robots import Backend, Robot
-from robotd_commissioning.commission_record import CommissionRecord
 from robotd_commissioning.commissioned_axis import CommissionedAxis
-from robotd_commissioning.descriptor_edit import DescriptorEdit
-from robotd_commissioning.findings import Finding
+from robotd_commissioning.findings import Change, Finding, Place
 from robotd_commissioning.steps import STEPS, Bench, Operator
+
+MAX_BYTES = 1_000_000
+MAX_LINE = 10_000  # flow mappings stay on their line
+
+
+class DescriptorEdit:
+    """Text of a robot's file with changes of one axis. Writes nothing before ``save``.
+
+    Args:
+        robot: loaded from a file.
+        joint: whose axis it is.
+        backend: name of the section.
+
+    Raises DescriptorError: the robot has no file, or the axis is described in one that it extends.
+    """
+
+    def __init__(
+        self, robot: RobotDescriptor, joint: JointSettings, backend: str, keys: AxisKeys
+    ) -> None:
+        if robot.path is None:
+            raise DescriptorError(f"{robot.name} has no file to write to")
+        self.path = robot.path
+        self._variant, self._backend, self._keys, self._joint = robot.variant, backend, keys, joint
+        self.before = self.path.read_text(encoding="utf-8")
+        self._tree = _yaml().load(self.before)
+        self._joint_item = self._find(["joints"], "name", joint.name)
+        self._drive_item = self._find(["backends", backend, keys.items], "axis", joint.axis)
+
+    def changed(self, changes: Sequence[Change]) -> str:
+        """Return the text with ``changes``."""
+        for change in changes:
+            item = self._joint_item if change.place is Place.JOINT else self._drive_item
+            if change.key == self._keys.window_object:
+                _set_startup(item, change.key, change.value)
+            else:
+                item[change.key] = _flow(change.value)
+        text = io.StringIO()
+        _yaml().dump(self._tree, text)
+        return text.getvalue()
+
+    def difference(self, text: str) -> str:
+        """Return the unified diff from the file to ``text``."""
+        lines = difflib.unified_diff(
+            self.before.splitlines(keepends=True),
+            text.splitlines(keepends=True),
+            str(self.path),
+            f"{self.path} (new)",
+            n=1,
+        )
+        return "".join(lines)
+
+    def save(self, text: str, check: Callable[[Path], object]) -> None:
+        """Replace the file by ``text`` at once, after ``check`` of a copy beside it.
+
+        Raises what ``check`` raises, and DescriptorError where the folder cannot be written; the
+        file is unchanged then.
+        """
+        copy = self.path.with_name(f".{self.path.stem}.new.yaml")
+        try:
+            copy.write_text(text, encoding="utf-8")
+            copy.chmod(self.path.stat().st_mode)
+            check(copy)
+            copy.replace(self.path)
+        except OSError as error:
+            raise DescriptorError(f"cannot be written: {error.strerror}", path=self.path) from None
+        finally:
+            copy.unlink(missing_ok=True)
+
+    def _find(self, keys: list[str], name: str, value: Any) -> Any:
+        """Return the item of a list in this file whose ``name`` is ``value``."""
+        for prefix in [["variants", self._variant], []] if self._variant else [[]]:
+            node = self._tree
+            for key in (*prefix, *keys):
+                node = node.get(key) if isinstance(node, Mapping) else None
+            for item in node or ():
+                if item.get(name) == value:
+                    return item
+        where = ".".join(keys)
+        what = (
+            f"has no item with {name}: {value} in this file, but in one that it extends: copy the"
+            " list into this file, which keeps what this machine needs"
+        )
+        raise DescriptorError(what, path=self.path, key=where)
+
+
+def _set_startup(item: Any, name: str, value: int) -> None:
+    """Set the start-up object ``name`` to ``value``."""
+    startup = item.get("startup")
+    if startup is None:
+        startup = item["startup"] = CommentedSeq()
+        startup.fa.set_flow_style()
+    for write in startup:
+        if str(write.get("object")).lower() == name.lower():
+            write["value"] = value
+            return
+    startup.append(_flow({"object": name, "value": value}))
+
+
+def _flow(value: Any) -> Any:
+    """Return ``value`` for YAML; a mapping on one line."""
+    if not isinstance(value, Mapping):
+        return value
+    mapping = CommentedMap(value)
+    mapping.fa.set_flow_style()
+    return mapping
+
+
+def _yaml() -> YAML:
+    yaml = YAML()
+    yaml.width, yaml.preserve_quotes = MAX_LINE, True
+    yaml.indent(mapping=2, sequence=4, offset=2)
+    yaml.representer.add_representer(
+        type(None), lambda dumper, _: dumper.represent_scalar("tag:yaml.org,2002:null", "null")
+    )
+    return yaml
+
+
+class _Content(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    joints: dict[str, dict[str, str]] = {}  # joint → step → finding
+
+
+class CommissionRecord:
+    """Findings by joint and step. One thread.
+
+    Args:
+        robot: the robot's file; the record is ``<name>.commission.json`` beside it.
+
+    Raises DescriptorError: the file is there and is no record.
+    """
+
+    def __init__(self, robot: Path) -> None:
+        self.path = robot.with_name(f"{robot.stem}.commission.json")
+        self._content = _Content()
+        if is_file(self.path):
+            try:
+                data = read_limited(self.path, MAX_BYTES)
+                self._content = _Content.model_validate_json(data)
+            except ValidationError as error:
+                what = f"is no record of a commissioning: {error.errors()[0]['msg']}; delete it"
+                raise DescriptorError(what, path=self.path) from None
+
+    def finding(self, joint: str, step: str) -> str | None:
+        """Return the finding of a finished step; None of an open one."""
+        return self._content.joints.get(joint, {}).get(step)
+
+    def note(self, joint: str, step: str, text: str) -> None:
+        """Keep a finding, in the file too. Raises DescriptorError: it cannot be written."""
+        self._content.joints.setdefault(joint, {})[step] = text
+        self._save()
+
+    def forget(self, joint: str) -> None:
+        """Open all steps of a joint again."""
+        if self._content.joints.pop(joint, None) is not None:
+            self._save()
+
+    def _save(self) -> None:
+        copy = self.path.with_name(f".{self.path.name}.new")
+        try:
+            copy.write_text(json.dumps(self._content.model_dump(), indent=2) + "\n", "utf-8")
+            copy.replace(self.path)
+        except OSError as error:
+            raise DescriptorError(f"cannot be written: {error.strerror}", path=self.path) from None
 
 
 class Commissioning:
@@ -32,10 +207,7 @@ class Commissioning:
 
     Args:
         load: loads the descriptor as it is now, from its file or from another one.
-        backend: of the robot.
-        joint: name.
         record: finished steps.
-        make_operator: of an axis.
 
     Raises:
         PluginError: the backend has no keys that commissioning could write.

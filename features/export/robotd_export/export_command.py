@@ -1,18 +1,40 @@
-"""``robotd export``: configuration of a robot's clients, in their own formats."""
+"""``robotd export``: configuration of a robot's clients, in their own formats.
+
+Targets are functions in the entry-point group ``robotd.exports``, by the name of the target. Each
+takes an ``ExportInput`` and returns the text, or the files of a folder by their paths; it raises
+DescriptorError where the robot has nothing for the target. A function is imported when its target
+is asked for.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from importlib.metadata import entry_points
 from pathlib import Path
 
 import click
 
-from robotd.api.commands import load_installed, log_options, which_robot
+from robotd.api.commands import load_entry, load_installed, log_options, which_robot
 from robotd.api.models import Override, load_robot_descriptor
 from robotd_export.export_input import ExportInput
-from robotd_export.targets import export_function, export_targets
 from robotd_shared.package_templates import write_folder
+
+EXPORTS = "robotd.exports"
+
+Export = Callable[[ExportInput], str | Mapping[str, str]]
+
+
+def export_targets() -> list[str]:
+    """Return the names of all targets; imports none."""
+    return sorted({entry.name for entry in entry_points(group=EXPORTS)})
+
+
+def export_function(target: str) -> Export:
+    """Import the function of a target. Raises PluginError where it cannot be imported."""
+    entry = next(iter(entry_points(group=EXPORTS, name=target)))
+    function: Export = load_entry(entry, f"export {target!r}")
+    return function
 
 
 def namespace(ctx: click.Context, option: click.Parameter, value: str) -> str:

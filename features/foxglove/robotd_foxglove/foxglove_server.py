@@ -15,9 +15,15 @@ from robotd.api import NANOSECONDS, FloatArray, OperationError, get_logger
 from robotd.api.features import Tap, measured_joints
 from robotd.api.models import JointFrames, UrdfJoint, parse_urdf
 from robotd_foxglove.limited_port import LimitedPort
-from robotd_foxglove.state_schema import STATE_SCHEMA
-from robotd_messages.message_encoders import joint_state, log_message, string_message
-from robotd_messages.message_types import JOINT_STATE, LOG, SCHEMAS, STRING
+from robotd_messages.message_encoders import (
+    JOINT_STATE,
+    LOG,
+    SCHEMAS,
+    STRING,
+    joint_state,
+    log_message,
+    string_message,
+)
 from robotd_shared.mesh_files import drawable_meshes
 from robotd_shared.robot_state import Goals, state_of
 
@@ -27,6 +33,73 @@ ADDRESS = "127.0.0.1"
 RATE_HZ = 30.0
 STATE_TICKS = 15  # of ``RATE_HZ``
 END_TIMEOUT_S = 2.0
+TEXT: Mapping[str, Any] = {"type": "string"}
+NUMBER: Mapping[str, Any] = {"type": "number"}
+COUNT: Mapping[str, Any] = {"type": "integer"}
+FLAG: Mapping[str, Any] = {"type": "boolean"}
+
+
+def _record(**fields: Mapping[str, Any]) -> dict[str, Any]:
+    return {"type": "object", "properties": fields, "required": [*fields]}
+
+
+def _list(items: Mapping[str, Any]) -> dict[str, Any]:
+    return {"type": "array", "items": items}
+
+
+_PROBLEM = _record(
+    kind=TEXT, is_fault=FLAG, text=TEXT, axes=_list(TEXT), code=COUNT, remedy=TEXT, since_s=NUMBER
+)
+_AXIS = _record(
+    servo=FLAG,
+    offline=FLAG,
+    fault=TEXT,
+    mode=TEXT,
+    operation=TEXT,
+    owner=TEXT,
+    switches=_list(TEXT),
+)
+_GOAL = _record(duration_s=NUMBER, joints=_list(TEXT), sender=TEXT, ending=TEXT)
+_NODE = _record(
+    id=COUNT,
+    state=TEXT,
+    offline=FLAG,
+    error_code=COUNT,
+    axes=COUNT,
+    inputs=COUNT,
+    outputs=COUNT,
+    fault=TEXT,
+)
+_BUS = _record(
+    name=TEXT,
+    state=TEXT,
+    lost_frames=COUNT,
+    timeouts=COUNT,
+    late_cycles=COUNT,
+    note=TEXT,
+    details={"type": "object"},
+    nodes=_list(_NODE),
+)
+
+STATE_SCHEMA = {
+    "title": "robotd.State",
+    **_record(
+        type=TEXT,
+        device=TEXT,
+        ready=FLAG,
+        problems=_list(_PROBLEM),
+        speed=NUMBER,
+        paused=FLAG,
+        axes=_list(_AXIS),
+        # null where a group of joints follows no goal.
+        goals=_list({"oneOf": [_GOAL, {"type": "null"}]}),
+        inputs=TEXT,
+        outputs=TEXT,
+        buses=_list(_BUS),
+        missed=COUNT,
+        viewers=COUNT,
+    ),
+}
 
 
 class FoxgloveServer:
@@ -37,7 +110,6 @@ class FoxgloveServer:
     Nothing is computed for a topic without subscribers. Clients can only read.
 
     Args:
-        tap: of the robot.
         port: on the loopback interface; 0: any free one.
 
     Attributes:

@@ -8,7 +8,7 @@ import threading
 from contextlib import suppress
 
 from robotd.api import get_logger
-from robotd_shared.local_ports import MAX_CONNECTIONS
+from robotd_shared.local_http import MAX_CONNECTIONS
 
 log = get_logger("foxglove")
 

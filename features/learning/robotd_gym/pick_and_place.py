@@ -37,7 +37,6 @@ class PickAndPlace(gymnasium.Env[Observation, FloatArray]):
     Args:
         robot, variant, rate_hz: as for ``SteppedRobot``.
         backend: one with a world.
-        object_name: of the world.
         tolerance: of x and y of the object, m.
         camera: its picture is ``image`` of the observation, and what ``render`` returns; "": none.
         render_mode: ``rgb_array`` with a camera; None: ``render`` returns None.

@@ -8,11 +8,7 @@ from contextlib import AbstractContextManager
 from typing import Protocol
 
 import numpy as np
-from prometheus_client import (
-    CollectorRegistry,
-    ProcessCollector,
-    make_wsgi_app,
-)
+from prometheus_client import CollectorRegistry, ProcessCollector, make_wsgi_app
 from prometheus_client.core import (
     CounterMetricFamily,
     GaugeMetricFamily,

@@ -21,7 +21,6 @@ def propose_groups(
     gripper, belongs to the chain that carries it.
 
     Args:
-        urdf: of the robot.
         joints: with an axis each, depth first.
         known: names of joints of groups that share none; chains are proposed for the other joints.
     """

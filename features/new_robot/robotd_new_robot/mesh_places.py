@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from robotd.api.models import mesh_files
-from robotd_shared.mesh_files import gltf_parts
-from robotd_shared.moved_meshes import moved_mesh_names, with_mesh_names
+from robotd_shared.mesh_files import gltf_parts, moved_mesh_names, with_mesh_names
 
 FOLDER = "meshes"  # of a robot
 
@@ -34,7 +33,6 @@ def place_meshes(
     """Find the meshes of a URDF, and name them for another folder.
 
     Args:
-        text: of the URDF.
         path: of the URDF that is read.
         written: path that it gets.
         folders: searched in addition, see ``find_mesh``.

@@ -62,8 +62,6 @@ def robot_files(
     """Return the files of a robot's folder: ``robot.yaml`` and the URDF.
 
     Args:
-        name: of the robot.
-        text: of the URDF.
         path: of the URDF, for errors.
         choices: answers that the URDF does not contain.
         bus: result of a bus scan, see ``BusScan``.
@@ -122,7 +120,6 @@ def bus_robot_files(name: str, bus: Path, ramp_s: float) -> dict[str, bytes]:
     """Return the files of a robot that is known by its drives alone: ``robot.yaml``.
 
     Args:
-        name: of the robot.
         bus: result of a bus scan, see ``BusScan``.
         ramp_s: time to full speed.
 

@@ -18,7 +18,6 @@ def expand_xacro(path: Path, arguments: Mapping[str, str], folders: Sequence[Pat
     ``$(find PACKAGE)`` is looked up in ``AMENT_PREFIX_PATH``, beside the file and in ``folders``.
 
     Args:
-        path: of the file.
         arguments: values of its ``<xacro:arg>``.
         folders: that hold packages.
 

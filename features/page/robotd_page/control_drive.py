@@ -98,8 +98,6 @@ class HeldDrive:
     the control loop lets the base slow to rest without any thread of the server.
 
     Args:
-        robot: of the base.
-        sender: of the commands.
         ended: called with the end of each hold that the client does not end.
         timeout_s: silence that ends a hold, in time of the robot.
     """

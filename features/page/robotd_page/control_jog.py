@@ -13,14 +13,7 @@ from robotd.api import InvalidArgument, unknown_name
 from robotd.api.features import ProcessImage, noted
 from robotd.api.robots import JointGroup, JointStream, Robot, stoppable_velocity
 from robotd_page.control_commands import Finite
-from robotd_page.held_motion import (
-    REACHED,
-    TIMEOUT_S,
-    Heartbeat,
-    HeldMotion,
-    Hold,
-    StreamedMotion,
-)
+from robotd_page.held_motion import REACHED, TIMEOUT_S, Heartbeat, HeldMotion, Hold, StreamedMotion
 
 STOP_S = 0.15  # from the last heartbeat to standstill
 LATE_PERIODS = 3  # of the control loop, until it sees the silence and the drive has followed
@@ -120,9 +113,6 @@ class _Step(StreamedMotion):
     """Motion to a target, and the end of the stream there.
 
     Args:
-        stream: of the joint.
-        image: of the robot.
-        axis: of the joint.
         target: rad or m.
     """
 

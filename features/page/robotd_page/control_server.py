@@ -72,7 +72,6 @@ class PageControl:
     closes it. Nothing that a GET request carries changes anything.
 
     Args:
-        robot: that is controlled.
         faults: of a simulation, which the page can inject; None: there are none.
         hold_timeout_s: age of the last heartbeat at which a jog slows to rest.
 
@@ -175,7 +174,6 @@ class Controller:
     """Executes the requests of one client, and answers each. Thread of the server.
 
     Args:
-        robot: that is controlled.
         faults: of a simulation.
         name: of the client, as owner of joints and sender of commands.
         viewer: that the answers are sent to.

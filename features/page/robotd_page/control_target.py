@@ -107,8 +107,6 @@ class _Goal(Motion):
     """Planned motion of a tool, watched by the worker that waits for its end.
 
     Args:
-        tool: that moves.
-        plan: of ``tool``.
         hold: that keeps it going.
         is_late: returns whether no heartbeat has come for too long.
     """

@@ -71,8 +71,8 @@ def open_page(host: FeatureHost) -> Iterator[Tap | None]:
         return
     try:
         from robotd_page.control_server import PageControl
+        from robotd_page.page_feed import RobotSource
         from robotd_page.page_server import PageServer
-        from robotd_page.robot_source import RobotSource
     except ImportError as error:
         raise OperationError("the page needs aiohttp: pip install 'robotd[page]'") from error
     host.requested.add("metrics")

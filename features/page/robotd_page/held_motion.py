@@ -174,7 +174,6 @@ class HeldMotion(ABC, Generic[Beat]):
     the client presses anew. ``beat``, ``release`` and ``close`` never block.
 
     Args:
-        robot: of the joints.
         owner: of the joints while they move.
         workers: open the motion and wait for its end.
         ended: called by a worker with the end of each hold.

@@ -1,31 +1,166 @@
-"""Messages to the viewers of a page, made from the tap of a robot."""
+"""Messages to the viewers of a page, made from the tap of a robot in this process.
+
+What the page draws is constant (robot, axes, limits, names, URDF), or moves (samples, objects).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
 from typing import Any
 
-from robotd.api.features import Tap
+import numpy as np
+
+from robotd.api import FloatArray, InvalidArgument
+from robotd.api.features import MAX_IO_BYTES, CameraPictures, Tap, identity
+from robotd.api.models import RobotDescriptor
+from robotd.api.robots import Gripper, PacedClock, Robot
 from robotd_page.live_samples import LiveSamples
-from robotd_page.page_description import describe
 from robotd_page.page_message import Message, json_text
 from robotd_page.seen_state import reduces_motion
-from robotd_page.world_objects import WorldObjects
+from robotd_shared.mesh_files import MeshFiles
 from robotd_shared.robot_state import Goals, event_of, state_of
 
 FIRST_EVENTS = 300  # of the log that a new viewer gets
-STATE_LOOKS = 2  # calls of ``PageFeed.changes`` for one state
+STATE_LOOKS = 2  # calls of ``PageFeed.messages`` with changes for one state
+PROTOCOL = 2  # of the messages; the page asks to be loaded again when it has another one
+DIGITS = 5  # of poses: 0.01 mm
+
+
+def describe(
+    tap: Tap,
+    nodes: Sequence[str],
+    meshes: Mapping[str, str],
+    *,
+    has_control: bool = False,
+    namespace: str = "/",
+) -> dict[str, Any]:
+    """Return the first message to a viewer.
+
+    Args:
+        nodes: names of the ROS nodes that are served.
+        meshes: URL of each mesh, by its name in the URDF.
+        has_control: the page can be unlocked to control the robot.
+    """
+    robot = tap.robot
+    descriptor, clock = robot.descriptor, robot.clock
+    return {
+        "type": "description",
+        "protocol": PROTOCOL,
+        **identity(robot, namespace),
+        "time_scale": _finite(clock.scale) if isinstance(clock, PacedClock) else 1.0,
+        "rate_hz": descriptor.cycle.rate_hz,
+        "wall_offset_s": tap.offset_ns * 1e-9,
+        "axes": _axes(robot),
+        "groups": [*robot.groups],
+        "tools": [{"link": each.link, "base": each.base} for each in robot.tools],
+        "fingers": _fingers(robot.gripper),
+        "inputs": min(robot.io.sizes[0], MAX_IO_BYTES),
+        "outputs": min(robot.io.sizes[1], MAX_IO_BYTES),
+        "io_names": _io_names(descriptor),
+        "nodes": [*nodes],
+        "urdf": tap.urdf,
+        "meshes": dict(meshes),
+        "urdf_file": str(descriptor.urdf.absolute()) if descriptor.urdf else "",
+        "has_control": has_control,
+    }
+
+
+def _axes(robot: Robot) -> list[dict[str, Any]]:
+    joints = dict(zip(robot.joint_axes, robot.descriptor.joints, strict=True))
+    drive = robot.descriptor.drive
+    wheels = dict(zip(drive.axes, drive.wheel_joints, strict=False)) if drive else {}
+    group_of = {name: group for group, each in robot.groups.items() for name in each.joint_names}
+    described = []
+    for axis, (name, limits) in enumerate(zip(robot.axes.names, robot.axes.limits, strict=True)):
+        joint = joints.get(axis)
+        kind = "joint" if joint else "wheel" if axis in robot.wheel_axes else "axis"
+        described.append(
+            {
+                "name": name,
+                "kind": kind,
+                "joint": name if joint else wheels.get(axis, ""),
+                "group": group_of.get(name, "") if len(robot.groups) > 1 else "",
+                "unit": limits.unit,
+                "lower": _finite(limits.lower),
+                "upper": _finite(limits.upper),
+                "velocity": _finite(limits.velocity),
+                "effort": joint.rated_effort if joint else None,
+            }
+        )
+    return described
+
+
+def _fingers(gripper: Gripper | None) -> list[dict[str, Any]]:
+    """Return name and positions of each finger joint."""
+    if gripper is None:
+        return []
+    return [
+        {"name": name, "open": opened, "closed": closed}
+        for name, (opened, closed) in gripper.finger_ends.items()
+    ]
+
+
+def _io_names(descriptor: RobotDescriptor) -> dict[str, str]:
+    """Return names by address: ``out0.3`` is bit 3 of output byte 0."""
+    names: dict[str, str] = {}
+    if gripper := descriptor.gripper:
+        names[f"out{gripper.output_byte}.{gripper.output_bit}"] = "close gripper"
+        if sensor := gripper.part_sensor:
+            names[f"in{sensor.input_byte}.{sensor.input_bit}"] = "part in gripper"
+    if stop := descriptor.stop_input:
+        names[f"in{stop.input_byte}.{stop.input_bit}"] = "stop input"
+    names |= {f"in{at.byte}.{at.bit}": name for name, at in descriptor.inputs.items()}
+    names |= {f"out{at.byte}.{at.bit}": name for name, at in descriptor.outputs.items()}
+    return names
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+class WorldObjects:
+    """Shapes and poses of the objects of a robot's world, which may have none. One thread."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot, self._world = robot, robot.world
+        self._shown: FloatArray = np.empty(0)
+
+    def describe(self) -> dict[str, Any] | None:
+        """Return the frame, and shape and pose of each object; None without objects."""
+        world = self._world
+        if world is None or not world.objects:
+            return None
+        shapes = [
+            {"name": each.name, "shape": each.shape, "size": each.size_m, "color": each.color}
+            for each in world.objects
+        ]
+        return {"frame": world.frame, "shapes": shapes, "poses": self._poses().tolist()}
+
+    def moved(self) -> Message | None:
+        """Return the poses where they differ from those of the call before."""
+        if self._world is None or not self._robot.connection.ready:
+            return None
+        poses = self._poses()
+        if np.array_equal(poses, self._shown):
+            return None
+        self._shown = poses
+        return json_text({"type": "objects", "poses": poses.tolist()})
+
+    def _poses(self) -> FloatArray:
+        """Return the rounded poses (n, 7), m and quaternions x, y, z, w."""
+        return np.empty(0) if self._world is None else self._world.poses().round(DIGITS)
 
 
 class PageFeed:
     """Makes each message once for all viewers. One thread; nothing runs between the calls.
 
     Args:
-        tap: of the robot.
         nodes: names of the ROS nodes that are served.
         meshes: URL of each mesh, by its name in the URDF.
         has_control: the page can be unlocked to control the robot.
-        namespace: of the ROS nodes.
         has_pictures: the server has pictures of the cameras.
     """
 
@@ -40,8 +175,9 @@ class PageFeed:
         has_pictures: bool = False,
     ) -> None:
         self._tap, self._has_pictures = tap, has_pictures
-        self._nodes, self._meshes, self._has_control = nodes, meshes, has_control
-        self._namespace = namespace
+        self._describe = partial(
+            describe, tap, nodes, meshes, has_control=has_control, namespace=namespace
+        )
         self._live = LiveSamples(tap)
         self._objects = WorldObjects(tap.robot)
         _ = tap.robot.backend.code_tables  # imported now, not at the first alarm
@@ -59,13 +195,7 @@ class PageFeed:
         if viewers == 1:
             self._live.restart()
             self._note(*self._tap.events.since(self._cursor))
-        description = describe(
-            self._tap,
-            self._nodes,
-            self._meshes,
-            has_control=self._has_control,
-            namespace=self._namespace,
-        )
+        description = self._describe()
         description["objects"] = self._objects.describe()
         description["cameras"] = self._cameras() if self._has_pictures else []
         events = self._tap.events.since(0)[0][-FIRST_EVENTS:]
@@ -78,18 +208,14 @@ class PageFeed:
 
     def messages(self, viewers: int, *, changes: bool) -> Iterator[Message]:
         """Yield the newest sample, objects that moved, and events and state where they are due."""
-        if sample := self.live():
+        if sample := self._live.sample():
             yield sample
         if moved := self._objects.moved():
             yield moved
         if changes:
-            yield from self.changes(viewers)
+            yield from self._changes(viewers)
 
-    def live(self) -> bytes | None:
-        """Return the newest sample; None without a new one."""
-        return self._live.sample()
-
-    def changes(self, viewers: int) -> Iterator[Message]:
+    def _changes(self, viewers: int) -> Iterator[Message]:
         """Yield the events and the state, as far as they are new.
 
         The state is read with each event and else in every ``STATE_LOOKS``-th call, because it
@@ -131,3 +257,48 @@ class PageFeed:
     def _read_state(self, viewers: int) -> dict[str, Any]:
         state = state_of(self._tap, self._goals.running(), viewers)
         return {**state, "seen": self._seen}  # commands of a page return it
+
+
+class RobotSource:
+    """The one robot of this process, whatever name the page asks for.
+
+    Args:
+        nodes: names of the ROS nodes that are served.
+        has_control: the page can be unlocked to control the robot.
+    """
+
+    def __init__(
+        self,
+        tap: Tap,
+        nodes: Sequence[str],
+        *,
+        has_control: bool = False,
+        namespace: str = "/",
+    ) -> None:
+        self._meshes = MeshFiles()
+        urls = self._meshes.add(tap.urdf, tap.robot.descriptor.urdf)
+        self._feed = PageFeed(
+            tap, nodes, urls, has_control=has_control, namespace=namespace, has_pictures=True
+        )
+        world = tap.robot.world
+        self._pictures = CameraPictures(world) if world is not None else None
+        self._loop = tap.robot.control_loop
+
+    def feed(self, robot: str) -> PageFeed:
+        return self._feed
+
+    def file(self, url: str) -> Path | None:
+        return self._meshes.file(url)
+
+    def picture(self, camera: str) -> bytes:
+        """Return the newest picture as JPEG. Blocks; any thread.
+
+        Raises InvalidArgument for an unknown camera, OperationError without OpenGL or Pillow.
+        """
+        if self._pictures is None:
+            raise InvalidArgument("the robot has no cameras")
+        return self._pictures.newest(camera)
+
+    @property
+    def yield_to_control_loop(self) -> Callable[[], None]:
+        return self._loop.yield_to_control_loop

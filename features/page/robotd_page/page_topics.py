@@ -15,14 +15,7 @@ from robotd.api import get_logger
 from robotd.api.features import Tap
 from robotd_messages.message_encoders import octets_message, string_message
 from robotd_page.page_feed import PageFeed
-from robotd_page.page_messages import (
-    ALL,
-    CHANGES,
-    FIRST,
-    NEWEST,
-    SAMPLES,
-    pack_first,
-)
+from robotd_page.page_messages import ALL, CHANGES, FIRST, NEWEST, SAMPLES, pack_first
 from robotd_ros.nodes.latched_topics import publish_if_alive
 from robotd_ros.qos import LATCHED
 from robotd_ros.run_nodes import NodeContext
@@ -47,7 +40,6 @@ class PageTopics:
 
     Args:
         node: the one of the operator.
-        tap: of the robot.
         nodes: names of the ROS nodes that are served.
     """
 

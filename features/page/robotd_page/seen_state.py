@@ -40,7 +40,6 @@ def rejection(robot: Robot, seen: Seen | None, sender: str) -> str:
     No clock but the robot's own counts.
 
     Args:
-        robot: that is commanded.
         seen: state for which the command was given.
         sender: whose own commands it has followed.
     """

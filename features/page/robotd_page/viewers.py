@@ -1,13 +1,19 @@
-"""Viewers of a page: WebSocket connections with bounded memory."""
+"""Viewers of a page and of each feed: WebSocket connections with bounded memory."""
 
 from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from robotd.api import get_logger
+from robotd_page.page_message import websocket_frames
+
+if TYPE_CHECKING:  # remote robots need rclpy
+    from robotd_page.page_feed import PageFeed
+    from robotd_page.remote_robots import RemoteFeed
 
 log = get_logger("page")
 
@@ -40,7 +46,6 @@ class Viewer:
 
     Args:
         socket: prepared.
-        transport: of the connection.
         first: frames to send at once.
         yield_to_control_loop: called before each write.
     """
@@ -86,3 +91,31 @@ class Viewer:
     async def close(self) -> None:
         """Say that the server goes away."""
         await self._socket.close(code=WSCloseCode.GOING_AWAY, message=b"robotd has ended")
+
+
+class Channel:
+    """Viewers of one feed: each frame is made once. Thread of the server.
+
+    Attributes:
+        viewers: at present.
+    """
+
+    def __init__(self, feed: PageFeed | RemoteFeed) -> None:
+        self._feed = feed
+        self.viewers: set[Viewer] = set()
+
+    def first(self) -> bytes:
+        """Return the first frames to one more viewer."""
+        return websocket_frames(self._feed.first(len(self.viewers) + 1))
+
+    def publish(self, *, changes: bool) -> None:
+        """Send the newest samples, and the changes where they are due."""
+        if frames := websocket_frames(self._feed.messages(len(self.viewers), changes=changes)):
+            for viewer in self.viewers:
+                viewer.send(frames)
+
+    def discard(self, viewer: Viewer) -> None:
+        """Remove a viewer that has gone."""
+        self.viewers.discard(viewer)
+        if not self.viewers:
+            self._feed.release()

@@ -3,19 +3,75 @@
 from __future__ import annotations
 
 import threading
+from collections import deque
 from collections.abc import Sequence
+from typing import Self
 
-from robotd.api import OperationError, WorldCamera, get_logger
+from robotd.api import (
+    OperationError,
+    RobotdError,
+    World,
+    WorldCamera,
+    due_cameras,
+    get_logger,
+    jpeg,
+)
 from robotd.api.features import Tap
-from robotd_recorder.camera_recorder import CameraRecorder
+from robotd.api.robots import Robot
 from robotd_recorder.recorder_process import RecorderProcess
 from robotd_recording.recording_folder import CONTINUOUS, RecordingFolder
+from robotd_recording.recording_writer import Picture
 from robotd_recording.writer_process import Report
 
 log = get_logger("recorder")
 
 SEND_INTERVAL_S = 0.25
 END_TIMEOUT_S = 30.0
+MAX_WAITING = 256  # pictures that the writing process has not got yet
+PICTURES_TIMEOUT_S = 5.0
+
+
+class CameraRecorder:
+    """Takes pictures at the rates of the cameras: ``with CameraRecorder(...) as pictures:``.
+
+    Its thread is ``robotd-record-cameras``; without cameras there is none. In simulated time no
+    picture is skipped: time waits for them.
+
+    Args:
+        robot: in the world of the cameras.
+    """
+
+    def __init__(self, robot: Robot, cameras: Sequence[WorldCamera]) -> None:
+        self._robot, self._cameras = robot, cameras
+        self._waiting: deque[Picture] = deque(maxlen=MAX_WAITING)
+        self._stop = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def __enter__(self) -> Self:
+        world = self._robot.world
+        if self._cameras and world is not None:
+            self._thread = threading.Thread(
+                target=self._run, args=(world,), name="robotd-record-cameras", daemon=True
+            )
+            self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        if self._thread is not None:
+            self._thread.join(PICTURES_TIMEOUT_S)
+
+    def take(self) -> list[Picture]:
+        """Return the pictures since the last call."""
+        return [self._waiting.popleft() for _ in range(len(self._waiting))]
+
+    def _run(self, world: World) -> None:
+        try:
+            for now_ns, camera in due_cameras(self._cameras, self._stop, self._robot.clock):
+                data = jpeg(world.image(camera.name))
+                self._waiting.append(Picture(now_ns, camera.name, data))
+        except RobotdError as error:
+            log.error("no pictures in the recording", reason=str(error))
 
 
 class ContinuousRecorder:
@@ -24,7 +80,6 @@ class ContinuousRecorder:
     Any thread may call. A disk that is full ends the recording and nothing else.
 
     Args:
-        tap: source.
         folder: where the files go; none is ever removed.
         split_bytes, split_s: size and time after which a new file begins.
         cameras: whose pictures are recorded, too.

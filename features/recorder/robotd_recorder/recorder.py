@@ -2,23 +2,148 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from robotd.api import OperationError, get_logger
-from robotd.api.features import FeatureHost, Tap, why_unwritable
+from robotd.api import NANOSECONDS, OperationError, get_logger
+from robotd.api.features import Event, EventKind, FeatureHost, Tap, why_unwritable
 from robotd.api.robots import Robot
 from robotd_recorder.continuous_recorder import ContinuousRecorder
 from robotd_recorder.feature import RecorderKeys, RecorderSettings
-from robotd_recorder.flight_recorder import FlightRecorder
+from robotd_recorder.recorder_process import RecorderProcess
 from robotd_recording.recording_folder import RecordingFolder, default_folder
 
 log = get_logger("recorder")
 
 MIB = 2**20
 ROOM_BYTES = 16 * MIB  # less is of no use to a recording that begins
+EARLIER_EVENTS = 20  # from before the first frame: who commanded what
+END_TIMEOUT_S = 5.0  # for a file that is being written at the end
+SAVE_TIMEOUT_S = 30.0  # for the process that writes a file
+ORIGINS = frozenset(
+    {EventKind.COMMAND, EventKind.GOAL, EventKind.RESULT, EventKind.STOP, EventKind.FAULT}
+)
+
+
+class FlightRecorder:
+    """Saves a recording after a fault, a stop with a cause, or on request.
+
+    ``check`` belongs to the tap's thread. A file is written by a process of its own, for which a
+    thread waits; what fails there is logged, and costs the recording and nothing else.
+
+    Args:
+        tap: what is recorded.
+        folder: where the files go.
+        after_s: time recorded after a fault.
+
+    Attributes:
+        saved: number of files written.
+        failed: number of recordings lost.
+        last: path of the last file; None before the first.
+    """
+
+    def __init__(self, tap: Tap, folder: RecordingFolder, after_s: float) -> None:
+        self.saved = 0
+        self.failed = 0
+        self.last: Path | None = None
+        self._tap = tap
+        self._folder = folder
+        self._after_ns = round(after_s * NANOSECONDS)
+        self._cursor = 0
+        self._was_ready = False
+        self._cause: Event | None = None
+        self._due_ns = 0
+        self._saving = threading.Lock()
+        self._thread: threading.Thread | None = None
+
+    def check(self) -> None:
+        """Look for a fault among the new events; save when its time has come."""
+        events, self._cursor = self._tap.events.since(self._cursor)
+        for event in events:
+            self._was_ready |= event.kind is EventKind.STATE and event.subject == "device"
+            if self._cause is None and self._was_ready and is_trigger(event):
+                self._cause, self._due_ns = event, event.time_ns + self._after_ns
+        if self._cause is not None and self._tap.robot.clock.now_ns() >= self._due_ns:
+            self._begin_saving(self._cause)
+
+    def close(self) -> None:
+        """Wait for the file that is being written, then save a fault that is pending."""
+        self._join()
+        if self._cause is not None:
+            self._begin_saving(self._cause)
+            self._join()
+
+    def snapshot(self, reason: str) -> Path:
+        """Save now; return the file. Any worker thread; blocks for about a second.
+
+        Raises OperationError: it could not be written.
+        """
+        self._tap.events.add(EventKind.MARK, "snapshot", reason)
+        if not self._saving.acquire(timeout=SAVE_TIMEOUT_S):
+            raise OperationError("another recording is still being written")
+        try:
+            return self._save("snapshot", reason)
+        except OSError as error:
+            raise OperationError(f"the recording was not written: {error}") from error
+        finally:
+            self._saving.release()
+
+    def _join(self) -> None:
+        if self._thread is not None:
+            self._thread.join(END_TIMEOUT_S)
+
+    def _begin_saving(self, cause: Event) -> None:
+        if self._thread is not None and self._thread.is_alive():
+            return  # it is tried again
+        self._cause = None
+        self._thread = threading.Thread(
+            target=self._save_or_log, args=(cause,), name="robotd-recorder", daemon=True
+        )
+        self._thread.start()
+
+    def _save_or_log(self, cause: Event) -> None:
+        with self._saving:
+            try:
+                path = self._save(str(cause.kind), cause.text)
+                log.warning("recording saved", file=str(path), cause=cause.text)
+            except OSError as error:
+                self.failed += 1
+                log.error(
+                    "recording lost", folder=str(self._folder.path), reason=error.strerror or error
+                )
+            except Exception:
+                self.failed += 1
+                log.exception("recording lost")
+
+    def _save(self, word: str, cause: str) -> Path:
+        tap = self._tap
+        events = _recent(tap.events.since(0)[0], tap.frames.oldest_ns)
+        with RecorderProcess(tap, self._folder, word, cause) as process:
+            process.send(events, tap.samples.since(0)[0])
+            report = process.finish(SAVE_TIMEOUT_S)
+        self.saved += 1
+        self.last = report.path
+        return report.path or self._folder.path
+
+
+def is_trigger(event: Event) -> bool:
+    """Return True for an event that a recording is saved for."""
+    if event.kind is EventKind.COMMAND:
+        return event.subject == "quick_stop" and event.data.get("outcome") == "accepted"
+    if event.kind is EventKind.RESULT and event.data.get("outcome") == "stopped":
+        return False  # the stop is an event of its own
+    is_own = event.kind is EventKind.LOG and event.subject == "recorder"
+    return event.is_bad and not is_own
+
+
+def _recent(events: list[Event], oldest_ns: int) -> list[Event]:
+    """Return events of the frames' time, and the last ones from before that explain them."""
+    events = sorted(events, key=lambda event: event.time_ns)
+    earlier = [event for event in events if event.time_ns < oldest_ns and event.kind in ORIGINS]
+    return [*earlier[-EARLIER_EVENTS:], *(each for each in events if each.time_ns >= oldest_ns)]
 
 
 @dataclass(frozen=True)

@@ -28,10 +28,6 @@ class RecorderProcess:
     Leaving the block without ``finish`` also completes the file, without waiting for it.
 
     Args:
-        tap: source of the frames.
-        folder, word: of the file.
-        cause: for its metadata.
-        cursor: of the first frame.
         split_bytes, split_s: see ``Job``.
 
     Raises OSError, in every method: the process cannot be started, or its file not be written.

@@ -23,7 +23,7 @@ from robotd.api.features import (
     measured_joints,
 )
 from robotd.api.models import MAX_AXES
-from robotd_messages import message_types as types
+from robotd_messages import message_encoders as types
 from robotd_messages.message_encoders import (
     AXIS_VALUES,
     LOOP_VALUES,
@@ -143,8 +143,7 @@ class RecordingWriter:
         info: metadata of the recording.
         urdf: text of the robot's URDF; "" for none.
 
-    Raises:
-        OSError: the disk is full or the file cannot be written; also from the other methods.
+    Raises OSError: the disk is full or the file cannot be written; also from the other methods.
     """
 
     def __init__(self, stream: IO[bytes], info: RecordingInfo, urdf: str = "") -> None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
-from robotd.api import NANOSECONDS, ProcessImage, RobotdError, get_logger
+from robotd.api import NANOSECONDS, Capability, ProcessImage, RobotdError, Unsupported, get_logger
 from robotd.api.robots import Robot
-from robotd_scenario.fault_kinds import Fault, LateCycles
+from robotd_scenario.fault_kinds import FAULTS, Fault, LateCycles, validate_fault
 
 log = get_logger("scenario")
 
@@ -141,3 +142,49 @@ class FaultSchedule:
         self.happened.append(
             Happened(fault, (now_ns - self._origin_ns) / NANOSECONDS, over, failure)
         )
+
+
+class RequestedFaults:
+    """Faults of one robot on a simulated backend. Any thread.
+
+    Attributes:
+        fields: ``name``, ``type``, ``default`` and ``optional`` of each field, by kind of fault.
+    """
+
+    def __init__(self, schedule: FaultSchedule) -> None:
+        self._schedule = schedule
+        definitions = Fault.model_json_schema()["$defs"]
+        self.fields: dict[str, list[dict[str, Any]]] = {}
+        for kind in FAULTS:
+            model = definitions["".join(map(str.capitalize, kind.split("_")))]
+            self.fields[kind] = [_field(*each) for each in model["properties"].items()]
+
+    def inject(self, values: Mapping[str, Any]) -> str:
+        """Inject a fault, written as in a scenario file; return it as text.
+
+        Raises DescriptorError: it is no fault; InvalidArgument: it does not fit the robot.
+        """
+        fault = validate_fault(values)
+        self._schedule.add(fault)
+        return str(fault)
+
+
+def requested_faults(robot: Robot, schedule: FaultSchedule | None = None) -> RequestedFaults | None:
+    """Return the faults of a simulation, by ``schedule`` where there is one; None on hardware."""
+    if Capability.SIMULATED not in robot.capabilities:
+        return None
+    try:
+        return RequestedFaults(schedule or FaultSchedule(robot))
+    except Unsupported:
+        return None
+
+
+def _field(name: str, spec: Mapping[str, Any]) -> dict[str, Any]:
+    types = [spec, *spec.get("anyOf", ())]
+    kind = next(each["type"] for each in types if each.get("type"))
+    return {
+        "name": name,
+        "type": kind,
+        "default": spec.get("default"),
+        "optional": "default" in spec,
+    }

@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from robotd.api.features import FeatureHost
     from robotd.api.models import RobotDescriptor
     from robotd.api.robots import Backend, Robot
-    from robotd_scenario.fault_schedule import FaultSchedule
-    from robotd_scenario.requested_faults import RequestedFaults
+    from robotd_scenario.fault_schedule import FaultSchedule, RequestedFaults
 
 SIMULATION_NODE = "robotd_sim"
 MAX_STEPS = 1_000_000  # periods at once
@@ -63,7 +62,7 @@ def prepare_robot(descriptor: RobotDescriptor, backend: Backend) -> RobotDescrip
     if Capability.SIMULATED not in backend.capabilities:
         text = f"the backend {backend.name} is not simulated"
         raise click.BadParameter(text, param_hint="'--scenario'")
-    from robotd_scenario.scenario_model import load_scenario
+    from robotd_scenario.program import load_scenario
 
     return load_scenario(file).lay_over(descriptor)
 
@@ -79,7 +78,7 @@ def open_scenario(host: FeatureHost) -> Iterator[FaultSchedule | None]:
         yield None
         return
     from robotd_scenario.fault_schedule import FaultSchedule
-    from robotd_scenario.scenario_model import load_scenario
+    from robotd_scenario.program import load_scenario
 
     faults = FaultSchedule(host.robot, load_scenario(file).faults if file else ())
     host.offered["faults"] = lambda: _requested(host, faults)
@@ -101,6 +100,6 @@ def _injects_faults(robot: Robot) -> bool:
 
 
 def _requested(host: FeatureHost, schedule: FaultSchedule) -> RequestedFaults | None:
-    from robotd_scenario.requested_faults import requested_faults
+    from robotd_scenario.fault_schedule import requested_faults
 
     return requested_faults(host.robot, schedule)

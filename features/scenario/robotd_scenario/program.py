@@ -1,16 +1,22 @@
-"""Commands and checks of a scenario, step by step."""
+"""Scenario files: model and loader, commands and checks step by step, and what a check finds."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from enum import StrEnum
-from typing import Annotated, Self
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
-from robotd.api import ConnectionState
-from robotd_scenario.fault_kinds import AxisNumber, Finite, Part, Seconds
+from robotd.api import ConnectionState, Operation
+from robotd.api.models import RobotDescriptor, beside, read_yaml, validate
+from robotd.api.robots import Robot
+from robotd_scenario.fault_kinds import AxisNumber, Fault, Finite, Part, Seconds
 
 Axes = tuple[AxisNumber, ...]
+STANDSTILL = 1e-2  # rad/s or m/s
 
 
 class Expected(StrEnum):
@@ -142,3 +148,95 @@ class Step(Part):
 
 
 COMMANDS = tuple(name for name in Step.model_fields if name not in ("expect", "reason"))
+
+
+def unmet(check: Check, robot: Robot) -> str | None:
+    """Describe the unmet expectations with the actual values; None: all are met."""
+    return "; ".join(_findings(check, robot)) or None
+
+
+def standing(robot: Robot) -> bool:
+    """Return True while no axis executes a command and none moves."""
+    image = robot.image
+    idle = bool((image.operation == Operation.IDLE).all())
+    return idle and not bool((np.abs(image.velocity) > STANDSTILL).any())
+
+
+def _findings(check: Check, robot: Robot) -> Iterator[str]:
+    for name, wanted in (check.joints_rad or {}).items():
+        yield from _joint(robot, name, wanted, check.tolerance_rad)
+    if check.engine not in (None, state := robot.connection.state):
+        yield f"engine is {state.value}"
+    image = robot.image
+    for name, axes, flags in (
+        ("servos on", check.servos_on, image.servo_on),
+        ("alarms", check.alarms, image.amp_alarm),
+        ("offline", check.offline, image.offline),
+    ):
+        yield from _axes(name, axes, flags)
+    if check.standstill not in (None, now := standing(robot)):
+        yield "all axes stand" if now else "an axis moves"
+    if check.gripper is not None:
+        yield from _gripper(robot, check.gripper)
+
+
+def _joint(robot: Robot, name: str, wanted: float, tolerance: float) -> Iterator[str]:
+    if name not in robot.joint_names:
+        yield f"unknown joint {name!r}"
+        return
+    position = float(robot.image.position[robot.joint_axes[robot.joint_names.index(name)]])
+    if not abs(position - wanted) <= tolerance:
+        yield f"{name} is at {position:.6f} rad, not within {tolerance:g} of {wanted:g}"
+
+
+def _axes(what: str, wanted: Axes | None, flags: np.ndarray) -> Iterator[str]:
+    present = np.flatnonzero(flags).tolist()
+    if wanted is not None and sorted(wanted) != present:
+        yield f"{what}: {present or 'none'}"
+
+
+def _gripper(robot: Robot, wanted: Fingers) -> Iterator[str]:
+    if robot.gripper is None:
+        yield f"{robot.descriptor.name} has no gripper"
+        return
+    closed = robot.gripper.closed
+    if closed != (1.0 if wanted is Fingers.CLOSED else 0.0):
+        yield f"gripper is {closed:.0%} closed"
+
+
+class Scenario(Part):
+    """Faults, commands and checks for one robot.
+
+    Attributes:
+        robot: a name, or a path relative to the file; None takes it from elsewhere.
+        options: laid over the backend's section of the descriptor (``seed``, noise ...).
+        faults: injected faults; times count from the moment that the robot is ready.
+        program: commands and checks; used by ``robotd sim run`` only.
+    """
+
+    schema_: Literal[1] = Field(alias="schema")
+    summary: str = ""
+    robot: str | None = None
+    variant: str | None = None
+    backend: str = "sim"
+    options: dict[str, Any] = Field(default_factory=dict)
+    faults: tuple[Fault, ...] = ()
+    program: tuple[Step, ...] = ()
+
+    def lay_over(self, descriptor: RobotDescriptor) -> RobotDescriptor:
+        """Return ``descriptor`` with the options of this scenario."""
+        if not self.options:
+            return descriptor
+        section = {**descriptor.backends.get(self.backend, {}), **self.options}
+        backends = {**descriptor.backends, self.backend: section}
+        return descriptor.model_copy(update={"backends": backends})
+
+
+def load_scenario(path: Path) -> Scenario:
+    """Read and check a file. Raises DescriptorError with every error and its line."""
+    tree = read_yaml(path)
+    scenario = validate(Scenario, tree.plain(), tree)
+    robot = scenario.robot
+    if robot is None or not (robot.endswith(".yaml") or "/" in robot):
+        return scenario
+    return scenario.model_copy(update={"robot": str(beside(path, robot))})

@@ -2,18 +2,207 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
 
-from robotd.api import NANOSECONDS, RecordingError
+from robotd.api import NANOSECONDS, Profile, RecordingError, RobotdError, RobotDescriptor
 from robotd.api.commands import ExitCode, columns, escaped, load_robot
-from robotd.api.robots import load_backend
-from robotd_recording.recording_reader import read_recording
-from robotd_scenario.recorded_commands import POSITION, CommandRepeater, Repetition
+from robotd.api.features import (
+    FLAGS,
+    VALUES,
+    EventKind,
+    FrameRing,
+    Frames,
+    IoSampler,
+    period_writer,
+)
+from robotd.api.robots import (
+    Backend,
+    Jog,
+    Move,
+    Robot,
+    SteppedClock,
+    TrajectoryExecution,
+    TrajectoryRequest,
+    load_backend,
+)
+from robotd_recording.recording_reader import Recording, read_recording
+
+MEMORY_BYTES = 2**31  # of the simulated frames
+MARGIN_S = 5.0  # simulated beyond the recording at most: commands that wait
+POSITION = VALUES.index("position")  # row of the frames' values
+SERVO_ON = FLAGS.index("servo_on")  # row of the frames' flags
+
+
+@dataclass(frozen=True)
+class Repetition:
+    """Result of a repetition.
+
+    Attributes:
+        recorded, simulated: frames of the same moments, one for each recorded period.
+        commands: number of commands and goals.
+        rejections: time in seconds and text of each command that the simulation rejected.
+    """
+
+    recorded: Frames
+    simulated: Frames
+    commands: int
+    rejections: tuple[tuple[float, str], ...]
+
+
+@dataclass(frozen=True)
+class _Command:
+    """Command of a recording: its time from the first frame, name and arguments."""
+
+    time_ns: int
+    name: str
+    data: Mapping[str, Any]
+
+
+class CommandRepeater:
+    """Runs the commands of a recording on a simulation, faster than real time. One thread.
+
+    The simulation begins with all servos on, at the positions of the first period in which the
+    recorded robot was ready with its servos on.
+
+    Args:
+        recording: of a robot with joints; goals, moves, jogs, stops, servo, alarm and output
+            commands are repeated.
+        descriptor: of the same robot.
+        backend: simulated.
+
+    Raises ValueError: the robot was never ready in the recording.
+    """
+
+    def __init__(self, recording: Recording, descriptor: RobotDescriptor, backend: Backend) -> None:
+        self._frames = _from_ready(recording)
+        self._first_ns = int(self._frames["start_ns"][0])
+        self._commands = sorted(
+            (each for each in _commands(recording) if each.time_ns >= self._first_ns),
+            key=lambda each: each.time_ns,
+        )
+        self._robot = Robot(_at(descriptor, self._frames[0]), backend, SteppedClock())
+        self._goals: list[tuple[TrajectoryExecution, ExitStack]] = []
+        self._rejections: list[tuple[float, str]] = []
+
+    def run(self) -> Repetition:
+        """Repeat the commands at their times."""
+        robot = self._robot
+        duration_s = float(self._frames["start_ns"][-1] - self._first_ns) / NANOSECONDS
+        rate_hz = robot.descriptor.cycle.rate_hz
+        ring = FrameRing(robot.image.axes, rate_hz, duration_s + MARGIN_S, MEMORY_BYTES)
+        robot.start()
+        io = IoSampler(robot.io, robot.clock.now_ns)
+        robot.control_loop.observe(period_writer(robot, ring, io))
+        began_ns = robot.clock.now_ns()
+        for command in self._commands:
+            self._step_until(began_ns + command.time_ns - self._first_ns)
+            self._execute(command)
+        self._step_until(began_ns + round(duration_s * NANOSECONDS))
+        for _, context in self._goals:
+            context.close()
+        simulated = ring.since(0)[0]
+        robot.shutdown()
+        # By time: the recorded control loop may have missed periods, the simulated one has not.
+        passed_s = (self._frames["start_ns"] - self._first_ns) / NANOSECONDS
+        periods = np.rint(passed_s * rate_hz).astype(np.int64)
+        there = periods < len(simulated)
+        return Repetition(
+            self._frames[there],
+            simulated[periods[there]],
+            len(self._commands),
+            tuple(self._rejections),
+        )
+
+    def _step_until(self, time_ns: int) -> None:
+        """Let time pass; release goals that have ended."""
+        robot = self._robot
+        while robot.clock.now_ns() < time_ns:
+            robot.step(1)
+            for each in [each for each in self._goals if each[0].completion.done]:
+                self._goals.remove(each)
+                each[1].close()
+
+    def _execute(self, command: _Command) -> None:
+        try:
+            if command.name == "goal":
+                self._start_goal(command.data)
+            else:
+                _CALLS[command.name](self._robot, *_arguments(command.data))
+        except RobotdError as error:
+            time_s = (command.time_ns - self._first_ns) / NANOSECONDS
+            self._rejections.append((time_s, f"{command.name}: {error}"))
+
+    def _start_goal(self, data: Mapping[str, Any]) -> None:
+        request = TrajectoryRequest(
+            tuple(data["joints"]),
+            data["times_s"],
+            data["positions"],
+            data.get("velocities"),
+            data.get("accelerations"),
+        )
+        context = ExitStack()
+        follower = self._robot.groups.of(request.joint_names).follower
+        execution = context.enter_context(follower.follow(request))
+        self._goals.append((execution, context))
+
+
+def _from_ready(recording: Recording) -> Frames:
+    """Return the frames from the first with all joints ready and their servos on."""
+    frames, joints = recording.frames, list(recording.info.joints)
+    servo_on = frames["flags"][:, SERVO_ON][:, joints].all(axis=1)
+    ready = np.flatnonzero(servo_on & (frames["ready"] == 1))
+    if len(ready) == 0:
+        raise ValueError(f"{recording.path}: the robot was never ready with its servos on")
+    return frames[ready[0] :]
+
+
+def _at(descriptor: RobotDescriptor, frame: Any) -> RobotDescriptor:
+    """Return the descriptor with the positions of ``frame`` as those of the simulation."""
+    positions = np.nan_to_num(frame["values"][POSITION]).tolist()
+    options = {**descriptor.backends.get("sim", {}), "initial_position_rad": positions}
+    return descriptor.model_copy(update={"backends": {**descriptor.backends, "sim": options}})
+
+
+def _commands(recording: Recording) -> Iterator[_Command]:
+    for time_ns, data in recording.goals:
+        yield _Command(time_ns, "goal", data)
+    for event in recording.events:
+        is_accepted = event.data.get("outcome") == "accepted"
+        name = str(event.data.get("call", ""))
+        if event.kind is EventKind.COMMAND and is_accepted and name in _CALLS:
+            yield _Command(event.time_ns, name, event.data)
+
+
+def _arguments(data: Mapping[str, Any]) -> Sequence[Any]:
+    return [*data["args"], *data.get("options", {}).values()]
+
+
+def _moves(robot: Robot, moves: Sequence[Mapping[str, Any]], relative: bool = False) -> None:
+    targets = [Move(each["axis"], each["target"], Profile(**each["profile"])) for each in moves]
+    robot.axes.move(targets, relative=relative)
+
+
+def _jogs(robot: Robot, jogs: Sequence[Mapping[str, Any]]) -> None:
+    robot.axes.jog([Jog(each["axis"], Profile(**each["profile"])) for each in jogs])
+
+
+_CALLS: dict[str, Callable[..., None]] = {
+    "move": _moves,
+    "jog": _jogs,
+    "servo": lambda robot, *args: robot.axes.servo(*args),
+    "clear_alarm": lambda robot, *args: robot.axes.clear_alarm(*args),
+    "set_command_mode": lambda robot, *args: robot.axes.set_command_mode(*args),
+    "stop": lambda robot, *args: robot.axes.stop(*args),
+    "quick_stop": lambda robot, *args: robot.axes.quick_stop(*args),
+    "set_output_bit": lambda robot, *args: robot.io.set_output_bit(*args),
+}
 
 
 def repeat_recording(path: Path, robot: str | None) -> ExitCode:

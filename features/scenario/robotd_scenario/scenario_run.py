@@ -14,10 +14,18 @@ import numpy as np
 
 from robotd.api import NANOSECONDS, NotReady, ProcessImage, RobotdError, RobotDescriptor, wait_until
 from robotd.api.robots import Backend, Outcome, Robot, SteppedClock, TrajectoryRequest
-from robotd_scenario.expectations import unmet
 from robotd_scenario.fault_schedule import FaultSchedule, Happened
-from robotd_scenario.program import Check, Expected, Fingers, Move, Step, Switch, Trajectory
-from robotd_scenario.scenario_model import Scenario
+from robotd_scenario.program import (
+    Check,
+    Expected,
+    Fingers,
+    Move,
+    Scenario,
+    Step,
+    Switch,
+    Trajectory,
+    unmet,
+)
 
 MOTION_TIMEOUT_S = 3600.0
 

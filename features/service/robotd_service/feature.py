@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from wsgiref.types import StartResponse, WSGIEnvironment
 
     from robotd.api.features import FeatureHost
-    from robotd_service.robot_probe import RobotProbe
-
+    from robotd_service.service_notifier import RobotProbe
 log = get_logger("service")
 
 
@@ -58,16 +57,13 @@ def open_service(host: FeatureHost) -> Iterator[RobotProbe | None]:
     A manager that started this process is named in its environment, the port in the robot's file.
     The value is the probe; None without either.
     """
-    from robotd_service.notify_socket import NotifySocket
+    from robotd_service.service_notifier import NotifySocket, RobotProbe, ServiceNotifier
 
     port = host.robot.descriptor.settings(ServiceKeys).health
     manager = NotifySocket.of_environment()
     if port is None and manager is None:
         yield None
         return
-    from robotd_service.robot_probe import RobotProbe
-    from robotd_service.service_notifier import ServiceNotifier
-
     probe = RobotProbe(host.robot, host.namespace)
     with ExitStack() as stack:
         if port is not None:

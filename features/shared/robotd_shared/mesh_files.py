@@ -1,9 +1,11 @@
-"""Mesh files of a URDF that the server of the page may read."""
+"""Meshes of a URDF: files by URL, and names in a text that is written to another place."""
 
 from __future__ import annotations
 
+import html
 import json
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote, unquote
@@ -17,6 +19,7 @@ SUFFIXES = (".stl", ".dae", ".glb", ".gltf")
 PART_SUFFIXES = (".bin", ".png", ".jpg", ".jpeg", ".webp")  # of a glTF in several files
 MAX_MESH_BYTES = 64 * 2**20
 FOLDER = "/mesh/"  # of the server
+_FILENAME = re.compile(r"""(<mesh\b[^>]*?\bfilename\s*=\s*)(["'])(.*?)\2""")
 
 
 class MeshFiles:
@@ -107,3 +110,28 @@ def _names(urdf: str) -> list[str]:
         return mesh_names(xml_root(urdf, Path()), ("visual",)) if urdf else []
     except DescriptorError:
         return []
+
+
+def moved_mesh_names(files: Mapping[str, Path | None], place: Path | None) -> dict[str, str]:
+    """Return ``file`` URLs for the meshes that would be lost in another place.
+
+    Args:
+        files: see ``mesh_files``.
+        place: new path of the URDF; None: it has none, as for MoveIt, which gets the text.
+    """
+    return {
+        name: file.absolute().as_uri()
+        for name, file in files.items()
+        if file is not None and find_mesh(name, place) != file
+    }
+
+
+def with_mesh_names(text: str, renamed: Mapping[str, str]) -> str:
+    """Return the text of a URDF with other names of meshes."""
+
+    def attribute(match: re.Match[str]) -> str:
+        head, quote, written = match.groups()
+        name = renamed.get(html.unescape(written))
+        return match[0] if name is None else f"{head}{quote}{html.escape(name)}{quote}"
+
+    return _FILENAME.sub(attribute, text) if renamed else text

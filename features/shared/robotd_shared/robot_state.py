@@ -20,7 +20,6 @@ def state_of(tap: Tap, goals: Sequence[Mapping[str, Any] | None], viewers: int) 
     """Return the state now.
 
     Args:
-        tap: of the robot.
         goals: from ``Goals.running``.
         viewers: number of viewers.
     """
@@ -44,11 +43,7 @@ def state_of(tap: Tap, goals: Sequence[Mapping[str, Any] | None], viewers: int) 
 
 
 class Goals:
-    """Running goal of each joint group with the client that sent it. One thread.
-
-    Args:
-        robot: of the joints.
-    """
+    """Running goal of each joint group with the client that sent it. One thread."""
 
     def __init__(self, robot: Robot) -> None:
         self._groups = robot.groups

@@ -24,7 +24,7 @@ from robotd_ros.middleware import use_profiles
 from robotd_ros.plugin import built_in_nodes
 from robotd_ros.run_nodes import run_nodes
 from robotd_scenario import FaultSchedule, Scenario, load_scenario, validate_fault
-from robotd_scenario.expectations import standing
+from robotd_scenario.program import standing
 
 _POLL_S = 0.002
 _FOLLOWER = "follow_joint_trajectory_server"

@@ -9,6 +9,7 @@ from robotd.api import lazy_names
 
 if TYPE_CHECKING:
     from robotd_tool_space.chain import Chain
+    from robotd_tool_space.inverse import Task
     from robotd_tool_space.kinematics import Kinematics, Obstacle, Unreachable
     from robotd_tool_space.rotations import (
         inverse_pose,
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
         rotation_vectors,
         rpy_of,
     )
-    from robotd_tool_space.task import Task
 else:  # commands that read a robot's file need the keys of the feature only
     __getattr__, __dir__ = lazy_names(__name__)
 

@@ -22,9 +22,6 @@ class CollisionGuard:
 
     Trajectories are checked whole and rejected, streams, moves and jogs are stopped in time.
 
-    Args:
-        robot: of the arms.
-
     Raises Unsupported, DescriptorError: a joint group has no usable chain, or the URDF no usable
     shapes.
     """

@@ -33,9 +33,6 @@ class Differential:
 
     Of an arm with more joints than directions they are the smallest. Components of a twist in
     which the tool of the arm never moves, or that are not its task, do not count.
-
-    Args:
-        kinematics: of the arm.
     """
 
     def __init__(self, kinematics: Kinematics) -> None:
@@ -47,7 +44,6 @@ class Differential:
         """Return poses (p, 4, 4) and rates at positions (p, n) for one twist.
 
         Args:
-            positions: of the joints.
             twist: (6,) in the base, m/s and rad/s.
         """
         poses, jacobians = self._chain.forward_and_jacobian(positions)

@@ -56,13 +56,13 @@ def robotd_register_nodes(registry: NodeRegistry) -> None:
         "servo_node",
         "robotd_tool_space.servo_node:ServoNode",
         summary="motion of the tool on topics: twists and poses, as MoveIt Servo takes them",
-        parameters="robotd_tool_space.servo_settings:read_servo",
+        parameters="robotd_tool_space.node_settings:read_servo",
     )
     registry.add(
         "wmx_robot_option_node",
         "robotd_tool_space.r2_node:WmxRobotOptionNode",
         summary="motion of the whole robot by services, as WMX R2 has it",
-        parameters="robotd_tool_space.r2_settings:read_robot_option",
+        parameters="robotd_tool_space.node_settings:read_robot_option",
     )
     registry.add(
         "axis_reference_node",

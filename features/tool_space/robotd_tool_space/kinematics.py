@@ -20,9 +20,8 @@ from robotd.api import (
 )
 from robotd.api.robots import JointLimits, axis_limits, joint_limits, tool_link
 from robotd_tool_space.chain import Chain
-from robotd_tool_space.inverse import Problem, pose_weights
+from robotd_tool_space.inverse import Problem, Task, pose_weights
 from robotd_tool_space.rotations import checked_pose, pose_differences
-from robotd_tool_space.task import Task
 
 STARTS = 16  # random ones beside the seed, solved at once
 ROUNDS = 12  # of random starts at most

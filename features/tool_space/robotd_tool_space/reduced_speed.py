@@ -8,13 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from robotd.api import (
-    DescriptorError,
-    FloatArray,
-    Unsupported,
-    get_logger,
-    unknown_name,
-)
+from robotd.api import DescriptorError, FloatArray, Unsupported, get_logger, unknown_name
 from robotd.api.features import EventKind, ProcessImage
 from robotd.api.robots import Robot
 from robotd_tool_space.robot_tool import RobotTool, moved_by_device
@@ -33,9 +27,6 @@ class ReducedSpeed:
 
     The limit is that of the origins of all moving links of the chain, of the link of the tool, and
     of the tool, in the base of the arm. It is on by command, or by the input of the robot's file.
-
-    Args:
-        robot: of the tools.
 
     Raises:
         DescriptorError: no input has that name.

@@ -33,12 +33,7 @@ from robotd_tool_space.rotations import (
     rpy_of,
 )
 from robotd_tool_space.settings import ToolSpaceKeys
-from robotd_tool_space.tool_motion import (
-    ToolMotion,
-    ToolSpeed,
-    plan_joint_motion,
-    plan_lines,
-)
+from robotd_tool_space.tool_motion import ToolMotion, ToolSpeed, plan_joint_motion, plan_lines
 from robotd_tool_space.tool_stream import ToolStream
 from robotd_tool_space.twist import TwistStage
 

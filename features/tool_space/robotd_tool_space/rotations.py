@@ -6,11 +6,12 @@ Poses are matrices of shape (4, 4), m. Functions of "..." take any number of lea
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from robotd.api import FloatArray, InvalidArgument, did_you_mean
-from robotd.api.models import frame
+from robotd.api.models import frame, transform_numbers
 
 HALF_TURN_COSINE = -0.9999  # beyond it the skew part of a matrix has no direction left
 COMPONENTS = ("x", "y", "z", "roll", "pitch", "yaw")
@@ -140,3 +141,18 @@ def checked_components(components: dict[str, float]) -> dict[str, float]:
         if not np.isfinite(value):
             raise InvalidArgument(f"{name} is {value}, must be a finite number")
     return components
+
+
+def pose_of_message(message: Any) -> FloatArray:
+    """Return a geometry_msgs/Pose as a matrix (4, 4). Raises InvalidArgument: it is none."""
+    place, turn = message.position, message.orientation
+    return quaternion_pose((place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w))
+
+
+def fill_pose(message: Any, pose: FloatArray) -> None:
+    """Set a geometry_msgs/Pose; NaN where ``pose`` is not known."""
+    numbers = transform_numbers(pose) if np.isfinite(pose).all() else np.full(7, np.nan)
+    x, y, z, qx, qy, qz, qw = map(float, numbers)
+    message.position.x, message.position.y, message.position.z = x, y, z
+    turn = message.orientation
+    turn.x, turn.y, turn.z, turn.w = qx, qy, qz, qw

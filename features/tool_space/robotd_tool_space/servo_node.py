@@ -16,9 +16,9 @@ from std_msgs.msg import Int8, String
 from robotd.api import FloatArray, InvalidArgument, unknown_name
 from robotd.api.robots import Robot
 from robotd_ros.api import STREAM, RosHost, TopicStream, add_command_subscription, read_settings
+from robotd_tool_space.node_settings import ServoSettings, ServoTopics, read_servo
 from robotd_tool_space.robot_tool import RobotTool
-from robotd_tool_space.ros_poses import pose_of_message
-from robotd_tool_space.servo_settings import ServoSettings, ServoTopics, read_servo
+from robotd_tool_space.rotations import pose_of_message
 from robotd_tool_space.servo_status import ServoStatus
 from robotd_tool_space.twist import Command, PoseCommand, TwistCommand, TwistStage
 

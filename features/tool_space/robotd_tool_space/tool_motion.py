@@ -96,7 +96,6 @@ def plan_lines(
 
     Args:
         kinematics: with the tool that moves.
-        limits: of the joints.
         start: (n,) positions of the joints, at rest.
         poses: (4, 4) each, in the base; the line begins where the tool is.
         speed: of the tool.

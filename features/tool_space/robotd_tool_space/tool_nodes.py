@@ -26,8 +26,7 @@ STATIC_TOPIC = "/tf_static"
 def add_tool_nodes(context: NodeContext, tools: ToolGroups) -> Iterator[None]:
     """Add services, topics and the action; nothing where the interfaces are not installed."""
     try:
-        from robotd_tool_space.move_tool_action import MoveToolAction
-        from robotd_tool_space.tool_services import ToolServices
+        from robotd_tool_space.tool_services import MoveToolAction, ToolServices
     except ImportError as error:
         log.warning(
             "no services for the tool: install the interfaces of this version", reason=str(error)

@@ -79,7 +79,6 @@ class ToolPath:
 
         Args:
             poses: (4, 4) each, in the base.
-            speed_m_s, speed_rad_s: of the tool.
             blend_m: distance from an inner pose at which the path leaves the line; at most half of
                 the shorter line. 0: the tool stops at each pose.
         """

@@ -17,12 +17,8 @@ class ToolStream:
 
     Any thread, except the end of the context: a worker.
 
-    Args:
-        joints: open stream of all joints of the tool's group.
-        stage: moves them.
-
     Attributes:
-        joints: the stream of the joints, for its end and its counts.
+        joints: open stream of all joints of the tool's group, for its end and its counts.
     """
 
     def __init__(self, joints: JointStream, stage: TwistStage) -> None:

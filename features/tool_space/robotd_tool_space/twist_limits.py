@@ -49,7 +49,6 @@ class TwistRamp:
     of its target. One thread; arrays (6,), m/s and rad/s.
 
     Args:
-        limits: of the motion.
         period_s: time between two calls of ``advance``.
 
     Attributes:

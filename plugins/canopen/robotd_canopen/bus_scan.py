@@ -13,7 +13,7 @@ from typing import Any
 
 from robotd.api import InvalidArgument, RobotdError
 from robotd_canopen.bus import Bus
-from robotd_canopen.nmt import NmtState, heartbeat_state
+from robotd_canopen.node import NmtState, heartbeat_state
 from robotd_canopen.object_dictionary import empty_dictionary
 from robotd_canopen.options import BusOptions
 from robotd_canopen.sdo import Sdo

@@ -10,8 +10,7 @@ from robotd_canopen.bus import Bus
 from robotd_canopen.feedback import Feedback
 from robotd_canopen.frame import Frame
 from robotd_canopen.layout import AxisLayout
-from robotd_canopen.nmt import ANSWERS, FRAMES
-from robotd_canopen.node import Node
+from robotd_canopen.node import ANSWERS, FRAMES, Node
 from robotd_canopen.object_dictionary import variable
 from robotd_canopen.pdo import Pdo
 from robotd_cia402.drive_access import DriveAccess, SdoAbort

@@ -131,9 +131,8 @@ def simulate(
     Reads faults from the standard input, one per line: "help" lists them.
     """
     from robotd.api import load_robot_descriptor, validate_section
-    from robotd_canopen.fault_commands import HELP, inject
     from robotd_canopen.options import BusOptions, CanopenOptions
-    from robotd_canopen.simulated_robot import simulated_network
+    from robotd_canopen.simulated_robot import HELP, inject, simulated_network
 
     descriptor = load_robot_descriptor(robot, variant)
     options = validate_section(descriptor, "backends.canopen", CanopenOptions)

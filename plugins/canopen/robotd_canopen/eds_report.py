@@ -9,10 +9,9 @@ from typing import Any
 from canopen.objectdictionary import ObjectDictionary
 
 from robotd.api import DescriptorError, RobotDescriptor
-from robotd_canopen.dcf import DcfValue, dcf_values
 from robotd_canopen.default_pdos import LOST
 from robotd_canopen.layout import AxisLayout, plan_network
-from robotd_canopen.object_dictionary import describe, read_eds, variable
+from robotd_canopen.object_dictionary import DcfValue, dcf_values, describe, read_eds, variable
 from robotd_canopen.options import CanopenOptions
 from robotd_canopen.pdo import Pdo
 from robotd_cia402.modes import OperationMode

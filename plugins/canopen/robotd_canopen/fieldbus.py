@@ -7,10 +7,9 @@ from itertools import islice
 
 from robotd.api import NANOSECONDS, BusNode, BusState, BusStatus
 from robotd_canopen.master import Master
-from robotd_canopen.nmt import NmtState
-from robotd_canopen.node import Node
+from robotd_canopen.node import NmtState, Node
 from robotd_canopen.pdo import Direction
-from robotd_cia402.fieldbus import BUS_STATES, Cia402Fieldbus
+from robotd_cia402.device import BUS_STATES, Cia402Fieldbus
 
 _SHOWN = 5  # latest emergencies
 

@@ -12,12 +12,12 @@ from typing import Any, Generic, TypeVar
 from canopen.objectdictionary import ObjectDictionary
 
 from robotd.api import DescriptorError, RobotDescriptor
-from robotd_canopen.dcf import dcf_values
 from robotd_canopen.default_pdos import default_pdos
 from robotd_canopen.frame import bus_load, frame_bits
 from robotd_canopen.object_dictionary import (
     GENERIC_DRIVE,
     GENERIC_IO,
+    dcf_values,
     describe,
     eds_path,
     empty_dictionary,
@@ -25,13 +25,7 @@ from robotd_canopen.object_dictionary import (
     startup_writes,
     variable,
 )
-from robotd_canopen.options import (
-    AxisOptions,
-    CanopenOptions,
-    IoOptions,
-    NodeOptions,
-    PdoOptions,
-)
+from robotd_canopen.options import AxisOptions, CanopenOptions, IoOptions, NodeOptions, PdoOptions
 from robotd_canopen.pdo import MAX_SYNCHRONOUS, Direction, Pdo, io_pdos, resolve
 from robotd_cia402.modes import OperationMode
 from robotd_cia402.object_numbers import on_axis

@@ -1,20 +1,48 @@
-"""Simulated network with the nodes of a descriptor section."""
+"""Simulated network with the nodes of a descriptor section, and faults by lines of text."""
 
 from __future__ import annotations
 
 import time
 from collections import defaultdict
+from collections.abc import Callable
+from typing import Any
 
 import can
 
 from robotd.api import ConnectError, RobotDescriptor
-from robotd_canopen.fault_commands import inject
 from robotd_canopen.object_dictionary import GENERIC_DRIVE, GENERIC_IO, eds_path
 from robotd_canopen.options import AxisOptions, CanopenOptions
 from robotd_canopen.simulated import DriveNode, IoNode, SimulatedNetwork, SimulatedNode
+from robotd_canopen.simulated.simulated_node import STOPPED
 from robotd_cia402.options import Identity
-from robotd_cia402.simulated import Motors
+from robotd_cia402.simulated import Drive, Motors
 from robotd_cia402.simulated_axis import drive_model, initial_positions
+
+HELP = """\
+NODE silence [0]          sends and receives nothing; 0 ends it
+NODE reboot               loses its configuration and sends a boot-up message
+NODE emcy CODE            sends an emergency message
+NODE trip CODE [AXIS]     the drive stops with a fault, such as 0x3210 (over-voltage)
+NODE statusword WORD      shows WORD whatever its state
+NODE abort INDEX CODE     aborts every access to an object
+NODE timeout INDEX        does not answer requests for an object
+NODE identity VENDOR      has another vendor id
+NODE late SECONDS         sends its PDOs later
+NODE drop PART            loses a part of its PDOs, 0 to 1
+NODE garble PART          sends a part of its frames as garbage, 0 to 1
+NODE stop                 goes to the NMT state stopped by itself
+NODE block                the motor does not move
+NODE push ANGLE [AXIS]    the motor is turned by hand by ANGLE rad (or m), with the servo off
+NODE press BIT 0|1 [AXIS] a switch of the drive, bit of object 0x60FD
+NODE position [AXIS]      answers rad (or m)
+NODE torque [AXIS]        answers N·m (or N)
+NODE input BYTE BIT 0|1   an input of an I/O module changes
+NODE output BYTE BIT      answers an output of an I/O module, 0 or 1
+NODE heal                 ends all of the above
+AXIS: of a drive with several, from 0; without it all of them, or the first. NODE: or "all"."""
+
+Fault = Callable[[Any, list[str]], Any]
+"""Called with the node and the words behind its name; returns an answer, or None."""
 
 
 class Simulation:
@@ -81,3 +109,79 @@ def simulated_network(robot: RobotDescriptor, options: CanopenOptions) -> Simula
 def _identity(identity: Identity) -> dict[int, int]:
     parts = (identity.vendor_id, identity.product_code, identity.revision, identity.serial)
     return {sub: value for sub, value in enumerate(parts, 1) if value is not None}
+
+
+def inject(network: SimulatedNetwork, line: str) -> str:
+    """Carry out one line; return ``ok``, a value, or an error text. Any thread."""
+    answers: list[object] = []
+    try:
+        place, name, *words = line.split()
+        members = network.members
+        nodes = list(members.values()) if place == "all" else [members[int(place)]]
+        fault = _FAULTS[name]
+        network.call(lambda: answers.extend(fault(node, words) for node in nodes))
+    except (KeyError, ValueError, IndexError, TypeError):
+        return f"not understood: {line.strip()!r}; 'help' lists the faults"
+    return "ok" if answers[0] is None else str(answers[0])
+
+
+def _number(text: str) -> int:
+    return int(text, 0)
+
+
+def _setter(name: str, convert: Callable[[str], Any]) -> Fault:
+    """Return a command that sets one of the node's faults to its first word."""
+    return lambda node, words: setattr(node.faults, name, convert(words[0]))
+
+
+def _drives(node: Any, words: list[str]) -> list[Drive]:
+    """Return the axis that ``words`` name; without a word all."""
+    if not isinstance(node, DriveNode):
+        raise TypeError(f"node {node.number} has no motor")
+    return [node.drives[int(words[0])]] if words else node.drives
+
+
+def _trip(node: Any, words: list[str]) -> None:
+    for drive in _drives(node, words[1:]):
+        drive.trip(_number(words[0]))
+
+
+def _push(node: Any, words: list[str]) -> None:
+    for drive in _drives(node, words[1:]):
+        drive.push(float(words[0]))
+
+
+def _module(node: Any) -> IoNode:
+    if not isinstance(node, IoNode):
+        raise TypeError(f"node {node.number} has no inputs and outputs")
+    return node
+
+
+_FAULTS: dict[str, Fault] = {
+    "silence": lambda node, words: setattr(node.faults, "silent", words != ["0"]),
+    "reboot": lambda node, _: node.reboot(),
+    "emcy": lambda node, words: node.emergency(_number(words[0])),
+    "trip": _trip,
+    "statusword": _setter("statusword", _number),
+    "abort": lambda node, words: node.faults.aborts.update(
+        {(_number(words[0]), None): _number(words[1])}
+    ),
+    "timeout": lambda node, words: node.faults.unanswered.add((_number(words[0]), None)),
+    "identity": lambda node, words: node.values.update({(0x1018, 1): _number(words[0])}),
+    "late": _setter("pdo_delay_s", float),
+    "drop": _setter("pdo_drop", float),
+    "garble": _setter("garbled", float),
+    "stop": lambda node, _: setattr(node, "state", STOPPED),
+    "block": lambda node, _: setattr(node.faults, "blocked", True),
+    "push": _push,
+    "press": lambda node, words: _drives(node, words[2:])[0].press(
+        int(words[0]), pressed=words[1] == "1"
+    ),
+    "position": lambda node, words: _drives(node, words)[0].position,
+    "torque": lambda node, words: _drives(node, words)[0].torque,
+    "input": lambda node, words: _module(node).set_input_bit(
+        int(words[0]), int(words[1]), value=words[2] == "1"
+    ),
+    "output": lambda node, words: _module(node).outputs[int(words[0])] >> int(words[1]) & 1,
+    "heal": lambda node, _: node.faults.heal(),
+}

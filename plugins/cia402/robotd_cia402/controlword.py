@@ -32,14 +32,10 @@ class DriveState(Enum):
 class Status(IntFlag):
     """Bits of the statusword that do not belong to the state."""
 
-    VOLTAGE_ENABLED = 1 << 4
     WARNING = 1 << 7
     TARGET_REACHED = 1 << 10
-    INTERNAL_LIMIT = 1 << 11
     ACKNOWLEDGE = 1 << 12  # profile position: the new set-point is taken
     HOMING_ATTAINED = 1 << 12
-    SPEED_ZERO = 1 << 12  # profile velocity
-    FOLLOWS = 1 << 12  # cyclic modes: the drive follows the target
     FOLLOWING_ERROR = 1 << 13
     HOMING_ERROR = 1 << 13
 

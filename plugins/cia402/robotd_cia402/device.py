@@ -1,11 +1,14 @@
-"""Device driver of a fieldbus with CiA 402 drives: life cycle of the connection."""
+"""Device driver of a fieldbus with CiA 402 drives: life cycle, and diagnostics."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from abc import abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Generic, Protocol, TypeVar
 
 from robotd.api import (
+    BusNode,
+    BusState,
     Clock,
     ConnectionState,
     DeviceDriver,
@@ -19,10 +22,20 @@ from robotd.api import (
 from robotd_cia402.axes import Cia402Master
 from robotd_cia402.axis import Axis
 from robotd_cia402.commands import Commands
+from robotd_cia402.node import IDENTITY, FieldbusNode
 
 log = get_logger("cia402")
 
 _SERVO_S = 0.5  # for a stop, and for one servo, while the control loop may not be running
+MasterT = TypeVar("MasterT", bound=Cia402Master[Any])
+
+BUS_STATES = {
+    ConnectionState.IDLE: BusState.INITIALISING,
+    ConnectionState.RUNNING: BusState.CONFIGURABLE,
+    ConnectionState.COMMUNICATING: BusState.OPERATIONAL,
+    ConnectionState.UNKNOWN: BusState.OPERATIONAL,
+    ConnectionState.SHUTDOWN: BusState.INITIALISING,
+}
 
 
 class Simulation(Protocol):
@@ -38,7 +51,6 @@ class Simulation(Protocol):
         """Inject a fault by a line of text; return ``ok`` or a value. Raises ValueError."""
 
 
-MasterT = TypeVar("MasterT", bound=Cia402Master[Any])
 SimulationT = TypeVar("SimulationT", bound=Simulation)
 
 
@@ -136,3 +148,54 @@ def switch_off(axes: Iterable[Axis[Any]], timeout_s: float, clock: Clock) -> Non
                 Commands(axis, clock).disable(_SERVO_S)
             except RobotdError as error:
                 log.warning("switching off failed", axis=axis.number, reason=str(error))
+
+
+class Cia402Fieldbus(FieldbusDriver, Generic[MasterT]):
+    """One bus, number 0."""
+
+    def __init__(self, master: MasterT) -> None:
+        self._master = master
+
+    @property
+    @abstractmethod
+    def nodes(self) -> Mapping[int, FieldbusNode]:
+        """By number, in the order of the bus."""
+
+    @abstractmethod
+    def _upload(self, node: int, index: int, sub: int) -> bytes:
+        """Read an object, raw. Raises SdoAbort, DeviceTimeout, OperationError."""
+
+    @abstractmethod
+    def _download(self, node: int, index: int, sub: int, data: bytes) -> None:
+        """Write an object once, raw. Raises as ``_upload``."""
+
+    @property
+    def buses(self) -> int:
+        return 1
+
+    def node_ids(self, bus: int) -> Sequence[int]:
+        return list(self.nodes)
+
+    def read_object(self, bus: int, node: int, index: int, subindex: int) -> bytes:
+        return self._upload(node, index, subindex)
+
+    def write_object(self, bus: int, node: int, index: int, subindex: int, data: bytes) -> None:
+        try:
+            self._download(node, index, subindex, data)
+        finally:  # a write without an answer may have been executed
+            for axis in self._master.axes:
+                if axis.drive.node.number == node:
+                    axis.drive.forget_written()
+
+    def _node(self, node: FieldbusNode, state: BusState, fault: str, **more: Any) -> BusNode:
+        """Return the status of a node; ``fault`` where it is online and has no emergency."""
+        emergency = node.emergency
+        more |= zip(IDENTITY, node.identity, strict=False)
+        return BusNode(
+            id=node.number,
+            state=state,
+            offline=not node.online,
+            axes=sum(axis.drive.node is node for axis in self._master.axes),
+            fault=node.fault or (emergency.text if emergency is not None else "") or fault,
+            **more,
+        )

@@ -14,7 +14,6 @@ class Cia402FaultInjector(FaultInjector):
     """Fault injection into simulated nodes; not on real ones. Any thread, one at a time.
 
     Args:
-        device: with the nodes.
         disconnect, reconnect: commands to a node.
         freeze: command to the bus, without its last word: the part of the frames that is lost.
         in_line: a node that is cut off takes those behind it along, so that only the last can be.

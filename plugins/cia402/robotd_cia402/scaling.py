@@ -17,7 +17,6 @@ class Scaling:
     """Counts and units of one axis; changed by a worker while the servo is off.
 
     Args:
-        options: the axis' section.
         rated_torque_nm: None where it is not known.
         velocity_limit: rad/s or m/s; None for an axis that is no joint.
 

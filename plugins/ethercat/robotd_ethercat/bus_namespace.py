@@ -25,8 +25,7 @@ def run_in_namespace(namespace: Path | None, action: Callable[[], Result]) -> Re
     A socket that it opens stays in that namespace; all other threads stay where they are.
     None: the namespace of the process. Any thread.
 
-    Raises:
-        OSError: the namespace does not exist or may not be entered; and what ``action`` raises.
+    Raises OSError: the namespace does not exist or may not be entered; and what ``action`` raises.
     """
     if namespace is None:
         return action()

@@ -15,7 +15,7 @@ from robotd_cia402.modes import OperationMode
 from robotd_ethercat.al_status import AlState, al_code_text
 from robotd_ethercat.esi_choice import clock_keys, pdo_keys, with_remark
 from robotd_ethercat.esi_device import EsiDevice
-from robotd_ethercat.esi_library import EsiLibrary
+from robotd_ethercat.esi_reader import EsiLibrary
 from robotd_ethercat.mapping import Assignment, Pdo, read_mapping, size_bytes
 from robotd_ethercat.options import MAX_IO_BYTES
 from robotd_ethercat.soem import Soem

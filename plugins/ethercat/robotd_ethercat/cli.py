@@ -76,7 +76,7 @@ def scan(interface: str, esi: Path | None, *, as_json: bool) -> None:
 def pdo(interface: str, esi: Path | None, slave: int) -> None:
     """Show the assigned PDOs of SLAVE and their objects, as rx_pdos and tx_pdos name them."""
     from robotd_ethercat.bus_scan import open_slave, pdos_of
-    from robotd_ethercat.esi_library import EsiLibrary
+    from robotd_ethercat.esi_reader import EsiLibrary
     from robotd_ethercat.mapping import Assignment, size_bytes
 
     device = None
@@ -112,8 +112,7 @@ def show_esi(file: Path, products: tuple[int, ...], *, as_json: bool) -> None:
 
     With --product their PDOs, slots and clocks, too. No bus is needed.
     """
-    from robotd_ethercat.esi_library import of_products
-    from robotd_ethercat.esi_reader import read_esi
+    from robotd_ethercat.esi_reader import of_products, read_esi
     from robotd_ethercat.esi_report import detail_lines, device_line, esi_sections
 
     found = read_esi(file)

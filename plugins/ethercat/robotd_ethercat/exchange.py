@@ -1,13 +1,16 @@
-"""Cyclic exchange of process data of drives and modules, with the working counter."""
+"""Cyclic exchange of process data of drives and modules, and the clocks observed with it."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any
 
-from robotd.api import Clock
+from robotd.api import NANOSECONDS, Clock
+from robotd_cia402.drive_access import DriveAccess
 from robotd_cia402.module_io import ModuleIo
+from robotd_cia402.object_numbers import AXIS_STEP, INPUTS, OUTPUTS, PROFILE_AREA, on_axis
 from robotd_ethercat.al_status import AlState
 from robotd_ethercat.mapping import SlaveImage
 from robotd_ethercat.options import IoOptions
@@ -18,6 +21,12 @@ _LIVE_TIMEOUT_US = 100  # the frame was seen to be here, or was sent a period ag
 _FIRST_TIMEOUT_US = 2000
 _SUSPECT_FRAMES = 16  # after a lost one; SOEM numbers its frames from 0 to 15
 _LRW_OUTPUTS, _LRW_INPUTS = 2, 1  # working counter of a slave in one LRW datagram
+_UNMAPPED = -1  # slot of the 0 that follows the values of the slave
+_FEATURES, _HAS_CLOCK = 0x0008, 1 << 2  # ESC features supported (ETG.1000.4, table 31)
+_WINDOW_NS = NANOSECONDS  # of the range of the phase, and between two values of the drift
+_BASE_NS = 60 * NANOSECONDS  # over which the drift is measured: frames are late by chance
+_NEAR = 32  # 1/32 of a period around the middle
+_COARSE, _FINE = 200, 2000  # steps: 0.5 % of a period, and 500 ppm, far above the drift of clocks
 
 
 @dataclass
@@ -178,3 +187,143 @@ class Exchange:
 def full_counter(output_size: int, input_size: int) -> int:
     """Return what an operational slave adds to the working counter; sizes in bytes."""
     return _LRW_OUTPUTS * bool(output_size) + _LRW_INPUTS * bool(input_size)
+
+
+class EthercatDrive(DriveAccess):
+    """One axis of ``node``; a cyclic frame is one of the process data.
+
+    Mapped outputs that no part of robotd sets, such as a torque limit, keep the value that the
+    drive had when it was configured.
+    """
+
+    node: Slave
+
+    def __init__(self, slave: Slave, axis_offset: int, exchange: Exchange) -> None:
+        super().__init__()
+        self.node, self._offset, self._exchange = slave, axis_offset, exchange
+        self.inputs: Collection[int] = ()
+        self.outputs: Collection[int] = ()
+        self._image = slave.image
+        self._forgotten_at = 0
+        self._pick_inputs = itemgetter(*[_UNMAPPED] * len(INPUTS))
+        self._output_slots: list[tuple[int, int]] = []  # places in OUTPUTS, and in the image
+
+    @property
+    def known(self) -> bool:
+        return self.node.online and self._exchange.good_frames > self._forgotten_at
+
+    @property
+    def awaited(self) -> str:
+        return "no complete frame received from it yet"
+
+    @property
+    def frames(self) -> int:
+        return self._exchange.frames
+
+    @property
+    def answered(self) -> int:
+        return self._exchange.good_frames
+
+    def put(self, values: Sequence[int]) -> None:
+        outputs = self._image.outputs
+        for place, slot in self._output_slots:
+            outputs[slot] = values[place]
+
+    def values(self) -> Sequence[int]:
+        found: Sequence[int] = self._pick_inputs((*self._image.inputs, 0))
+        return found
+
+    def writable(self, index: int, sub: int) -> bool:
+        # Whether it is read-only shows when it is written.
+        return self.node.has(on_axis(index, self._offset))
+
+    def read(self, index: int, sub: int = 0) -> int:
+        return self.node.read(on_axis(index, self._offset), sub)
+
+    def write(self, index: int, sub: int, value: int) -> None:
+        self.node.write(on_axis(index, self._offset), sub, value)
+
+    def forget(self) -> None:
+        self._forgotten_at = self._exchange.good_frames
+
+    def find_slots(self) -> None:
+        """Worker: take the mapping of the slave, which has been configured."""
+        inputs = self._slots(self._image.input_slots)
+        outputs = self._slots(self._image.output_slots)
+        self.inputs, self.outputs = inputs.keys(), outputs.keys() & set(OUTPUTS)
+        self._pick_inputs = itemgetter(*(inputs.get(index, _UNMAPPED) for index in INPUTS))
+        self._output_slots = [
+            (place, outputs[index]) for place, index in enumerate(OUTPUTS) if index in outputs
+        ]
+
+    def _slots(self, slots: dict[tuple[int, int], int]) -> dict[int, int]:
+        """Slots of this axis by the profile's number of the object."""
+        first = self._offset * AXIS_STEP
+        profile = range(PROFILE_AREA.start + first, PROFILE_AREA.start + first + AXIS_STEP)
+        return {
+            index - first: slot
+            for (index, sub), slot in slots.items()
+            if sub <= 1 and index in profile
+        }
+
+
+def slaves_with_clocks(bus: Soem, slaves: list[int]) -> list[int]:
+    """Return those of ``slaves`` that have a distributed clock. Raises DeviceTimeout."""
+    return [one for one in slaves if bus.read_register(one, _FEATURES, 1)[0] & _HAS_CLOCK]
+
+
+class ClockObserver:
+    """Phase and drift of the bus time, as observed with the process data. Control loop.
+
+    From the phase it derives the shift that makes the control loop follow the reference clock.
+
+    Attributes:
+        phase_ns: passage of the last frame at the reference clock, after its SYNC0; 0 to period.
+        lowest_ns, highest_ns: of the phase, in the window that ended last.
+        drift_ppm: of the bus time against the clock of this computer, over up to a minute;
+            positive: the bus is faster.
+    """
+
+    def __init__(self, period_ns: int, shift_ns: int) -> None:
+        self._period_ns, self._shift_ns = period_ns, shift_ns
+        self.begin()
+
+    def begin(self) -> None:
+        """Worker: forget what was observed."""
+        self.phase_ns = self.lowest_ns = self.highest_ns = 0
+        self.drift_ppm = 0.0
+        self._bus_ns = self._own_ns = self._window_ns = 0
+        self._lowest_ns, self._highest_ns = self._period_ns, 0
+        self._near = False  # a frame has come near the middle
+
+    @property
+    def shift_ns(self) -> int:
+        """Shift of the next period that brings the frames towards the middle between two SYNC0.
+
+        In steps whose size does not depend on the distance: a frame that is late by chance counts
+        no more than another. Until the first frame near it the periods only get shorter: longer
+        ones would look like late frames.
+        """
+        if not self._near:
+            return -self._period_ns // _COARSE
+        fine_ns = self._period_ns // _FINE
+        return -fine_ns if self.phase_ns > self._period_ns // 2 else fine_ns
+
+    def observe(self, bus_ns: int, own_ns: int) -> None:
+        """Note the bus time of a frame, sent at the monotonic time ``own_ns``."""
+        self.phase_ns = phase_ns = (bus_ns - self._shift_ns) % self._period_ns
+        self._lowest_ns = min(self._lowest_ns, phase_ns)
+        self._highest_ns = max(self._highest_ns, phase_ns)
+        self._near |= abs(phase_ns - self._period_ns // 2) <= self._period_ns // _NEAR
+        if not self._own_ns:
+            self._bus_ns, self._own_ns, self._window_ns = bus_ns, own_ns, own_ns
+        elif own_ns - self._window_ns >= _WINDOW_NS:
+            self._end_window(bus_ns, own_ns)
+
+    def _end_window(self, bus_ns: int, own_ns: int) -> None:
+        elapsed_ns, self._window_ns = own_ns - self._own_ns, own_ns
+        self.drift_ppm = 1e6 * ((bus_ns - self._bus_ns) / elapsed_ns - 1)
+        self.lowest_ns, self.highest_ns = self._lowest_ns, self._highest_ns
+        self._lowest_ns, self._highest_ns = self._period_ns, 0
+        if elapsed_ns >= _BASE_NS:
+            self._bus_ns, self._own_ns = bus_ns, own_ns

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from robotd.api import BusNode, BusState, BusStatus, DeviceTimeout, NotReady
-from robotd_cia402.fieldbus import BUS_STATES, Cia402Fieldbus
+from robotd_cia402.device import BUS_STATES, Cia402Fieldbus
 from robotd_ethercat.al_status import AlState, al_code_text
 from robotd_ethercat.exchange import Counters
 from robotd_ethercat.master import Master

@@ -15,9 +15,7 @@ from robotd.api import (
 from robotd_cia402.axes import Cia402Master, name_and_scaling
 from robotd_cia402.sync_timing import SyncTiming
 from robotd_ethercat.bring_up import BringUp
-from robotd_ethercat.clocks import ClockObserver
-from robotd_ethercat.ethercat_drive import EthercatDrive
-from robotd_ethercat.exchange import Exchange, IoImage
+from robotd_ethercat.exchange import ClockObserver, EthercatDrive, Exchange, IoImage
 from robotd_ethercat.options import AxisOptions, Clocks, SlaveOptions
 from robotd_ethercat.plan import BusPlan
 from robotd_ethercat.slave import Slave

@@ -16,13 +16,7 @@ from robotd_cia402.object_numbers import (
     TARGET_VELOCITY,
     on_axis,
 )
-from robotd_cia402.options import (
-    Problems,
-    StreamMode,
-    VelocityMode,
-    parse_object,
-    with_robot_ramps,
-)
+from robotd_cia402.options import Problems, StreamMode, VelocityMode, parse_object, with_robot_ramps
 from robotd_ethercat.options import AxisOptions, EthercatOptions, PdoOptions, SlaveOptions
 
 _SECTION = "backends.ethercat"

@@ -72,7 +72,7 @@ def robotd_open_device(context: DeviceContext[MujocoOptions]) -> DeviceDriver:
 @hookimpl
 def robotd_axes(device: MujocoDevice, context: DeviceContext[MujocoOptions]) -> AxisDriver:
     """One drive per axis."""
-    from robotd_mujoco.axes import MujocoAxes
+    from robotd_mujoco.device import MujocoAxes
 
     return MujocoAxes(device.physics, context)
 

@@ -126,7 +126,6 @@ class CameraTopics:
     """Topics of one camera, with the names of image_transport. Thread of the cameras.
 
     Args:
-        node: its owner.
         camera: described by the scene.
     """
 

@@ -22,13 +22,7 @@ from robotd.api import (
 )
 from robotd_mujoco.gripper_model import FINGER_TRAVEL_S
 from robotd_mujoco.options import MujocoOptions
-from robotd_mujoco.robot_model import (
-    BRAKE_NM,
-    BRAKE_SHARE,
-    UNLIMITED,
-    build_model,
-    start_positions,
-)
+from robotd_mujoco.robot_model import BRAKE_NM, BRAKE_SHARE, UNLIMITED, build_model, start_positions
 
 IMAGE_BYTES = 64
 AT_REST = 0.02  # rad/s or m/s, below which a brake has stopped its axis

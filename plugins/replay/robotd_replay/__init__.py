@@ -11,10 +11,7 @@ from robotd.api import (
     IoDriver,
     hookimpl,
 )
-from robotd_replay.axes import ReplayAxes
-from robotd_replay.device import ReplayDevice
-from robotd_replay.io import ReplayIo
-from robotd_replay.options import Replayed, ReplayOptions
+from robotd_replay.device import ReplayAxes, ReplayDevice, Replayed, ReplayIo, ReplayOptions
 
 
 @hookimpl

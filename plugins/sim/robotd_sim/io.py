@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from robotd.api import ConnectionState, InvalidArgument, IoDriver, NotReady
-from robotd_sim.io_image import IMAGE_BYTES
-from robotd_sim.simulation import Simulation
+from robotd_sim.simulation import IMAGE_BYTES, Simulation
 
 
 class SimIo(IoDriver):

@@ -9,8 +9,7 @@ import numpy as np
 
 from robotd.api import FloatArray
 from robotd_servo_model.world import World
-from robotd_sim.axis_states import AxisStates, Flags
-from robotd_sim.axis_switches import AxisSwitches
+from robotd_sim.axis_states import AxisStates, AxisSwitches, Flags
 from robotd_sim.motion import Motion
 from robotd_sim.power import Power
 from robotd_wmx_parameters import WmxParameters

@@ -77,7 +77,6 @@ def read_wmx_parameters(path: Path, axes: int = 0) -> WmxParameters:
     has not changed.
 
     Args:
-        path: the file.
         axes: number of axes of the robot; the file must state each of them, from axis 0. An axis
             with nothing but defaults would have the gear ratio 1/1: a radian would be a count.
 

@@ -10,14 +10,75 @@ from typing import Any
 
 from std_msgs.msg import String
 
-from robotd_ros.client.robot_identity import RobotIdentity, read_identity
+from robotd.errors import DeviceTimeout
 from robotd_ros.client.ros_client import RosClient, escape_texts
-from robotd_ros.node_registry import SUMMARY
+from robotd_ros.node_registry import IDENTITY, SUMMARY
 from robotd_ros.qos import LATCHED
 
 SEARCH_PERIOD_S = 0.2
 SILENCE_S = 3.5  # a robot announces itself every second
 SILENT = "no answer"
+ANSWER_S = 1.0  # for the identity of a robot that answers
+
+
+@dataclass(frozen=True)
+class RobotIdentity:
+    """Identity of a running robot.
+
+    Attributes:
+        robot: name in its descriptor.
+        namespace: of its nodes; "/" for none.
+        backend: that it runs on.
+        variant: of its descriptor; "" without one.
+        computer: host name.
+        simulated: nothing real moves.
+        version: of robotd.
+    """
+
+    robot: str
+    namespace: str
+    backend: str
+    variant: str
+    computer: str
+    simulated: bool
+    version: str
+
+    @property
+    def text(self) -> str:
+        """The identity for people, in one line."""
+        place = "" if self.namespace == "/" else f" in {self.namespace}"
+        simulated = ", SIMULATED" if self.simulated else ""
+        return f"{self.robot}{place}, backend {self.backend}, on {self.computer}{simulated}"
+
+
+def read_identity(text: str) -> RobotIdentity:
+    """Return the identity of a message of ``IDENTITY``; what it does not tell is "?"."""
+    given = json.loads(text)
+    words = ("robot", "namespace", "backend", "variant", "computer", "version")
+    values = {name: str(given.get(name, "?")) for name in words}
+    return RobotIdentity(**values, simulated=bool(given.get("simulated")))
+
+
+def addressed_robots(client: RosClient) -> tuple[RobotIdentity, ...]:
+    """Return the robots that the client's commands reach.
+
+    Several that share a namespace all execute a command. Empty where none tells its identity.
+    """
+    node, found = client.node, list[str]()
+    made = node.create_subscription(String, IDENTITY, partial(_keep, found), LATCHED)
+    try:
+        client.wait(
+            lambda: len(found) >= max(1, node.count_publishers(IDENTITY)), IDENTITY, ANSWER_S
+        )
+    except DeviceTimeout:
+        pass
+    finally:
+        node.destroy_subscription(made)
+    return tuple(map(read_identity, found))
+
+
+def _keep(found: list[str], message: String) -> None:
+    found.append(message.data)
 
 
 @dataclass(frozen=True)

@@ -1,21 +1,25 @@
-"""Dead-man jog of a running robot from another process."""
+"""Dead-man jog of a running robot, its axes or its tool, from another process."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import TwistStamped
+from std_msgs.msg import String
+from tf2_msgs.msg import TFMessage
 from wmx_ros2_message.msg import AxisState, AxisVelocity
 
 from robotd.errors import OperationError
 from robotd.log import escaped
-from robotd_ros.client.problem_client import STANDING, ProblemListener, with_remedy
+from robotd_ros.client.operator_client import STANDING, ProblemListener, with_remedy
 from robotd_ros.client.ros_client import RosClient
 from robotd_ros.client.status_client import (
     AXIS_STATE,
+    TOOL_POSE,
     AxisReport,
     axis_reports,
     read_axes,
@@ -26,6 +30,9 @@ JOG = "wmx/axis/jog"
 REJECTIONS = f"{OPERATOR_NODE}/rejections"
 RAMP_S = 0.2  # to the speed, of axes in velocity mode
 AT_REST = 0.01  # rad/s or m/s
+TWISTS = "servo_node/delta_twist_cmds"
+REASON = "servo_node/status_message"
+DIRECTIONS = ("x", "y", "z", "turn about x", "turn about y", "turn about z")
 
 
 @dataclass(frozen=True)
@@ -71,7 +78,6 @@ class JogClient:
         """Move ``axis``; the robot stops it 0.2 s after the last call.
 
         Args:
-            axis: its index.
             velocity: rad/s or m/s, signed; 0 slows to rest.
             fastest: velocity that an axis in velocity mode reaches in ``RAMP_S``.
         """
@@ -105,16 +111,58 @@ class JogClient:
             self._rejection = escaped(rejection.message)
 
 
+class ToolJogClient(JogClient):
+    """Publisher of twists, and the state of the axes. One thread.
+
+    Args:
+        stack: leaves its subscriptions.
+        in_tool: directions are those of the tool; False: of the base.
+    """
+
+    topic, message_type = TWISTS, TwistStamped
+
+    def __init__(self, client: RosClient, stack: ExitStack, *, in_tool: bool) -> None:
+        super().__init__(client, stack)
+        self.choices = DIRECTIONS
+        poses = stack.enter_context(client.listen(TFMessage, TOOL_POSE))
+        pose = poses.wait().transforms[0]
+        self._frame = pose.child_frame_id if in_tool else pose.header.frame_id
+        self._reason = stack.enter_context(client.listen(String, REASON))
+        self._jogged.update(range(len(self.identities)))
+
+    def jog(self, axis: int, velocity: float, fastest: float) -> None:
+        """Move the tool along the direction ``axis`` of ``DIRECTIONS``, m/s or rad/s."""
+        message = TwistStamped()
+        message.header.frame_id = self._frame
+        part = message.twist.linear if axis < 3 else message.twist.angular
+        setattr(part, "xyz"[axis % 3], velocity)
+        self._publisher.publish(message)
+
+    def state(self) -> JogState:
+        """Return the newest state, with the reason why the tool is slowed down."""
+        state = super().state()
+        slowed = self._reason.newest.data if self._reason.newest else ""
+        return replace(state, hindrance=state.hindrance or slowed)
+
+
 @contextmanager
-def jog_client(client: RosClient) -> Iterator[JogClient]:
+def jog_client(client: RosClient, tool: str | None = None) -> Iterator[JogClient]:
     """Find the running robot.
 
+    Args:
+        tool: jog the tool, in the axes of "base" or "tool"; None: the axes of the robot.
+
     Raises:
-        DeviceTimeout: no robot with the node ``wmx_core_motion_node`` answers.
+        DeviceTimeout: no robot with the node ``wmx_core_motion_node`` answers, or ``servo_node``
+            for a tool.
         OperationError: motion is stopped or paused.
     """
     with ExitStack() as stack:
-        jog = JogClient(client, stack)
+        jog = (
+            JogClient(client, stack)
+            if tool is None
+            else ToolJogClient(client, stack, in_tool=tool == "tool")
+        )
         if reason := jog.state().hindrance:
             raise OperationError(reason)
         yield jog

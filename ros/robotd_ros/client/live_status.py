@@ -17,7 +17,7 @@ from wmx_ros2_message.msg import AxisState
 from robotd.clock import NANOSECONDS
 from robotd.control.problem import Problem
 from robotd_ros.client.motion_client import action_servers
-from robotd_ros.client.problem_client import ProblemListener
+from robotd_ros.client.operator_client import ProblemListener
 from robotd_ros.client.ros_client import Listener, RosClient
 from robotd_ros.client.status_client import (
     AXIS_STATE,

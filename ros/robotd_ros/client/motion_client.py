@@ -31,7 +31,7 @@ MAY_MOVE = "the arm may be moving, robotd stop stops it"
 BASE_NODES = ("diff_drive_controller", "mecanum_drive_controller", "tricycle_controller")
 ACTION_TYPE = "control_msgs/action/FollowJointTrajectory"
 
-_SETTLE_S = 0.6  # a second robotd is found within this time after the first one: discovery.py
+_SETTLE_S = 0.6  # a second robotd is found within this time after the first one
 
 Groups = Mapping[str, Sequence[str]]
 """Joints of each action of a robot with joint groups."""
@@ -125,29 +125,21 @@ def move(
             canceled; the text says what came of that.
     """
     arm.check(targets)
-    actions = ActionClient(client.node, FollowJointTrajectory, arm.action)
-    try:
-        client.wait(actions.server_is_ready, f"action {arm.action}")
 
-        def show(feedback: Any) -> None:
-            passed = feedback.desired.time_from_start
-            names, positions = feedback.joint_names, feedback.actual.positions
-            passed_s = passed.sec + passed.nanosec / NANOSECONDS
-            on_progress(passed_s, dict(zip(names, positions, strict=True)))
+    def show(feedback: Any) -> None:
+        passed = feedback.desired.time_from_start
+        names, positions = feedback.joint_names, feedback.actual.positions
+        passed_s = passed.sec + passed.nanosec / NANOSECONDS
+        on_progress(passed_s, dict(zip(names, positions, strict=True)))
 
-        run = GoalRun(client, FollowJointTrajectory, show, lambda result: str(result.error_string))
-        return run.run(actions, _goal({**arm.positions, **targets}, time_s), is_canceled)
-    finally:
-        actions.destroy()
+    run = GoalRun(client, FollowJointTrajectory, show, lambda result: str(result.error_string))
+    return run.run(arm.action, _goal({**arm.positions, **targets}, time_s), is_canceled)
 
 
 class GoalRun:
     """One goal of an action, from sending it to its result.
 
     Args:
-        client: of the robot.
-        action_type: of the action.
-        on_feedback: called with each feedback.
         text_of: returns the robot's reason of a result.
     """
 
@@ -162,10 +154,18 @@ class GoalRun:
         self._show, self._text_of = on_feedback, text_of
         self._feedback_s = time.monotonic()
 
-    def run(
+    def run(self, action: str, goal: Any, is_canceled: Callable[[], bool]) -> tuple[Ending, str]:
+        """Send a goal of ``action``; return how it ended, at rest. Errors as of ``move``."""
+        actions = ActionClient(self._client.node, self._type, action)
+        try:
+            self._client.wait(actions.server_is_ready, f"action {action}")
+            return self._run(actions, goal, is_canceled)
+        finally:
+            actions.destroy()
+
+    def _run(
         self, actions: ActionClient, goal: Any, is_canceled: Callable[[], bool]
     ) -> tuple[Ending, str]:
-        """Return how the goal ended, at rest; errors as of ``move``."""
         goal_id = UUID(uuid=[*uuid4().bytes])
         sending = actions.send_goal_async(goal, self._on_feedback, goal_id)
         if not self._comes(sending):

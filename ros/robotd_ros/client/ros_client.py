@@ -123,8 +123,7 @@ class RosClient:
             timeout_s: seconds; None takes the client's own.
             hint: end of the error; "" tells whether the robot runs, and what to check.
 
-        Raises:
-            DeviceTimeout: there was none in time.
+        Raises DeviceTimeout: there was none in time.
         """
         timeout_s = self.timeout_s if timeout_s is None else timeout_s
         deadline = time.monotonic() + timeout_s

@@ -16,9 +16,16 @@ from wmx_ros2_message.srv import SetAxis
 from robotd.clock import MonotonicClock, wait_until
 from robotd.control.problem import Problem
 from robotd.errors import DeviceTimeout, InvalidArgument, unknown_name
-from robotd_ros.client.operator_client import IO, SPEED, Levels, read_levels
-from robotd_ros.client.problem_client import DISCOVERY_S, ProblemListener, reason_of_silence
-from robotd_ros.client.robot_identity import RobotIdentity, read_identity
+from robotd_ros.client.fleet import RobotIdentity, read_identity
+from robotd_ros.client.operator_client import (
+    DISCOVERY_S,
+    IO,
+    SPEED,
+    Levels,
+    ProblemListener,
+    read_levels,
+    reason_of_silence,
+)
 from robotd_ros.client.ros_client import RosClient
 from robotd_ros.node_registry import IDENTITY, OPERATOR_NODE
 from robotd_ros.qos import LATCHED
@@ -209,7 +216,6 @@ def set_servos(client: RosClient, axes: Sequence[str], on: bool) -> str:
     """Switch servos; on, alarms are cleared first.
 
     Args:
-        client: of the robot.
         axes: names, or numbers from 0; empty: all.
         on: False: off.
 

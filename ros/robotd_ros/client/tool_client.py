@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from geometry_msgs.msg import Pose
-from rclpy.action import ActionClient
+from geometry_msgs.msg import Pose, PoseStamped
 from robotd_msgs.action import MoveTool
 from robotd_msgs.srv import ComputeFk, ComputeIk, SelectFrame
 from sensor_msgs.msg import JointState
@@ -41,7 +40,6 @@ def move_tool(
     """Move the tool; return at standstill, with the robot's reason.
 
     Args:
-        poses: of the tool.
         is_canceled: asked all the time; once it is true, the robot is asked to stop.
         on_progress: called with 0 to 1, and the measured pose.
         frame: "" for poses in the work frame or the base; "base" or "tool" for ways along the
@@ -59,17 +57,12 @@ def move_tool(
         speed=speed,
         plan_only=plan_only,
     )
-    actions = ActionClient(client.node, MoveTool, ACTION)
-    try:
-        client.wait(actions.server_is_ready, f"action {ACTION}")
 
-        def show(feedback: Any) -> None:
-            on_progress(feedback.progress, feedback.pose)
+    def show(feedback: Any) -> None:
+        on_progress(feedback.progress, feedback.pose)
 
-        run = GoalRun(client, MoveTool, show, lambda result: str(result.message))
-        return run.run(actions, goal, is_canceled)
-    finally:
-        actions.destroy()
+    run = GoalRun(client, MoveTool, show, lambda result: str(result.message))
+    return run.run(ACTION, goal, is_canceled)
 
 
 def tool_pose(client: RosClient, group: str = "") -> tuple[Pose, str, str]:
@@ -84,9 +77,8 @@ def joint_solutions(
 ) -> list[Mapping[str, float]]:
     """Return joint positions of a pose, nearest first. Raises OperationError: with the reason."""
     request = {"group": group, "all": everything, "seed": JointState()}
-    answer = client.call(
-        ComputeIk, f"{OPERATOR_NODE}/compute_ik", pose_stamped=_stamped(pose), **request
-    )
+    stamped = PoseStamped(pose=pose)
+    answer = client.call(ComputeIk, f"{OPERATOR_NODE}/compute_ik", pose_stamped=stamped, **request)
     return [dict(zip(each.name, each.position, strict=True)) for each in answer.solutions]
 
 
@@ -108,9 +100,3 @@ def set_reduced_speed(client: RosClient, *, on: bool) -> str:
 def _select(client: RosClient, service: str, name: str, group: str) -> str:
     answer = client.call(SelectFrame, f"{OPERATOR_NODE}/{service}", name=name, group=group)
     return str(answer.message)
-
-
-def _stamped(pose: Pose) -> Any:
-    from geometry_msgs.msg import PoseStamped
-
-    return PoseStamped(pose=pose)

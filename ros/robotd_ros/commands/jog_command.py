@@ -99,9 +99,9 @@ def _jog(
 ) -> ExitCode:
     """Move ``joint``; INTERRUPTED after Ctrl-C. Raises Rejected with the robot's reason."""
     with robot_client(timeout_s, searches=True) as client:
-        with import_ros("robotd_ros.client.problem_client").reason_of_silence(client):
+        with import_ros("robotd_ros.client.operator_client").reason_of_silence(client):
             arm = import_ros("robotd_ros.client.motion_client").find_arm(client, [joint], action)
-        import_ros("robotd_ros.client.problem_client").require_motion(client)
+        import_ros("robotd_ros.client.operator_client").require_motion(client)
         print_addressed_robots(client)
         arm.check([joint])
         unit = arm.units.get(joint, "rad or m")
@@ -116,9 +116,6 @@ def _jog(
                 f" {MAX_TIME_S:g} s"
             )
         target = arm.positions[joint] + distance
-        code, reason = carry_out(client, arm, {joint: target}, time_s, _no_progress)
+        # Shows no progress: an increment is short.
+        code, reason = carry_out(client, arm, {joint: target}, time_s, lambda *_: None)
     return tell(code, f"{joint}: {target / scale:+.4f} {'°' if turns else unit}; {reason}")
-
-
-def _no_progress(time_s: float, positions: object) -> None:
-    """Show nothing: an increment is short."""

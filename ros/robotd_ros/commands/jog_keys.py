@@ -1,10 +1,15 @@
-"""Dead-man switch of a keyboard: a joint moves while a key repeats."""
+"""Keys of a terminal as they are pressed, and the dead-man switch that jogs by them."""
 
 from __future__ import annotations
 
 import math
+import os
 import re
+import select
+import termios
+import tty
 from collections.abc import Iterator
+from typing import Self
 
 HOLD_S = 0.15  # terminals repeat a key that is held every 30 to 90 ms
 SPEEDS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # rad/s or m/s
@@ -13,6 +18,7 @@ _KEYS = re.compile(rb"\x1b[\[O][0-9;]*[A-Za-z~]|.", re.DOTALL)
 _DIRECTIONS = {b"\x1b[C": 1, b"\x1bOC": 1, b"l": 1, b"\x1b[D": -1, b"\x1bOD": -1, b"h": -1}
 _QUIT = (b"q", b"Q", b"\x04")  # the last is Ctrl-D
 _UNFINISHED = re.compile(rb"\x1b[\[O]?[0-9;]*\Z")
+MAX_BYTES = 1024
 
 
 class JogKeys:
@@ -71,3 +77,37 @@ class JogKeys:
         end = unfinished.start() if unfinished and unfinished[0] != self._tail else len(data)
         self._tail = data[end:]
         yield from _KEYS.findall(data[:end])
+
+
+class KeyInput:
+    """Terminal without echo and line editing: ``with KeyInput(0) as keys:``. Ctrl-C stays a signal.
+
+    Attributes:
+        lost: the terminal is gone.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        self.lost = False
+        self._descriptor = descriptor
+
+    def __enter__(self) -> Self:
+        self._before = termios.tcgetattr(self._descriptor)
+        tty.setcbreak(self._descriptor)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        try:
+            termios.tcsetattr(self._descriptor, termios.TCSADRAIN, self._before)
+        except termios.error:
+            self.lost = True
+
+    def read(self) -> bytes:
+        """Return what was typed since the last call; never waits."""
+        if self.lost or not select.select([self._descriptor], [], [], 0.0)[0]:
+            return b""
+        try:
+            data = os.read(self._descriptor, MAX_BYTES)
+        except OSError:
+            data = b""
+        self.lost = not data
+        return data

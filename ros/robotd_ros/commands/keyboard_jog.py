@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Sequence
-from contextlib import AbstractContextManager, suppress
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import click
@@ -17,13 +17,11 @@ from rich.text import Text
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.preflight import import_ros
 from robotd.stop_signals import Interrupt
-from robotd_ros.commands.jog_keys import JogKeys
-from robotd_ros.commands.key_input import KeyInput
+from robotd_ros.commands.jog_keys import JogKeys, KeyInput
 from robotd_ros.commands.robot_client import print_addressed_robots, robot_client
 
 if TYPE_CHECKING:  # it needs rclpy
     from robotd_ros.client.jog_client import JogClient, JogState
-    from robotd_ros.client.ros_client import RosClient
 
 SEND_S = 0.02
 SHOW_S = 0.1
@@ -40,10 +38,10 @@ def jog_by_keys(timeout_s: float, speed: float, tool: str | None = None) -> Exit
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise click.UsageError("--keys needs a terminal")
     with robot_client(timeout_s) as client:
-        import_ros("robotd_ros.client.problem_client").require_ready(client)
+        import_ros("robotd_ros.client.operator_client").require_ready(client)
         print_addressed_robots(client)
         with (
-            _client(client, tool) as jog,
+            import_ros("robotd_ros.client.jog_client").jog_client(client, tool) as jog,
             Interrupt() as interrupt,
             KeyInput(sys.stdin.fileno()) as key_input,
         ):
@@ -66,19 +64,6 @@ def jog_by_keys(timeout_s: float, speed: float, tool: str | None = None) -> Exit
     with suppress(OSError):
         click.echo("at rest")
     return ExitCode.OK if keys.ended else ExitCode.INTERRUPTED
-
-
-def _client(client: RosClient, tool: str | None) -> AbstractContextManager[JogClient]:
-    """Return the client of the axes, or of the tool."""
-    if tool is None:
-        axes: AbstractContextManager[JogClient] = import_ros(
-            "robotd_ros.client.jog_client"
-        ).jog_client(client)
-        return axes
-    tools: AbstractContextManager[JogClient] = import_ros(
-        "robotd_ros.client.tool_jog_client"
-    ).tool_jog_client(client, in_tool=tool == "tool")
-    return tools
 
 
 class _Sender:

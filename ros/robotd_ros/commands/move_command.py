@@ -12,8 +12,7 @@ from robotd.cli.exit_codes import ExitCode, Rejected
 from robotd.cli.preflight import import_ros
 from robotd.cli.shell_values import joint_completion
 from robotd.number_argument import NumberRange, parse_number
-from robotd_ros.commands.goal import carry_out, tell
-from robotd_ros.commands.progress import Progress
+from robotd_ros.commands.goal import Progress, carry_out, tell
 from robotd_ros.commands.robot_client import (
     ROS_EPILOG,
     client_options,
@@ -112,9 +111,9 @@ def move(
         return _move_tool(timeout_s, words, deg=deg, frame=frame, goal=goal)
     targets = parse_targets(words)
     with robot_client(timeout_s, searches=True) as client:
-        with import_ros("robotd_ros.client.problem_client").reason_of_silence(client):
+        with import_ros("robotd_ros.client.operator_client").reason_of_silence(client):
             arm = import_ros("robotd_ros.client.motion_client").find_arm(client, targets, action)
-        import_ros("robotd_ros.client.problem_client").require_motion(client)
+        import_ros("robotd_ros.client.operator_client").require_motion(client)
         print_addressed_robots(client)
         turning = {joint for joint in targets if deg and arm.units.get(joint) != "m"}
         positions = {
@@ -141,7 +140,7 @@ def _move_tool(
 ) -> ExitCode:
     components, relative = parse_components(words, deg=deg)
     with robot_client(timeout_s) as client:
-        import_ros("robotd_ros.client.problem_client").require_motion(client)
+        import_ros("robotd_ros.client.operator_client").require_motion(client)
         print_addressed_robots(client)
         code, reason = move_tool(client, components, relative=relative, frame_name=frame, **goal)
     return tell(code, reason)

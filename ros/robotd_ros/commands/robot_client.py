@@ -74,7 +74,7 @@ def _running_robots(client: RosClient) -> str:
 
 def print_addressed_robots(client: RosClient) -> None:
     """Print to standard error which robot a command reaches."""
-    robots = import_ros("robotd_ros.client.robot_identity").addressed_robots(client)
+    robots = import_ros("robotd_ros.client.fleet").addressed_robots(client)
     if len(robots) > 1:
         click.echo(f"{len(robots)} robots share this namespace; each gets the command:", err=True)
     for robot in robots:

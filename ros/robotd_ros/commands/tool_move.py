@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
-from robotd.cli.exit_codes import ExitCode, Rejected
+from robotd.cli.exit_codes import ExitCode
 from robotd.cli.preflight import import_ros
 from robotd.descriptor.urdf import transform_numbers
 from robotd.descriptor.urdf.urdf_model import frame
 from robotd.number_argument import parse_number
 from robotd.stop_signals import Interrupt
-from robotd_ros.commands.progress import bar
+from robotd_ros.commands.goal import CLEAR_LINE, bar, exit_code
 
 if TYPE_CHECKING:  # it needs rclpy
     from robotd_ros.client.ros_client import RosClient
@@ -89,12 +89,8 @@ def move_tool(
             **goal,
         )
     if sys.stderr.isatty():
-        click.echo("\r\x1b[K", err=True, nl=False)
-    motion = import_ros("robotd_ros.client.motion_client")
-    if ending is motion.Ending.ABORTED:
-        raise Rejected(reason)
-    canceled = ending is motion.Ending.CANCELED
-    return ExitCode.INTERRUPTED if canceled else ExitCode.OK, reason
+        click.echo(CLEAR_LINE, err=True, nl=False)
+    return exit_code(ending, reason), reason
 
 
 def pose_message(values: Mapping[str, float]) -> Any:
@@ -127,4 +123,4 @@ def _show(part: float, pose: Any) -> None:
     if sys.stderr.isatty():
         place = pose.position
         text = f"{bar(part)}  x {place.x:.3f}  y {place.y:.3f}  z {place.z:.3f} m"
-        click.echo(f"\r\x1b[K{text}", err=True, nl=False)
+        click.echo(f"{CLEAR_LINE}{text}", err=True, nl=False)

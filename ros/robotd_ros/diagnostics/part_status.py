@@ -70,10 +70,7 @@ def axis_status(
     """Status of one axis; a servo that should be on warns when off.
 
     Args:
-        part: name of the axis.
-        axis: its number.
         image: consistent copy.
-        state: of the connection.
         outside: its position where that is outside its limits, or "".
         used: it should be on.
     """

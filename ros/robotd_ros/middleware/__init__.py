@@ -7,10 +7,9 @@ benchmark that shows what breaks without it.
 import robotd_ros.middleware.type_support  # noqa: F401 - before the first message
 from robotd_ros.middleware.action_server import worker_action_server
 from robotd_ros.middleware.cdr import HotPublisher
-from robotd_ros.middleware.discovery import discovery_server, see_whole_graph
 from robotd_ros.middleware.executor import EventsExecutor, destroy_node, spin_once, wake
 from robotd_ros.middleware.exit_timer import exit_after
-from robotd_ros.middleware.fastdds_profiles import use_profiles
+from robotd_ros.middleware.fastdds_profiles import discovery_server, see_whole_graph, use_profiles
 from robotd_ros.middleware.log_files import log_file_arguments
 from robotd_ros.middleware.message_info import with_message_info
 from robotd_ros.middleware.participants import Participant
@@ -24,7 +23,6 @@ from robotd_ros.middleware.start_arguments import (
     check_overrides,
     check_remapping,
     overrides_of,
-    remapped_action,
 )
 from robotd_ros.middleware.type_mismatch import TypeMismatchCheck
 
@@ -45,7 +43,6 @@ __all__ = [
     "exit_after",
     "log_file_arguments",
     "overrides_of",
-    "remapped_action",
     "remove_leftovers",
     "request_id_of",
     "see_whole_graph",

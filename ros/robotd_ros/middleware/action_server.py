@@ -6,18 +6,21 @@ does not pass on who sent a goal, and converts goals before it answers (``goal_r
 And it expires results by the node's clock: at ``--time-scale max`` 10 s of that are 0.3 s of real
 time, and a client that asks for a result later than that gets UNKNOWN.
 Measured: acceptance of a goal of 20 points 2.0 ms instead of 3.2 ms, answer to a cancel 0.9 ms
-instead of 2.2 ms (medians of a client in C, x86_64, two cores shared with other work). In simulated
-time 17 of 70 goals lost their results.
+instead of 2.2 ms (medians of tools/bench/goal_client.py, in C, x86_64, two cores shared with other
+work). In simulated time 17 of 70 goals lost their results.
 Upstream: none known; https://github.com/ros2/rcl/issues/1103 (closed) is about the start of the
 time-out of results.
-Where rclpy has other internals than those of ``_INTERNALS``, ``plain_action_server`` serves goals.
-Shown by: tests/ros/test_simulated_time.py, tools/bench/goal_client.py.
+Where rclpy has other internals than those of ``_INTERNALS``, ``PlainActionServer`` serves goals by
+the public interface alone: what is measured here is lost, and the name of a goal's client.
+Shown by: tests/ros/test_simulated_time.py, tests/ros/test_plain_rclpy.py.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
-from typing import Any, Unpack
+from types import SimpleNamespace
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from action_msgs.msg import GoalInfo
@@ -32,7 +35,6 @@ from rclpy.task import Future
 from robotd.clock import NANOSECONDS
 from robotd.log import get_logger
 from robotd_ros.middleware.goal_requests import GoalRequest, GoalRequests
-from robotd_ros.middleware.plain_action_server import GoalCallbacks, PlainActionServer
 from robotd_ros.middleware.rcl_error import RCLError
 from robotd_ros.middleware.release_gil import LayoutError, RequestId
 from robotd_ros.middleware.stamp_clock import StampClock
@@ -57,6 +59,64 @@ _INTERNALS = (
     (ServerGoalHandle, "__init__", "_goal_handle _action_server _goal_request _lock"),
     (ServerGoalHandle, "_update_state", "update_goal_state publish_status"),
 )
+
+
+class GoalCallbacks(TypedDict):
+    """What an action server calls.
+
+    Attributes:
+        admit: decides about a ``GoalRequest``; its ``goal`` is converted when it is read.
+        accepted: gets the handle of an accepted goal, which executes.
+        cancel: callback of rclpy with a goal handle.
+    """
+
+    admit: Callable[[Any], GoalResponse]
+    accepted: Callable[[Any], None]
+    cancel: Callable[[Any], CancelResponse]
+
+
+class PlainActionServer(ActionServer):
+    """Action server that leaves accepted goals to ``accepted``; ``notify_execute`` ends them.
+
+    Args:
+        node, action_type, name: see ``WorkerActionServer``.
+        result_timeout_s: time for which a result can be asked for, by the node's clock.
+        callbacks: a request has its ``goal`` only, and the ``requester`` of a goal is not known.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        action_type: Any,
+        name: str,
+        *,
+        result_timeout_s: int,
+        **callbacks: Unpack[GoalCallbacks],
+    ) -> None:
+        self._accepted, admit = callbacks["accepted"], callbacks["admit"]
+        super().__init__(
+            node,
+            action_type,
+            name,
+            lambda goal: action_type.Result(),
+            goal_callback=lambda goal: admit(SimpleNamespace(goal=goal)),
+            handle_accepted_callback=self._begin,
+            cancel_callback=callbacks["cancel"],
+            goal_service_qos_profile=SERVICE,
+            cancel_service_qos_profile=SERVICE,
+            result_service_qos_profile=SERVICE,
+            result_timeout=result_timeout_s,
+        )
+
+    def notify_execute(self, goal: ServerGoalHandle, execute_callback: Any) -> None:
+        """End a goal with the result of a callback; without one, its execution only begins."""
+        if execute_callback is not None:
+            super().notify_execute(goal, execute_callback)
+
+    def _begin(self, goal: ServerGoalHandle) -> None:
+        goal.requester = None
+        goal.execute()
+        self._accepted(goal)
 
 
 def worker_action_server(
@@ -91,9 +151,6 @@ class WorkerActionServer(ActionServer):
 
     Args:
         node: serves the action; stamps are of its clock.
-        action_type: class of the action.
-        name: of the action.
-        requests: of the action.
         callbacks: plain functions, called in the executor thread.
     """
 

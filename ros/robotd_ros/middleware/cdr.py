@@ -105,8 +105,7 @@ class PatchedMessage:
 class PlainMessage:
     """``HotMessage`` over an ordinary message object, filled field by field.
 
-    Raises:
-        ValueError: a path does not exist or does not mean numbers of one type.
+    Raises ValueError: a path does not exist or does not mean numbers of one type.
     """
 
     def __init__(self, template: Any, views: Iterable[str]) -> None:
@@ -169,8 +168,7 @@ class HotPublisher:
         views: paths that ``view`` is going to be asked for.
         sources: arrays by path, copied to the beginning of its numbers by ``publish``.
 
-    Raises:
-        ValueError: a path does not exist or does not mean numbers of one type.
+    Raises ValueError: a path does not exist or does not mean numbers of one type.
     """
 
     def __init__(

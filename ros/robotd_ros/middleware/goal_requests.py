@@ -33,7 +33,6 @@ class GoalRequest:
 
     Args:
         message: address of the C message, which is freed with this object.
-        functions: of its type.
         requester: as above.
     """
 
@@ -62,9 +61,6 @@ class GoalRequest:
 
 class GoalRequests:
     """Takes and answers the goal requests of an action server. Executor thread.
-
-    Args:
-        action_type: class of the action.
 
     Raises LayoutError: rcl or rclpy have other internals.
     """

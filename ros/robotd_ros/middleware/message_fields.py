@@ -59,8 +59,7 @@ class MessageField:
         dtype: type of every number.
         count: how many numbers there are; constant, because lengths in the message are.
 
-    Raises:
-        ValueError: the path does not exist, or does not mean numbers of one type.
+    Raises ValueError: the path does not exist, or does not mean numbers of one type.
     """
 
     def __init__(self, message: Any, path: str) -> None:

@@ -63,9 +63,6 @@ class MessageFunctions:
         destroy: frees a message.
         to_python: returns the message at an address as an object.
 
-    Args:
-        message_type: class of the message.
-
     Raises LayoutError: its class has no such capsules.
     """
 

@@ -25,12 +25,7 @@ from rclpy.service import Service
 
 from robotd.log import get_logger
 from robotd_ros.middleware.rcl_error import NODE_GONE
-from robotd_ros.middleware.release_gil import (
-    LayoutError,
-    RequestId,
-    ResponseSender,
-    request_id_of,
-)
+from robotd_ros.middleware.release_gil import LayoutError, RequestId, ResponseSender, request_id_of
 
 log = get_logger("ros")
 
@@ -43,12 +38,7 @@ _MAX_KNOWN = 64  # readers remembered without a look-up
 
 
 class ServiceResponses:
-    """Sends the responses of one service.
-
-    Args:
-        node: the service's owner.
-        service: whose requests are answered.
-    """
+    """Sends the responses of one service."""
 
     def __init__(self, node: Node, service: Service) -> None:
         self._node = node

@@ -1,10 +1,11 @@
-"""ROS arguments given at start: unknown parameters are errors, and actions are remapped.
+"""ROS arguments given at start: unknown parameters are errors.
 
 Nodes keep their names: parameters of descriptors and the commands of robotd find them by name.
 
 Works around: rclpy ignores an override that no node declares, so that a misspelled limit has no
 effect. rcl of Jazzy remaps (``-r``) nodes, topics and services; an action's own services and topics
-have other names (``NAME/_action/send_goal``), so that a rule for the action matches none of them.
+have other names (``NAME/_action/send_goal``), so that a rule for the action matches none of them:
+``Parameters.action`` resolves the name before the action is made.
 Measured: nothing; once at start.
 Upstream: by design (https://github.com/ros2/rclcpp/pull/1751 documents it); for actions
 https://github.com/ros2/ros2/issues/1312, done in later versions by
@@ -56,8 +57,7 @@ def check_remapping(
         known: names of all nodes that robotd or a plugin could serve.
         ros_args: command line from ``--ros-args`` on.
 
-    Raises:
-        DescriptorError: a rule renames nodes, or is for a node that does not exist.
+    Raises DescriptorError: a rule renames nodes, or is for a node that does not exist.
     """
     kept: list[str] = []
     errors = []
@@ -96,8 +96,7 @@ def check_overrides(
         known: names of all nodes that robotd or a plugin could serve.
         ros_args: command line from ``--ros-args`` on.
 
-    Raises:
-        DescriptorError: the unknown parameters, or an unknown node of ``-p NODE:NAME:=VALUE``.
+    Raises DescriptorError: the unknown parameters, or an unknown node of ``-p NODE:NAME:=VALUE``.
     """
     accepted = {name for node in nodes for name in overrides_of(node) if node.has_parameter(name)}
     errors = []
@@ -132,14 +131,6 @@ def overrides_of(node: Node) -> Mapping[str, Any]:
 def _hidden_overrides() -> Mapping[str, Any]:
     log.warning("unknown parameters are ignored by plain rclpy: it has other internals")
     return {}
-
-
-def remapped_action(node: Node, name: str) -> str:
-    """Full name of an action after the node's namespace and remapping rules.
-
-    Raises the exceptions of ``Node.resolve_topic_name`` for a name that ROS does not allow.
-    """
-    return str(node.resolve_topic_name(name))
 
 
 def _check_sections(

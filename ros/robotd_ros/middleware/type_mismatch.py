@@ -25,7 +25,6 @@ class TypeMismatchCheck:
 
     Args:
         node: owner of the subscription; the check runs in its executor.
-        subscription: whose publishers are checked.
         taken: the type's full name, ``geometry_msgs/msg/Twist``.
         advice: what the operator can do.
     """

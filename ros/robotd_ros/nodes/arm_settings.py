@@ -1,4 +1,4 @@
-"""Settings of the nodes of an arm: joint states and trajectories."""
+"""Settings of the nodes of an arm: joint states, trajectories, commands of clients, the gripper."""
 
 from __future__ import annotations
 
@@ -14,10 +14,13 @@ from robotd.descriptor.group_parameters import (
     default_action,
     group_prefixes,
 )
+from robotd.descriptor.joint_settings import JointSettings, JointType
 from robotd.plugin.parameter_reader import ParameterReader
-from robotd_ros.nodes.constraint_settings import read_constraints
 
 FILE_MEANING = "parameter file; empty: the robot's"
+GOAL_TIME = "constraints.goal_time"  # s after the end to reach the goal; 0: without an end
+END_VELOCITY = "allow_nonzero_velocity_at_trajectory_end"
+STATE_HZ = 50
 
 
 class ManipulatorStateSettings(NamedTuple):
@@ -133,3 +136,125 @@ def _declare_groups(parameters: ParameterReader, descriptor: RobotDescriptor) ->
         parameters.same_as(
             f"groups.{name}.joints", f"{name}.{JOINTS}", group.joints, "joints of the group"
         )
+
+
+def path_name(joint: str) -> str:
+    """Return the name of the path tolerance of ``joint``, rad or m; 0: not checked."""
+    return f"constraints.{joint}.trajectory"
+
+
+def goal_name(joint: str) -> str:
+    """Return the name of the goal tolerance of ``joint``, rad or m; 0: not checked."""
+    return f"constraints.{joint}.goal"
+
+
+def read_constraints(parameters: ParameterReader, descriptor: RobotDescriptor) -> dict[str, Any]:
+    """Declare the parameters, which follow those of ``trajectory`` in the descriptor.
+
+    Returns their values by name; all but ``END_VELOCITY``, a bool, are tolerances.
+    """
+    values: dict[str, Any] = {}
+    for joint in descriptor.joints:
+        path, goal = _defaults(joint, descriptor)
+        for name, default, meaning in (
+            (path_name(joint.name), path, "error on the way that aborts a goal"),
+            (goal_name(joint.name), goal, "error at the end that is success"),
+        ):
+            values[name] = parameters.settable(name, default, f"{meaning}, in {joint.unit}")
+    values[GOAL_TIME] = parameters.settable(
+        GOAL_TIME, descriptor.trajectory.goal_time_s, "time after the end to reach the goal, in s"
+    )
+    values[END_VELOCITY] = parameters.settable_flag(
+        END_VELOCITY,
+        descriptor.trajectory.allow_nonzero_velocity_at_trajectory_end,
+        "pass a last point with a velocity, and brake behind it",
+    )
+    return values
+
+
+def _defaults(joint: JointSettings, descriptor: RobotDescriptor) -> tuple[float, float]:
+    """Return path and goal tolerance of the descriptor."""
+    settings = descriptor.trajectory
+    if joint.type is JointType.PRISMATIC:
+        return settings.path_tolerance_m or 0.0, settings.goal_tolerance_m
+    return settings.path_tolerance_rad or 0.0, settings.goal_tolerance_rad
+
+
+class JointTopics(NamedTuple):
+    """Topics and service of a joint group in ``joint_command_node``; "" is not offered."""
+
+    trajectory: str
+    position: str
+    velocity: str
+    effort: str
+    jog: str
+    state: str
+    query: str
+
+
+class JointCommandSettings(NamedTuple):
+    """Settings of ``joint_command_node``.
+
+    Attributes:
+        timeout_s: age of the last message at which the joints slow to rest.
+        topics: of each joint group.
+        state_rate_hz: of the topic ``state``.
+    """
+
+    timeout_s: float
+    topics: Mapping[str, JointTopics]
+    state_rate_hz: int
+
+
+class GripperControllerSettings(NamedTuple):
+    """Names of the two actions of ``gripper_controller``; "" is not offered."""
+
+    single: str
+    parallel: str
+
+
+def read_joint_command(
+    parameters: ParameterReader, descriptor: RobotDescriptor
+) -> JointCommandSettings:
+    """Declare the parameters of ``joint_command_node``."""
+    timeout_s = parameters.positive(
+        "command_timeout_s",
+        descriptor.stream.timeout_s,
+        "age of the last message at which the joints slow to rest, in s",
+    )
+    highest = int(descriptor.cycle.rate_hz)
+    return JointCommandSettings(
+        timeout_s,
+        {
+            group: _joint_topics(parameters, prefix)
+            for group, prefix in group_prefixes(descriptor).items()
+        },
+        parameters.integer(
+            "state_publish_rate", STATE_HZ, (1, highest), "rate of the state topic in Hz"
+        ),
+    )
+
+
+def _joint_topics(parameters: ParameterReader, prefix: str) -> JointTopics:
+    def topic(name: str, meaning: str) -> str:
+        return parameters.topic(f"{prefix}{name}", meaning)
+
+    return JointTopics(
+        topic("joint_trajectory_topic", "trajectories and single points"),
+        topic("position_commands_topic", "positions of all joints"),
+        topic("velocity_commands_topic", "velocities of all joints"),
+        topic("effort_commands_topic", "torques of all joints, which need limits"),
+        topic("joint_jog_topic", "velocities of named joints"),
+        topic("controller_state_topic", "commanded and measured motion"),
+        topic("query_state_service", "commanded motion at a time"),
+    )
+
+
+def read_gripper_controller(
+    parameters: ParameterReader, descriptor: RobotDescriptor
+) -> GripperControllerSettings:
+    """Declare the parameters of ``gripper_controller``."""
+    return GripperControllerSettings(
+        parameters.topic("gripper_action", "name of the GripperCommand action"),
+        parameters.topic("parallel_gripper_action", "name of the ParallelGripperCommand action"),
+    )

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-from geometry_msgs.msg import PoseWithCovarianceStamped, Twist, TwistStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped, Twist, TwistStamped
+from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
+from tf2_msgs.msg import TFMessage
 
+from robotd.arrays import FloatArray
+from robotd.control.mobile_base import MobileBase
 from robotd.descriptor import RobotDescriptor
+from robotd.device.process_image import ProcessImage
 from robotd.errors import DescriptorError, InvalidArgument
 from robotd.motion.planar import Pose
 from robotd.plugin.parameter_reader import ParameterReader
@@ -25,11 +31,10 @@ from robotd_ros.nodes.base_settings import (
     read_mecanum_drive,
     read_tricycle,
 )
-from robotd_ros.nodes.command_subscription import add_command_subscription
+from robotd_ros.nodes.command_subscription import RejectionLog, add_command_subscription
+from robotd_ros.nodes.hot_topics import HotTopics
 from robotd_ros.nodes.latched_topics import publish_description
 from robotd_ros.nodes.node_parameters import read_settings
-from robotd_ros.nodes.odometry_topics import OdometryTopics
-from robotd_ros.nodes.rejection_log import RejectionLog
 from robotd_ros.services import add_service, add_subscription
 
 # As ``STREAM``, but only the newest twist means anything.
@@ -38,6 +43,12 @@ ECHO_DEPTH = 10
 MAX_TILT = 1e-3  # of a quaternion about z
 
 ReadSettings = Callable[[ParameterReader, RobotDescriptor], BaseSettings]
+DEPTH = 10
+TF_DEPTH = 100
+
+_POSE = ("position.x", "position.y", "orientation.z", "orientation.w")
+_TRANSFORM = ("translation.x", "translation.y", "rotation.z", "rotation.w")
+_TWIST = ("linear.x", "angular.z", "linear.y")  # in the order of ``PlanarTwist``
 
 
 class BaseController(Node):
@@ -46,10 +57,8 @@ class BaseController(Node):
     With this node in the set, the wheels are switched on at start.
 
     Args:
-        name: of the node.
         read: declares the parameters of the node.
         robot: has a base.
-        host: of the node.
 
     Raises:
         DescriptorError: the robot has no base of this kind, or a parameter is wrong; nothing was
@@ -135,3 +144,66 @@ class BaseController(Node):
 DiffDriveController = partial(BaseController, "diff_drive_controller", read_diff_drive)
 MecanumDriveController = partial(BaseController, "mecanum_drive_controller", read_mecanum_drive)
 TricycleController = partial(BaseController, "tricycle_controller", read_tricycle)
+
+
+class OdometryTopics(HotTopics):
+    """Odometry, its transform, the limited command and the speeds of the wheels."""
+
+    def __init__(self, node: Node, robot: Robot, base: MobileBase, settings: BaseSettings) -> None:
+        super().__init__(node, robot)
+        self._base = base
+        self._axes = list(robot.wheel_axes)
+        paths = [f"pose.pose.{name}" for name in _POSE] + [f"twist.twist.{name}" for name in _TWIST]
+        views = self._add(settings.odometry, DEPTH, _odometry(settings), paths)
+        self._poses, self._twists = [views[: len(_POSE)]], [views[len(_POSE) :]]
+        if settings.transform:
+            paths = [f"transforms.0.transform.{name}" for name in _TRANSFORM]
+            self._poses.append(self._add(settings.transform, TF_DEPTH, _transform(settings), paths))
+        if settings.limited:
+            paths = [f"twist.{name}" for name in _TWIST]
+            self._twists.append(self._add(settings.limited, DEPTH, _limited(settings), paths))
+        speeds = Float64MultiArray(data=[0.0] * len(self._axes))
+        message = self.add(settings.wheel_speeds, DEPTH, speeds, ["data"], stamped=False)
+        self._wheels = message.view("data")
+
+    def _add(self, topic: str, depth: int, template: Any, paths: Sequence[str]) -> list[FloatArray]:
+        """Add a topic; return the views of the message's values at ``paths``."""
+        message = self.add(topic, depth, template, paths)
+        return [message.view(path) for path in paths]
+
+    def fill(self, image: ProcessImage) -> bool:
+        self._wheels[:] = image.velocity[self._axes]
+        pose = self._base.pose
+        half = pose.heading / 2
+        for views in self._poses:
+            for view, value in zip(
+                views, (pose.x, pose.y, math.sin(half), math.cos(half)), strict=True
+            ):
+                view[0] = value
+        twists = self._base.twist(image), self._base.limited
+        for views, twist in zip(self._twists, twists, strict=False):
+            for view, value in zip(views, twist, strict=True):
+                view[0] = value
+        return True
+
+
+def _odometry(settings: BaseSettings) -> Odometry:
+    message = Odometry(child_frame_id=settings.base_frame)
+    message.header.frame_id = settings.odom_frame
+    parts = (message.pose, settings.pose_variances), (message.twist, settings.twist_variances)
+    for part, variances in parts:
+        for index, variance in enumerate(variances):
+            part.covariance[7 * index] = variance  # the diagonal of six rows and columns
+    return message
+
+
+def _transform(settings: BaseSettings) -> TFMessage:
+    transform = TransformStamped(child_frame_id=settings.base_frame)
+    transform.header.frame_id = settings.odom_frame
+    return TFMessage(transforms=[transform])
+
+
+def _limited(settings: BaseSettings) -> TwistStamped:
+    message = TwistStamped()
+    message.header.frame_id = settings.base_frame
+    return message

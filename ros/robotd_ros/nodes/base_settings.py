@@ -253,7 +253,6 @@ def _limits(
     The names are those of ros2_controllers. A jerk of 0 is not limited.
 
     Args:
-        parameters: of the node.
         drive: gives the defaults.
         part: of the twist, as in the names of the parameters.
         prefix, unit: of the fields of ``drive``.

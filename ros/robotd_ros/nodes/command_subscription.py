@@ -6,8 +6,10 @@ anything, and a dead-man time counts from the sending of a command, not from its
 
 from __future__ import annotations
 
+import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from rclpy.node import Node
@@ -15,12 +17,11 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
 from robotd.clock import NANOSECONDS, Clock, MonotonicClock
-from robotd.errors import InvalidArgument
+from robotd.errors import InvalidArgument, RobotdError
 from robotd.events import EventKind
 from robotd.log import get_logger
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
-from robotd_ros.nodes.rejection_log import RejectionLog
 from robotd_ros.nodes.trajectory_conversions import stamp_ns
 from robotd_ros.services import HANDLER_SHARE, add_timed_subscription
 
@@ -31,6 +32,12 @@ LATE = "late"  # outcome in the counts of events, with which metrics label it
 # As a command is sent and judged by two clocks.
 SAME_TIME = "are the clocks of both computers in step (chrony, ptp)?"
 SAME_SOURCE = "this node takes the time from /clock (use_sim_time): does the client, too?"
+MAX_KNOWN = 256  # axes that are remembered
+MAX_AXES = 128  # of one message
+MAX_KINDS = 16  # of texts, which may contain names that a client makes up
+PAUSE_S = 2.0  # without a rejection; the next is of another attempt
+
+_NUMBERS = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
 
 
 def header_stamp_ns(message: Any) -> int:
@@ -111,8 +118,7 @@ class CommandTimes:
             stamp_ns: time in the message, by the node's clock; 0: none.
             timeout_s: highest age.
 
-        Raises:
-            InvalidArgument: it is older, or further ahead.
+        Raises InvalidArgument: it is older, or further ahead.
         """
         now_ns, age_ns = self._clock.now_ns(), 0
         follows_topic = self._ros_clock.ros_time_is_active
@@ -143,3 +149,58 @@ def _check(age_ns: int, timeout_s: float, whose: str, advice: str) -> None:
             f"the command is {-age_s:.3g} s ahead of {whose}: commands ahead by more than"
             f" {timeout_s:g} s are dropped; {advice}"
         )
+
+
+class RejectionLog:
+    """Log of the first rejection of each kind, until a command is accepted again.
+
+    Two rejections are of one kind when they concern the same axes of the same topic and their
+    texts differ in numbers only. A flood of ever other axes or texts is cut off until a command
+    is accepted, so that no client can fill the memory or the disk. All is forgotten after
+    ``PAUSE_S``. Any thread.
+
+    Args:
+        host: its ``on_rejection`` is called with what is logged.
+    """
+
+    def __init__(self, host: RosHost) -> None:
+        self._host = host
+        self._known: dict[tuple[str, tuple[int, ...]], set[str]] = {}
+        self._rejected_s = 0.0
+
+    def rejected(self, topic: str, axes: Sequence[int], reason: str) -> None:
+        """A message on ``topic`` was not executed."""
+        before_s, self._rejected_s = self._rejected_s, time.monotonic()
+        if self._rejected_s - before_s > PAUSE_S:
+            self._known.clear()
+        concerned = (topic, tuple(axes[:MAX_AXES]))
+        if concerned not in self._known:
+            if len(self._known) == MAX_KNOWN:
+                return
+            self._known[concerned] = set()
+            if len(self._known) == MAX_KNOWN:
+                log.warning("rejections of other axes are hidden until a command is accepted")
+        kinds = self._known[concerned]
+        kind = _NUMBERS.sub("#", reason)
+        if kind not in kinds and len(kinds) < MAX_KINDS:
+            kinds.add(kind)
+            log.warning("command rejected", topic=topic, axes=list(concerned[1]), reason=reason)
+            self._host.on_rejection(topic, concerned[1], reason)
+            if len(kinds) == MAX_KINDS:
+                log.warning("other reasons are hidden until a command is accepted", topic=topic)
+
+    def accepted(self, topic: str, axes: Sequence[int]) -> None:
+        """A message on ``topic`` was executed: the next rejection is news again."""
+        if len(self._known) == MAX_KNOWN:
+            self._known.clear()
+        self._known.pop((topic, tuple(axes[:MAX_AXES])), None)
+
+    @contextmanager
+    def noting(self, topic: str, axes: Sequence[int] = ()) -> Iterator[None]:
+        """Note that a message is executed by the block, or the RobotdError that rejects it."""
+        try:
+            yield
+        except RobotdError as error:
+            self.rejected(topic, axes, str(error))
+        else:
+            self.accepted(topic, axes)

@@ -15,7 +15,7 @@ from robotd.errors import DescriptorError, InvalidArgument
 from robotd.log import get_logger
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
-from robotd_ros.nodes.command_settings import read_gripper_controller
+from robotd_ros.nodes.arm_settings import read_gripper_controller
 from robotd_ros.nodes.node_parameters import read_settings
 from robotd_ros.worker_action import WorkerAction
 
@@ -27,8 +27,7 @@ NAME = "gripper_controller"
 class GripperController(Node):
     """Opens and closes the gripper for MoveIt's gripper controllers.
 
-    Raises:
-        DescriptorError: the robot has no gripper, or a parameter is wrong.
+    Raises DescriptorError: the robot has no gripper, or a parameter is wrong.
     """
 
     def __init__(self, robot: Robot, host: RosHost) -> None:
@@ -50,11 +49,7 @@ class GripperAction(WorkerAction):
     """One action of the gripper; each goal runs until standstill.
 
     Args:
-        node: its owner.
         host: its workers move the gripper.
-        gripper: to be moved.
-        action_type: class of the action.
-        name: of the action.
         wanted: returns the position of the gripper in a goal; raises InvalidArgument.
         fill: fills a result or a feedback from finger names and a state.
     """

@@ -20,10 +20,6 @@ class HotTopics:
     Nothing is published without subscribers, nor while the engine is not ready: old values
     must not look current. ``publish`` is a task of the control loop; the rest is done before.
 
-    Args:
-        node: owner of the topics.
-        robot: of the image.
-
     Attributes:
         topics: their resolved names.
         age_ns: time from that of the values to the start of the period; ``fill`` may set it.

@@ -6,30 +6,38 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-from control_msgs.msg import JointJog
+import numpy as np
+from control_msgs.msg import JointJog, JointTrajectoryControllerState
 from control_msgs.srv import QueryTrajectoryState
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectoryPoint
 
+from robotd.clock import Clock
 from robotd.control.joint_group import JointGroup
 from robotd.control.joint_motion import OWNER
 from robotd.control.joint_stream import JointCommands
 from robotd.control.open_stream import StreamClient
 from robotd.control.stream_setpoints import StreamCommand
 from robotd.control.torque_stream import TorqueCommand, TorqueCommands
+from robotd.device.process_image import ProcessImage, columns
 from robotd.errors import DescriptorError, InvalidArgument, unknown_name
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
-from robotd_ros.nodes.command_settings import JointTopics, read_joint_command
+from robotd_ros.nodes.arm_settings import JointTopics, read_joint_command
 from robotd_ros.nodes.command_subscription import add_command_subscription
-from robotd_ros.nodes.controller_state_topic import ControllerStateTopic, TrajectoryQuery
+from robotd_ros.nodes.hot_topics import HotTopics
 from robotd_ros.nodes.node_parameters import read_settings
 from robotd_ros.nodes.topic_stream import TopicStream
+from robotd_ros.nodes.trajectory_conversions import clock_time_ns, stamp_ns
 from robotd_ros.nodes.trajectory_topic import TrajectoryTopic
 from robotd_ros.qos import STREAM
 from robotd_ros.services import add_service
 
 NAME = "joint_command_node"
+DEPTH = 10
+SPEED = "speed_scaling_factor"
+POINTS = ("reference", "output", "feedback", "error")
 
 
 class JointCommandNode(Node):
@@ -37,8 +45,7 @@ class JointCommandNode(Node):
 
     Each topic moves the joints while messages come. One client at a time: see ``stream.takeover``.
 
-    Raises:
-        DescriptorError: the robot has no joints, or a parameter is wrong.
+    Raises DescriptorError: the robot has no joints, or a parameter is wrong.
     """
 
     def __init__(self, robot: Robot, host: RosHost) -> None:
@@ -116,3 +123,51 @@ def _jog(commands: JointCommands, message: Any, sent_ns: int) -> StreamCommand:
         raise InvalidArgument("displacements are not supported; send velocities")
     velocity = joint_values(commands.joints, message.joint_names, message.velocities)
     return commands.velocity(velocity, sent_ns)
+
+
+class ControllerStateTopic(HotTopics):
+    """Commanded and measured motion of a joint group."""
+
+    def __init__(self, node: Node, robot: Robot, group: JointGroup, topic: str) -> None:
+        super().__init__(node, robot)
+        rest = [0.0] * len(group.joint_names)
+        template = JointTrajectoryControllerState(joint_names=list(group.joint_names))
+        for name in POINTS:
+            setattr(template, name, JointTrajectoryPoint(positions=rest, velocities=rest))
+        paths = [f"{name}.{field}" for name in POINTS for field in ("positions", "velocities")]
+        message = self.add(topic, DEPTH, template, [*paths, SPEED])
+        self._views = {path: message.view(path) for path in paths}
+        self._speed, self._follower = message.view(SPEED), group.follower
+        self._columns = columns(group.joint_axes)
+
+    def fill(self, image: ProcessImage) -> bool:
+        commanded, measured = image.commands[:, self._columns], image.measured[:2, self._columns]
+        for row, field in enumerate(("positions", "velocities")):
+            self._views[f"reference.{field}"][:] = commanded[row]
+            self._views[f"output.{field}"][:] = commanded[row]
+            self._views[f"feedback.{field}"][:] = measured[row]
+            self._views[f"error.{field}"][:] = commanded[row] - measured[row]
+        self._speed[:] = self._follower.rate
+        return True
+
+
+class TrajectoryQuery:
+    """Answers a query with the running trajectory at a ROS time, or the held position."""
+
+    def __init__(self, node: Node, group: JointGroup, clock: Clock) -> None:
+        self._group, self._clock, self._ros_clock = group, clock, node.get_clock()
+
+    def answer(self, request: Any, response: Any) -> None:
+        """Fill the response of a ``QueryTrajectoryState``; time zero means now."""
+        asked_ns = stamp_ns(request.time)
+        now_ns = self._clock.now_ns()
+        time_ns = clock_time_ns(asked_ns, self._ros_clock, self._clock) if asked_ns else now_ns
+        state = self._group.follower.state_at(time_ns)
+        if state is None or not np.isfinite(state.position).all():
+            response.message = "no trajectory runs: the motion is decided by a stream, or unknown"
+            return
+        response.success = True
+        response.name = list(self._group.joint_names)
+        response.position = state.position.tolist()
+        response.velocity = state.velocity.tolist()
+        response.acceleration = state.acceleration.tolist()

@@ -27,8 +27,7 @@ class ManipulatorState(Node):
 
     With this node in the set, the robot's joints are switched on at start.
 
-    Raises:
-        DescriptorError: a parameter is wrong; nothing was opened.
+    Raises DescriptorError: a parameter is wrong; nothing was opened.
     """
 
     def __init__(self, robot: Robot, host: RosHost) -> None:

@@ -14,7 +14,7 @@ from rclpy.validate_full_topic_name import validate_full_topic_name
 from robotd.descriptor import RobotDescriptor
 from robotd.descriptor.urdf import read_urdf_text
 from robotd.plugin.parameter_reader import ParameterReader, WrongType
-from robotd_ros.middleware import overrides_of, remapped_action
+from robotd_ros.middleware import overrides_of
 
 Settings = TypeVar("Settings")
 
@@ -44,9 +44,9 @@ class Parameters(ParameterReader):
         self._node = node
 
     def action(self, name: str, meaning: str, default: str = "") -> str:
-        """Full name of an action, remapped by ``-r``."""
+        """Full name of an action, remapped by ``-r``, which rcl of Jazzy does for topics only."""
         value = super().action(name, meaning, default)
-        return remapped_action(self._node, value) if value else ""
+        return str(self._node.resolve_topic_name(value)) if value else ""
 
     def _take(self, name: str, default: Any, meaning: str) -> Any:
         read_only = name not in self._settable

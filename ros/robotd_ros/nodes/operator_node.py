@@ -6,13 +6,14 @@ import json
 import math
 import threading
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.node import Node
-from std_msgs.msg import Empty, Float64, String
-from std_srvs.srv import Trigger
+from std_msgs.msg import Bool, Empty, Float64, String
+from std_srvs.srv import SetBool, Trigger
 
 from robotd.control.problem import Problem
 from robotd.device.process_image import ProcessImage
@@ -24,7 +25,6 @@ from robotd_ros.node_registry import IDENTITY, OPERATOR_NODE
 from robotd_ros.nodes.command_subscription import add_command_subscription
 from robotd_ros.nodes.device_settings import read_frame_prefix
 from robotd_ros.nodes.latched_topics import publish_if_alive
-from robotd_ros.nodes.named_io import NamedIo
 from robotd_ros.nodes.node_parameters import Parameters
 from robotd_ros.nodes.tool_pose_topic import ToolPoseTopic
 from robotd_ros.problem_messages import problem_array
@@ -33,6 +33,9 @@ from robotd_ros.services import add_service, add_subscription, named_values
 
 STATE_RATE_HZ = 10.0
 SPEED_TIMEOUT_S = 1.0  # age at which a message that raises the speed is dropped
+IO_TOPIC = "~/io"
+IO_RATE_HZ = 50.0
+WORDS = {True: "on", False: "off", None: "unknown"}
 
 
 class OperatorNode(Node):
@@ -44,7 +47,6 @@ class OperatorNode(Node):
     ``~/rejections`` has the commands of topics that are rejected, as the log has them.
 
     Args:
-        robot: of the operator.
         host: its workers answer.
         features: names of those that run.
     """
@@ -163,3 +165,47 @@ class OperatorNode(Node):
             level=DiagnosticStatus.WARN, name=topic, message=reason, values=values
         )
         publish_if_alive(self._rejections_topic, rejection)
+
+
+class NamedIo:
+    """``~/inputs/NAME`` and ``~/outputs/NAME`` of the names in the descriptor.
+
+    A topic has the level on every change, while the device communicates. ``~/io`` has all of them
+    as text, a line each: ``input part_present: on``.
+    """
+
+    def __init__(self, node: Node, robot: Robot, host: RosHost) -> None:
+        self._io, self._connection = robot.io, robot.connection
+        self._overview = node.create_publisher(String, IO_TOPIC, LATCHED)
+        io = robot.io
+        self._readers = {("input", name): io.input_watcher(*io.inputs[name]) for name in io.inputs}
+        self._readers |= {
+            ("output", name): io.output_watcher(*io.outputs[name]) for name in io.outputs
+        }
+        self._publishers = {
+            (kind, name): node.create_publisher(Bool, f"~/{kind}s/{name}", LATCHED)
+            for kind, name in self._readers
+        }
+        self._levels: dict[tuple[str, str], bool | None] | None = None  # not published yet
+        for name in io.outputs:
+            handler = partial(self._set, name)
+            add_service(node, host, SetBool, f"~/outputs/{name}", handler)
+        rate_hz = min(IO_RATE_HZ, robot.descriptor.cycle.rate_hz)
+        robot.control_loop.every(rate_hz, "named I/O", self.publish, first=True)
+
+    def publish(self, image: ProcessImage) -> None:
+        """Publish the levels that have changed. Control loop."""
+        ready = self._connection.ready
+        levels = {key: read() if ready else None for key, read in self._readers.items()}
+        if levels == self._levels:
+            return
+        before, self._levels = self._levels or {}, levels
+        for key, level in levels.items():
+            if level is not None and level != before.get(key):
+                publish_if_alive(self._publishers[key], Bool(data=level))
+        lines = (f"{kind} {name}: {WORDS[level]}" for (kind, name), level in levels.items())
+        publish_if_alive(self._overview, String(data="\n".join(lines)))
+
+    def _set(self, name: str, request: Any, response: Any) -> str:
+        self._io.set_output(name, request.data)
+        return f"{name}: {WORDS[bool(request.data)]}"

@@ -16,12 +16,12 @@ from robotd.device.process_image import ProcessImage
 from robotd.log import get_logger
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
+from robotd_ros.nodes.base_controller import TF_DEPTH
 from robotd_ros.nodes.base_settings import TF_TOPIC
 from robotd_ros.nodes.device_settings import read_state_publisher
 from robotd_ros.nodes.hot_topics import HotTopics
 from robotd_ros.nodes.latched_topics import publish_description
 from robotd_ros.nodes.node_parameters import read_settings
-from robotd_ros.nodes.odometry_topics import TF_DEPTH
 from robotd_ros.nodes.tool_pose_topic import fill_transform
 from robotd_ros.qos import LATCHED
 
@@ -36,8 +36,7 @@ class RobotStatePublisher(Node):
 
     It reads the joints from the process image, not from ``joint_states``.
 
-    Raises:
-        DescriptorError: a parameter or the URDF is wrong; nothing was opened.
+    Raises DescriptorError: a parameter or the URDF is wrong; nothing was opened.
     """
 
     def __init__(self, robot: Robot, host: RosHost) -> None:

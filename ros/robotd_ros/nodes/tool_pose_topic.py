@@ -25,8 +25,6 @@ class ToolPoseTopic:
     Poses that are not known are left out.
 
     Args:
-        node: its owner.
-        robot: with the tools.
         prefix: put before the names of the frames.
     """
 

@@ -9,7 +9,7 @@ from typing import Any, Generic, TypeVar
 from robotd.control.open_stream import OpenStream, StreamClient
 from robotd.errors import RobotdError
 from robotd_ros.host import RosHost
-from robotd_ros.nodes.rejection_log import RejectionLog
+from robotd_ros.nodes.command_subscription import RejectionLog
 
 Stream = TypeVar("Stream", bound=OpenStream[Any])
 

@@ -43,13 +43,8 @@ def duration_s(message: Any) -> float:
     return float(message.sec + message.nanosec / NANOSECONDS)
 
 
-def duration_ns(message: Any) -> int:
-    """Nanoseconds of a builtin_interfaces/Duration."""
-    return int(message.sec) * NANOSECONDS + int(message.nanosec)
-
-
 def stamp_ns(message: Any) -> int:
-    """Nanoseconds of a builtin_interfaces/Time."""
+    """Nanoseconds of a builtin_interfaces/Time or Duration."""
     return int(message.sec) * NANOSECONDS + int(message.nanosec)
 
 

@@ -22,14 +22,13 @@ from robotd.log import get_logger
 from robotd.motion.rejection import reject
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
-from robotd_ros.nodes.command_subscription import add_command_subscription, header_stamp_ns
-from robotd_ros.nodes.rejection_log import RejectionLog
-from robotd_ros.nodes.topic_stream import TopicStream
-from robotd_ros.nodes.trajectory_conversions import (
-    duration_ns,
-    start_time_ns,
-    trajectory_request,
+from robotd_ros.nodes.command_subscription import (
+    RejectionLog,
+    add_command_subscription,
+    header_stamp_ns,
 )
+from robotd_ros.nodes.topic_stream import TopicStream
+from robotd_ros.nodes.trajectory_conversions import stamp_ns, start_time_ns, trajectory_request
 
 log = get_logger("trajectory")
 
@@ -50,11 +49,7 @@ class TrajectoryTopic:
     - No point: the motion that this topic has started comes to rest.
 
     Args:
-        node: subscribes.
-        robot: of the group.
-        group: executes.
         host: its workers execute trajectories.
-        topic: name.
         stream: of single points.
         timeout_s: age at which a single point is dropped.
     """
@@ -131,7 +126,7 @@ class TrajectoryTopic:
             target = velocity[0].tolist() if velocity.any() else None
             return commands.position(position[0].tolist(), target, sent_ns=sent_ns)
         begin_ns = start_time_ns(message, self._ros_clock, self._clock) or sent_ns
-        times_ns = [begin_ns + duration_ns(point.time_from_start) for point in points]
+        times_ns = [begin_ns + stamp_ns(point.time_from_start) for point in points]
         speeds = velocity if moves else None
         return commands.points(times_ns, position, speeds, sent_ns=sent_ns)
 
@@ -181,14 +176,14 @@ class TrajectoryTopic:
             return 0
         if len(message.points) == 1:
             return stamp
-        end_ns = stamp + duration_ns(message.points[-1].time_from_start)
+        end_ns = stamp + stamp_ns(message.points[-1].time_from_start)
         return end_ns if end_ns < self._ros_clock.now().nanoseconds else 0
 
     def _is_streamed(self, message: Any) -> bool:
         """Return True for points of the near past and future."""
         if not message.points:
             return False
-        last_ns = duration_ns(message.points[-1].time_from_start)
+        last_ns = stamp_ns(message.points[-1].time_from_start)
         stamp = header_stamp_ns(message)
         ahead_ns = last_ns
         if stamp and len(message.points) > 1:

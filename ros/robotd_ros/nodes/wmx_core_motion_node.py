@@ -18,14 +18,12 @@ from robotd.errors import InvalidArgument
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
 from robotd_ros.nodes import axis_conversions
-from robotd_ros.nodes.axis_jog import AxisJog
-from robotd_ros.nodes.axis_motion import POSITION, RELATIVE, VELOCITY, AxisMotion
-from robotd_ros.nodes.command_subscription import add_command_subscription
+from robotd_ros.nodes.axis_motion import POSITION, RELATIVE, VELOCITY, AxisJog, AxisMotion
+from robotd_ros.nodes.command_subscription import RejectionLog, add_command_subscription
 from robotd_ros.nodes.device_settings import read_core_motion
 from robotd_ros.nodes.hot_topics import HotTopics
 from robotd_ros.nodes.latched_topics import PERIOD_S, ReadyTopic
 from robotd_ros.nodes.node_parameters import read_settings
-from robotd_ros.nodes.rejection_log import RejectionLog
 from robotd_ros.qos import STREAM
 from robotd_ros.services import ServiceHandler, add_service
 

@@ -37,7 +37,6 @@ class WorldNode(Node):
 
     Args:
         robot: on a backend with a world.
-        world: of the robot.
         host: whose workers answer.
     """
 

@@ -24,8 +24,7 @@ from robotd.control.rearming import SILENCE_S, CommandSource
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode
 from robotd.errors import NotReady, RobotdError
-from robotd_ros.nodes.axis_jog import AxisJog
-from robotd_ros.nodes.axis_motion import AxisMotion
+from robotd_ros.nodes.axis_motion import AxisJog, AxisMotion
 
 RATE_HZ = 50.0
 SPEED = 0.2  # rad/s, of the commanded motion

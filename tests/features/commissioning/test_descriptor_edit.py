@@ -9,9 +9,8 @@ import pytest
 from robotd.descriptor import load_robot_descriptor
 from robotd.errors import DescriptorError
 from robotd_canopen import robotd_backend
-from robotd_commissioning.commission_record import CommissionRecord
-from robotd_commissioning.descriptor_edit import DescriptorEdit
 from robotd_commissioning.findings import Change, Place
+from robotd_commissioning.session import CommissionRecord, DescriptorEdit
 
 KEYS = robotd_backend().axis_keys
 TEXT = """\

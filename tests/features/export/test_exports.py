@@ -16,9 +16,9 @@ from robotd.observation.tap import Tap
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
 from robotd_bases.two_sided import DifferentialDrive
+from robotd_export.export_command import export_function, export_targets
 from robotd_export.export_input import ExportInput
 from robotd_export.nav2 import twist_limits
-from robotd_export.targets import export_function, export_targets
 
 ACTION = "movensys_manipulator_arm_controller/follow_joint_trajectory"
 

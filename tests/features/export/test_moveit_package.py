@@ -15,8 +15,7 @@ from lxml import etree
 from robotd.cli import main
 from robotd.descriptor import load_robot_descriptor
 from robotd.descriptor.urdf import UrdfRobot, parse_urdf, read_urdf, read_urdf_text
-from robotd_export.collision_shapes import Cover, collision_covers
-from robotd_export.disabled_collisions import disabled_collisions
+from robotd_export.disabled_collisions import Cover, collision_covers, disabled_collisions
 from robotd_export.export_input import ExportInput
 from robotd_export.moveit_package import moveit_package
 

@@ -23,8 +23,7 @@ from robotd_shared.robot_state import Goals, state_of
 
 pytest.importorskip("foxglove", reason="no foxglove-sdk: pip install 'robotd[foxglove]'")
 
-from robotd_foxglove.foxglove_server import FoxgloveServer
-from robotd_foxglove.state_schema import STATE_SCHEMA
+from robotd_foxglove.foxglove_server import STATE_SCHEMA, FoxgloveServer
 
 PROTOCOL = "foxglove.sdk.v1"
 MESSAGE_DATA = 1  # opcode, then subscription id (uint32), time (uint64), message

@@ -13,7 +13,7 @@ import pytest
 from robotd.clock import MonotonicClock, wait_until
 from robotd_foxglove import limited_port
 from robotd_foxglove.limited_port import LimitedPort
-from robotd_shared.local_ports import MAX_CONNECTIONS
+from robotd_shared.local_http import MAX_CONNECTIONS
 
 BLOCK = bytes(range(256)) * 1000
 

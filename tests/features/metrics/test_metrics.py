@@ -21,7 +21,7 @@ from robotd.errors import OperationError
 from robotd.events import sent_by
 from robotd.motion import TrajectoryRejected
 from robotd_metrics.metrics import registry, serve_metrics
-from robotd_shared.local_ports import MAX_CONNECTIONS
+from robotd_shared.local_http import MAX_CONNECTIONS
 
 PAGE = Path(__file__).parents[3] / "docs" / "reference" / "metrics.md"
 

@@ -17,10 +17,14 @@ from robotd.descriptor import load_robot_descriptor
 from robotd.events import sent_by
 from robotd.observation.frame_ring import frame_type
 from robotd.robot import Robot
-from robotd_page.live_samples import HEADER, LiveSamples
-from robotd_page.page_description import describe
-from robotd_page.plot_history import HISTORY_BYTES, HISTORY_COLUMNS, PlotHistory
-from robotd_page.world_objects import WorldObjects
+from robotd_page.live_samples import (
+    HEADER,
+    HISTORY_BYTES,
+    HISTORY_COLUMNS,
+    LiveSamples,
+    PlotHistory,
+)
+from robotd_page.page_feed import WorldObjects, describe
 from robotd_shared.mesh_files import MeshFiles, drawable_meshes
 from robotd_shared.robot_state import Goals, state_of
 

@@ -14,7 +14,7 @@ from robotd_messages.message_encoders import octets_message, string_message
 from robotd_page.page_feed import PageFeed
 from robotd_page.page_message import Message
 from robotd_page.page_messages import CHANGES, FIRST, SAMPLES, pack_first
-from robotd_page.remote_feed import LOST_S, RemoteFeed
+from robotd_page.remote_robots import LOST_S, RemoteFeed
 
 
 @pytest.fixture

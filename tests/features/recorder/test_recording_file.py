@@ -17,8 +17,7 @@ from mcap_ros2.decoder import DecoderFactory
 from tests.features.recorder.frames import AXES, INFO, OFFSET_NS, PERIOD_NS, ramp, write
 
 from robotd.events import Event, EventKind, Level
-from robotd_messages.message_encoders import named_values, octets_message
-from robotd_messages.message_types import SCHEMAS
+from robotd_messages.message_encoders import SCHEMAS, named_values, octets_message
 from robotd_recording import recording_writer as topics
 from robotd_recording.recording_reader import RecordingError, read_recording
 from robotd_recording.recording_writer import RecordingInfo, create_recording

@@ -17,7 +17,7 @@ from robotd.motion import TrajectoryRequest
 from robotd.motion.profile import Profile
 from robotd.plugin.manager import load_backend
 from robotd_recording.recording_reader import read_recording
-from robotd_scenario.recorded_commands import POSITION, CommandRepeater
+from robotd_scenario.recording_comparison import POSITION, CommandRepeater
 
 
 @pytest.fixture

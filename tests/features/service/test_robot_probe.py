@@ -20,8 +20,7 @@ from robotd.descriptor import load_robot_descriptor, parse_override
 from robotd.feature_host import open_features
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
-from robotd_service.notify_socket import NotifySocket
-from robotd_service.robot_probe import RobotProbe
+from robotd_service.service_notifier import NotifySocket, RobotProbe
 
 PATIENCE_S = 30.0
 

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from robotd.cli import main
-from robotd_service.unit_file import environment_text, quoted
+from robotd_service.service_command import environment_text, quoted
 
 CANOPEN = (
     *("--robot", "cr3a", "--backend", "canopen"),

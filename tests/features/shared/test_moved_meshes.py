@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from robotd.api.models import mesh_files
-from robotd_shared.moved_meshes import moved_mesh_names
+from robotd_shared.mesh_files import moved_mesh_names
 
 
 def test_meshes_that_are_lost_in_another_place_get_urls(tmp_path: Path) -> None:

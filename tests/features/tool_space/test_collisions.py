@@ -19,8 +19,12 @@ from robotd.control.completion import Outcome
 from robotd.device.axes import Jog, Move
 from robotd.motion.rejection import TrajectoryRejected
 from robotd_tool_space.capsules import Capsules, enclosing_capsule
-from robotd_tool_space.collisions import Collisions
-from robotd_tool_space.distances import box_distances, plane_distances, segment_distances
+from robotd_tool_space.collisions import (
+    Collisions,
+    box_distances,
+    plane_distances,
+    segment_distances,
+)
 from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.rotations import pose_of
 from robotd_tool_space.servo_status import ServoCode

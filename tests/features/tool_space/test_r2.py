@@ -16,9 +16,8 @@ from scipy.spatial.transform import Rotation
 from robotd import Robot, open_robot
 from robotd.api import InvalidArgument, NotReady, wait_until
 from robotd.clock.simulated import SteppedClock
-from robotd_tool_space.r2_motion import E_STOP, R2Motion
-from robotd_tool_space.r2_state import R2Error, R2State
-from robotd_tool_space.r2_units import fill_r2_pose, joints_of_r2, pose_of_r2, r2_factors
+from robotd_tool_space.r2_motion import E_STOP, R2Error, R2Motion, R2State
+from robotd_tool_space.r2_node import fill_r2_pose, joints_of_r2, pose_of_r2, r2_factors
 from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.tool_motion import ToolMotion
 

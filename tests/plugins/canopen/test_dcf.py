@@ -12,8 +12,7 @@ from tests.plugins.canopen.network import drive, options, plan
 from robotd.cli import main
 from robotd.cli.exit_codes import ExitCode
 from robotd.errors import DescriptorError
-from robotd_canopen.dcf import DcfValue, dcf_values
-from robotd_canopen.object_dictionary import GENERIC_DRIVE, eds_path, read_eds
+from robotd_canopen.object_dictionary import GENERIC_DRIVE, DcfValue, dcf_values, eds_path, read_eds
 
 HEAD = """
 [DeviceComissioning]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robotd_canopen.nmt import HeartbeatRate
+from robotd_canopen.node import HeartbeatRate
 
 PERIOD_S, STEP_NS = 0.1, 10_000_000
 

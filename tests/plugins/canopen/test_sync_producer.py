@@ -11,7 +11,7 @@ from tests.fakes import FakeClock
 
 from robotd_canopen.bus import Bus
 from robotd_canopen.frame import Frame
-from robotd_canopen.sync_producer import SyncProducer
+from robotd_canopen.master import SyncProducer
 from robotd_cia402.sync_timing import SyncTiming
 
 PERIOD_NS = 4_000_000

@@ -2,7 +2,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robotd_cia402.controlword import TOWARDS_ENABLED, DriveState, drive_state
-from robotd_cia402.simulated.statusword import TRANSITIONS, State, command
+from robotd_cia402.simulated.drive import TRANSITIONS, State, command
 
 
 @given(st.integers(0, 0xFFFF))

@@ -19,8 +19,7 @@ from robotd.cli.exit_codes import ExitCode
 from robotd.errors import DescriptorError
 from robotd_ethercat.esi_choice import pdo_keys
 from robotd_ethercat.esi_device import EsiDevice
-from robotd_ethercat.esi_library import EsiLibrary
-from robotd_ethercat.esi_reader import MAX_SLOTS, read_esi
+from robotd_ethercat.esi_reader import MAX_SLOTS, EsiLibrary, read_esi
 
 ESI = Path(__file__).parent / "esi"
 DRIVE, MODULAR = ESI / "drive.xml", ESI / "modular.xml"

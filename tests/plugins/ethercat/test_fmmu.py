@@ -10,7 +10,7 @@ from tests.plugins.ethercat.line_master import LOGICAL, master_of
 
 from robotd_ethercat.simulated import registers as reg
 from robotd_ethercat.simulated.datagrams import Command
-from robotd_ethercat.simulated.fmmu import Fmmu
+from robotd_ethercat.simulated.sync_manager import Fmmu
 
 RAM = 0x2F00  # process RAM without a SyncManager
 SIZE = 16

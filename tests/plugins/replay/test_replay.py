@@ -21,7 +21,7 @@ from robotd.motion.profile import Profile
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
 from robotd_recording.recording_reader import Recording, read_recording
-from robotd_replay.axes import READ_ONLY
+from robotd_replay.device import READ_ONLY
 
 
 @pytest.fixture(scope="module")

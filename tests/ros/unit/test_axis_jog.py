@@ -9,7 +9,7 @@ from tests.core.control.harness import PERIOD_S, Harness
 
 from robotd.clock import NANOSECONDS
 from robotd.errors import OperationError
-from robotd_ros.nodes.axis_jog import AxisJog
+from robotd_ros.nodes.axis_motion import AxisJog
 
 
 class BusyHost:

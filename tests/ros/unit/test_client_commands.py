@@ -12,7 +12,7 @@ from click.testing import Result
 
 from robotd.cli.exit_codes import ExitCode
 from robotd.stop_signals import Interrupt
-from robotd_ros.commands.progress import Progress
+from robotd_ros.commands.goal import Progress
 
 Robotd = Callable[..., Result]
 

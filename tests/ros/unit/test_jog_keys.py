@@ -11,8 +11,7 @@ import pytest
 from rich.console import Console
 
 from robotd_ros.client.jog_client import JogState
-from robotd_ros.commands.jog_keys import HOLD_S, JogKeys
-from robotd_ros.commands.key_input import KeyInput
+from robotd_ros.commands.jog_keys import HOLD_S, JogKeys, KeyInput
 from robotd_ros.commands.keyboard_jog import jog_view
 
 RIGHT, LEFT = b"\x1b[C", b"\x1bOD"

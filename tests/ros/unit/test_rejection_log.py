@@ -10,7 +10,13 @@ from typing import Any
 import pytest
 from structlog.testing import capture_logs
 
-from robotd_ros.nodes.rejection_log import MAX_AXES, MAX_KINDS, MAX_KNOWN, PAUSE_S, RejectionLog
+from robotd_ros.nodes.command_subscription import (
+    MAX_AXES,
+    MAX_KINDS,
+    MAX_KNOWN,
+    PAUSE_S,
+    RejectionLog,
+)
 
 HOST: Any = SimpleNamespace(on_rejection=lambda topic, axes, reason: None)
 

@@ -10,8 +10,7 @@ from tests.core.control.harness import ACCELERATION, Harness, arm
 from robotd.control.trajectory_execution import Outcome
 from robotd.device.state import ConnectionState
 from robotd.errors import ConnectError, InvalidArgument, NotReady
-from robotd_ros.lifecycle_table import GRAPH, State, Transition
-from robotd_ros.robot_lifecycle import RobotLifecycle
+from robotd_ros.robot_lifecycle import GRAPH, RobotLifecycle, State, Transition
 
 FAR = (1.0, -0.6, 0.3)
 INACTIVE = "the robot is inactive: its lifecycle manager has to activate it"

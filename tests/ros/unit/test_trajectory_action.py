@@ -14,7 +14,7 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 from robotd.control.completion import Outcome
 from robotd.errors import OperationError
 from robotd_ros import worker_action
-from robotd_ros.nodes import trajectory_action
+from robotd_ros.nodes import follow_joint_trajectory_server as trajectory_action
 
 
 class Goals:

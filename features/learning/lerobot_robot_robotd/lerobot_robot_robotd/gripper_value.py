@@ -6,11 +6,7 @@ from robotd.api.robots import Gripper
 
 
 class GripperValue:
-    """Position of the gripper in m; commands go to the nearer end. One thread.
-
-    Args:
-        gripper: of the robot.
-    """
+    """Position of the gripper in m; commands go to the nearer end. One thread."""
 
     def __init__(self, gripper: Gripper) -> None:
         self._gripper = gripper

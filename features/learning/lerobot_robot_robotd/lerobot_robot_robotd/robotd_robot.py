@@ -31,9 +31,6 @@ class RobotdRobot(LeRobotRobot):
     ``gripper.pos``, the position of a finger in m, where the robot has a gripper. Observations
     also have the images of the cameras and, with ``velocities``, ``<joint>.vel``. One thread.
 
-    Args:
-        config: of the robot.
-
     Raises:
         DescriptorError: the robot is unknown or its file is wrong.
         InvalidArgument: it has no joints.

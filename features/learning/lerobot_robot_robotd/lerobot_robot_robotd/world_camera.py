@@ -26,9 +26,6 @@ class WorldCameraConfig(CameraConfig):
 class WorldCamera:
     """Renders a picture of the robot's world when it is asked for one. One thread.
 
-    Args:
-        config: of the camera.
-
     Attributes:
         robot: that has been started; None: it is not connected.
     """

@@ -5,10 +5,8 @@ Independent of the backend: dictionaries come from EDS files, SDO and EMCY from 
 those of ``robotd_cia402.simulated``.
 """
 
-from robotd_canopen.simulated.device_nodes import DriveNode, IoNode
-from robotd_canopen.simulated.network import SimulatedNetwork
-from robotd_canopen.simulated.node_faults import Faults
-from robotd_canopen.simulated.simulated_node import SimulatedNode
+from robotd_canopen.simulated.network import DriveNode, IoNode, SimulatedNetwork
+from robotd_canopen.simulated.simulated_node import Faults, SimulatedNode
 
 __all__ = [
     "DriveNode",

@@ -4,14 +4,13 @@ Written from CiA 402-2; no code in common with the master's side. A bus model ow
 drive as a dict (index, subindex) → integer, and calls ``Drive`` once for each cyclic frame.
 """
 
-from robotd_cia402.simulated.drive import Drive, DriveModel
+from robotd_cia402.simulated.drive import Drive, DriveFaults, DriveModel
 from robotd_cia402.simulated.drive_dictionary import (
     DRIVE_OBJECTS,
     DriveObject,
     Objects,
     drive_defaults,
 )
-from robotd_cia402.simulated.drive_faults import DriveFaults
 from robotd_cia402.simulated.motors import Motors
 from robotd_cia402.simulated.scale import Scale, Switches
 

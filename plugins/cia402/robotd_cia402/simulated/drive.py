@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
+from enum import Enum, auto
 
 from robotd_cia402.simulated.drive_dictionary import AXIS_STEP, Objects
-from robotd_cia402.simulated.drive_faults import DriveFaults
 from robotd_cia402.simulated.mode_motion import Mode, Motion
 from robotd_cia402.simulated.motors import Motors
 from robotd_cia402.simulated.scale import NO_SWITCHES, Scale, Switches
-from robotd_cia402.simulated.statusword import TRANSITIONS, State, command, resets_fault
 
 _REMOTE, _TARGET_REACHED, _LIMIT, _MODE_BIT, _ERROR_BIT = 1 << 9, 1 << 10, 1 << 11, 1 << 12, 1 << 13
 _FOLLOWING_ERROR, _REFERENCE_LIMIT = 0x8611, 0x8612
@@ -18,6 +17,98 @@ _NO_WINDOW = 0xFFFFFFFF
 _STAYS = (5, 6, 7, 8)  # option codes of a quick stop after which the drive stays in that state
 _BRAKES = (2, 3)  # option codes of 0x6007 that stop without a fault
 _INT32 = 1 << 31
+Place = tuple[int, int | None]  # index and subindex of an object; None: all subindices
+_FAULT_RESET = 0x80
+_TRANSITION_BITS = 0x0F
+
+
+class State(Enum):
+    """State of a drive; the value is its statusword pattern (CiA 402-2, table 30)."""
+
+    SWITCH_ON_DISABLED = 0x40
+    READY_TO_SWITCH_ON = 0x31
+    SWITCHED_ON = 0x33
+    OPERATION_ENABLED = 0x37
+    QUICK_STOP_ACTIVE = 0x17
+    FAULT_REACTION_ACTIVE = 0x1F
+    FAULT = 0x08
+
+
+class Command(Enum):
+    """Command in a controlword (CiA 402-2, table 27)."""
+
+    DISABLE_VOLTAGE = auto()
+    QUICK_STOP = auto()
+    SHUTDOWN = auto()
+    SWITCH_ON = auto()
+    ENABLE_OPERATION = auto()
+
+
+TRANSITIONS: dict[tuple[State, Command], State] = {
+    (State.SWITCH_ON_DISABLED, Command.SHUTDOWN): State.READY_TO_SWITCH_ON,
+    (State.READY_TO_SWITCH_ON, Command.SWITCH_ON): State.SWITCHED_ON,
+    (State.READY_TO_SWITCH_ON, Command.ENABLE_OPERATION): State.OPERATION_ENABLED,
+    (State.READY_TO_SWITCH_ON, Command.QUICK_STOP): State.SWITCH_ON_DISABLED,
+    (State.READY_TO_SWITCH_ON, Command.DISABLE_VOLTAGE): State.SWITCH_ON_DISABLED,
+    (State.SWITCHED_ON, Command.ENABLE_OPERATION): State.OPERATION_ENABLED,
+    (State.SWITCHED_ON, Command.SHUTDOWN): State.READY_TO_SWITCH_ON,
+    (State.SWITCHED_ON, Command.QUICK_STOP): State.SWITCH_ON_DISABLED,
+    (State.SWITCHED_ON, Command.DISABLE_VOLTAGE): State.SWITCH_ON_DISABLED,
+    (State.OPERATION_ENABLED, Command.SWITCH_ON): State.SWITCHED_ON,
+    (State.OPERATION_ENABLED, Command.SHUTDOWN): State.READY_TO_SWITCH_ON,
+    (State.OPERATION_ENABLED, Command.DISABLE_VOLTAGE): State.SWITCH_ON_DISABLED,
+    (State.OPERATION_ENABLED, Command.QUICK_STOP): State.QUICK_STOP_ACTIVE,
+    (State.QUICK_STOP_ACTIVE, Command.ENABLE_OPERATION): State.OPERATION_ENABLED,
+    (State.QUICK_STOP_ACTIVE, Command.DISABLE_VOLTAGE): State.SWITCH_ON_DISABLED,
+}
+
+
+def command(controlword: int) -> Command:
+    """Return the command in bits 0 to 3."""
+    bits = controlword & _TRANSITION_BITS
+    if not bits & 2:
+        return Command.DISABLE_VOLTAGE
+    if not bits & 4:
+        return Command.QUICK_STOP
+    if not bits & 1:
+        return Command.SHUTDOWN
+    return Command.ENABLE_OPERATION if bits & 8 else Command.SWITCH_ON
+
+
+def resets_fault(before: int, now: int) -> bool:
+    """Return True if bit 7 rises from one controlword to the next."""
+    return bool(now & ~before & _FAULT_RESET)
+
+
+@dataclass
+class DriveFaults:
+    """Faults in force for one drive; the defaults are a healthy one.
+
+    Attributes:
+        statusword: shown instead of the real one.
+        blocked: the motor does not move.
+        aborts: object → abort code of every access.
+        unanswered: objects of which SDO requests get no response.
+    """
+
+    statusword: int | None = None
+    blocked: bool = False
+    aborts: dict[Place, int] = field(default_factory=dict)
+    unanswered: set[Place] = field(default_factory=set)
+
+    def heal(self) -> None:
+        """End all faults."""
+        healthy = type(self)()
+        for fault in fields(self):
+            setattr(self, fault.name, getattr(healthy, fault.name))
+
+    def abort_code(self, index: int, sub: int) -> int | None:
+        """Return the abort code of an access; None: it is not aborted."""
+        return self.aborts.get((index, sub), self.aborts.get((index, None)))
+
+    def ignores(self, index: int, sub: int) -> bool:
+        """Return True if a request for the object gets no response."""
+        return (index, sub) in self.unanswered or (index, None) in self.unanswered
 
 
 @dataclass(frozen=True)
@@ -46,7 +137,6 @@ class Drive:
 
     Args:
         values: objects of the drive, shared with its bus model; it holds ``drive_defaults``.
-        machine: the motors.
         faults: injected from outside.
         emergency: sends an emergency, given error code and error register; 0: error reset.
     """

@@ -4,10 +4,8 @@ Independent of the backend: written the public descriptions of ETG.1000 and CiA 
 """
 
 from robotd_ethercat.simulated.bus import Bus
-from robotd_ethercat.simulated.generic_slave import GENERIC, VENDOR, GenericSlave
-from robotd_ethercat.simulated.io_module import IoModule
-from robotd_ethercat.simulated.line import Line, Port
-from robotd_ethercat.simulated.motion_clock import MotionClock
+from robotd_ethercat.simulated.io_module import GENERIC, VENDOR, GenericSlave, IoModule
+from robotd_ethercat.simulated.line import Line, MotionClock, Port
 from robotd_ethercat.simulated.servo_drive import ServoDrive
 from robotd_ethercat.simulated.sii_content import Identity
 from robotd_ethercat.simulated.simulated_slave import Slave

@@ -25,7 +25,6 @@ class Bus:
     ``run`` and the slaves belong to one thread; ``call`` may be used by any.
 
     Args:
-        line: the slaves.
         interface: where the master's frames arrive.
         secondary: interface of the other end of the line; None without redundancy.
     """

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from enum import Enum, auto
 from random import Random
 
+from robotd_cia402.simulated import Motors
 from robotd_ethercat.simulated import registers as reg
 from robotd_ethercat.simulated.datagrams import DatagramProcessor
-from robotd_ethercat.simulated.motion_clock import MotionClock
+from robotd_ethercat.simulated.servo_drive import ServoDrive
 from robotd_ethercat.simulated.simulated_slave import Slave
 from robotd_ethercat.simulated.slave_controller import SlaveController
 
@@ -17,6 +18,35 @@ _HOP_NS = 500  # delay from one slave to the next
 _SOURCE = 6  # first byte of the source address, of which slaves set bit 1
 _PAUSE_NS = 15_000_000  # between two calls of ``tick``; a longer time is a stall of the computer
 _PERIOD_S = 0.004  # where nothing defines the period of the outputs
+_LOST_NS = 100_000_000  # without outputs for so long the motors run on the computer's clock
+_DEFAULT_S = 0.004
+
+
+class MotionClock:
+    """Advances the motors of all drives of a line."""
+
+    def __init__(self, machine: Motors, drives: Sequence[ServoDrive]) -> None:
+        self._machine, self._drives = machine, drives
+        self._outputs_ns: int | None = None
+
+    def outputs(self, now_ns: int) -> float:
+        """Advance by one period of the outputs, more if outputs were lost; return the period."""
+        self._outputs_ns = now_ns
+        period_s = self._period_s()
+        self._machine.synchronise(now_ns, period_s)
+        return period_s
+
+    def is_idle(self, now_ns: int) -> bool:
+        """Return True if no outputs come, after advancing to ``now_ns``."""
+        if self._outputs_ns is not None and now_ns - self._outputs_ns < _LOST_NS:
+            return False
+        self._machine.free_run(now_ns)
+        return True
+
+    def _period_s(self) -> float:
+        """Period of the first drive that has one: all drives share the frame."""
+        periods = (drive.period_s() for drive in self._drives if drive.powered)
+        return next((period for period in periods if period is not None), _DEFAULT_S)
 
 
 class Port(Enum):

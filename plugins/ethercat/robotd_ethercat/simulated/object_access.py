@@ -4,15 +4,43 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import IntEnum
 
 from robotd_cia402.simulated import DriveFaults
 from robotd_ethercat.simulated.al_state import AlState
 from robotd_ethercat.simulated.object_dictionary import Access, Entry, ObjectDictionary
-from robotd_ethercat.simulated.sdo_abort import AbortCode, SdoAbort
 
 RX_PDOS, TX_PDOS = range(0x1600, 0x1800), range(0x1A00, 0x1C00)
 ASSIGNMENTS = {0x1C12: RX_PDOS, 0x1C13: TX_PDOS}
 _WRITE = {AlState.PRE_OP: 0x08, AlState.SAFE_OP: 0x10, AlState.OP: 0x20}
+
+
+class AbortCode(IntEnum):
+    """Reasons for which an SDO transfer is aborted."""
+
+    TOGGLE = 0x05030000
+    UNKNOWN_COMMAND = 0x05040001
+    UNSUPPORTED_ACCESS = 0x06010000
+    WRITE_ONLY = 0x06010001
+    READ_ONLY = 0x06010002
+    COUNT_NOT_ZERO = 0x06010003
+    NO_OBJECT = 0x06020000
+    NOT_MAPPABLE = 0x06040041
+    PDO_LENGTH = 0x06040042
+    LENGTH = 0x06070010
+    TOO_LONG = 0x06070012
+    TOO_SHORT = 0x06070013
+    NO_SUBINDEX = 0x06090011
+    GENERAL = 0x08000000
+    STATE = 0x08000022
+
+
+class SdoAbort(Exception):
+    """Abort of a transfer with ``code``."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(f"SDO abort 0x{code:08X}")
+        self.code = int(code)
 
 
 @dataclass
@@ -30,8 +58,6 @@ class ObjectAccess:
     """Reads and writes objects by the rules of their entries. Raises SdoAbort.
 
     Args:
-        objects: the dictionary.
-        faults: injected faults.
         state: returns the AL state.
         on_written: called after an object was written.
     """

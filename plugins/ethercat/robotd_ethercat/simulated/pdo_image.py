@@ -15,7 +15,6 @@ class PdoImage:
     """Layout of one direction, as assignment and mapping objects define it now.
 
     Args:
-        objects: the dictionary.
         assignment: 0x1C12 or 0x1C13.
 
     Attributes:

@@ -13,10 +13,10 @@ from tests.features.page.server.viewer import wait_until
 from robotd.clock.simulated import PacedClock
 from robotd.robot import Robot, build_robot
 from robotd_page.control_server import PageControl
+from robotd_page.page_feed import RobotSource
 from robotd_page.page_server import PageServer
-from robotd_page.robot_source import RobotSource
 from robotd_recorder.recorder import observed
-from robotd_scenario.requested_faults import requested_faults
+from robotd_scenario.fault_schedule import requested_faults
 
 HOLD_TIMEOUT_S = 600.0  # so that what stops a jog here is never the missing heartbeat
 MOVING = 0.01  # rad/s

@@ -26,8 +26,8 @@ from robotd.descriptor import load_robot_descriptor
 from robotd.errors import OperationError
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
+from robotd_page.page_feed import RobotSource
 from robotd_page.page_server import PageServer
-from robotd_page.robot_source import RobotSource
 from robotd_recorder.recorder import observed
 
 NAMES = ["cell_camera", "wrist_camera"]

@@ -16,8 +16,8 @@ from tests.world_backend import START, cube_backend
 from robotd.clock.simulated import PacedClock
 from robotd.descriptor import load_robot_descriptor
 from robotd.robot import Robot
+from robotd_page.page_feed import RobotSource
 from robotd_page.page_server import PageServer
-from robotd_page.robot_source import RobotSource
 from robotd_recorder.recorder import observed
 
 pytestmark = needs_browser

@@ -25,12 +25,12 @@ from tests.features.page.server.viewer import (
 
 from robotd.errors import OperationError
 from robotd_metrics.metrics import registry
+from robotd_page.page_feed import RobotSource
 from robotd_page.page_message import websocket_frames
 from robotd_page.page_server import PageServer
-from robotd_page.robot_source import RobotSource
 from robotd_page.viewers import MAX_WAITING_BYTES
 from robotd_page.viewers import Viewer as ServedViewer
-from robotd_shared.local_ports import rejection
+from robotd_shared.local_http import rejection
 
 pytestmark = pytest.mark.daily
 
@@ -174,8 +174,9 @@ def test_nothing_is_computed_while_nobody_watches(
     with served_page(tmp_path) as (_, server):
         calls: list[float] = []
         feed: Any = server._source.feed("")
-        live = feed.live
-        monkeypatch.setattr(feed, "live", lambda: calls.append(time.monotonic()) or live())
+        live = feed._live
+        sample = live.sample
+        monkeypatch.setattr(live, "sample", lambda: calls.append(time.monotonic()) or sample())
         asyncio.run(watch())
         wait_until(lambda: not server._channels and not server._watched.is_set())
         before = len(calls)

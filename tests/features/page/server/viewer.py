@@ -18,9 +18,9 @@ from tests.features.harness import Observed
 
 from robotd_page.control_server import PageControl
 from robotd_page.live_samples import HEADER
+from robotd_page.page_feed import RobotSource
 from robotd_page.page_server import PageServer
-from robotd_page.robot_source import RobotSource
-from robotd_scenario.requested_faults import requested_faults
+from robotd_scenario.fault_schedule import requested_faults
 
 TIMEOUT_S = 30.0  # far longer than on an idle computer
 

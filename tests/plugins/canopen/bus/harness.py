@@ -17,11 +17,10 @@ from robotd.device.bus_status import BusStatus
 from robotd.device.process_image import ProcessImage
 from robotd.motion import TrajectoryRequest
 from robotd.robot import Robot
-from robotd_canopen.fault_commands import inject
 from robotd_canopen.fieldbus import CanopenFieldbus
 from robotd_canopen.master import Master
 from robotd_canopen.simulated import DriveNode, IoNode, SimulatedNetwork
-from robotd_canopen.simulated_robot import Simulation, simulated_network
+from robotd_canopen.simulated_robot import Simulation, inject, simulated_network
 from robotd_cia402.device import Cia402Device
 
 STEEP_RAD_S2 = 60.0  # beyond every ramp that is configured (10 and 40), below any jump

@@ -10,8 +10,8 @@ from tests.plugins.canopen.bus.conftest import SMALL, OpenRig
 from tests.plugins.canopen.bus.harness import Harness
 
 from robotd.errors import ConnectError, NotReady
-from robotd_canopen.fault_commands import inject
 from robotd_canopen.simulated.simulated_node import OPERATIONAL
+from robotd_canopen.simulated_robot import inject
 from robotd_cia402.object_numbers import POSITION
 
 START_RAD, PUSHED_RAD = 1.5, 0.7

@@ -15,7 +15,7 @@ from robotd.device.state import ConnectionState
 from robotd.errors import ConnectError, DeviceTimeout, NotReady, RobotdError
 from robotd.motion.profile import Profile
 from robotd_canopen.frame import Frame
-from robotd_canopen.nmt import NmtCommand
+from robotd_canopen.node import NmtCommand
 
 WINDOW = {"startup": [{"object": "0x6065", "value": 2000}], "counts_per_rad": 1e5}
 

@@ -12,7 +12,7 @@ from robotd.events import EventKind, sent_by
 from robotd.observation.tap import Tap
 from robotd.robot import Robot
 from robotd_recorder.explanation import explain
-from robotd_recorder.flight_recorder import FlightRecorder
+from robotd_recorder.recorder import FlightRecorder
 from robotd_recording.recording_folder import RecordingFolder
 from robotd_recording.recording_reader import read_recording
 from robotd_recording.recording_writer import FIELDBUS
