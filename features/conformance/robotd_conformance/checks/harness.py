@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any, cast
@@ -66,7 +67,7 @@ class Harness:
 
     Attributes:
         robot, drivers: the robot, and the drivers behind it.
-        read_errors: what ``read`` raised that is no error of robotd.
+        foreign_errors: what drivers raised that is no error of robotd.
         fault_injector: None where the backend offers none.
         pose: start pose of the run.
         period_s, feedback_s: control period, and time between two measured values.
@@ -87,8 +88,8 @@ class Harness:
         self.stepped = not real_time and uses_context_clock
         self.clock: Clock = SteppedClock() if self.stepped else MonotonicClock()
         self.drivers = backend.drivers(backend.context(descriptor, self.clock))
-        self.read_errors: list[str] = []
-        self._watch_reads()
+        self.foreign_errors: list[str] = []
+        self._watch_calls()
         self.robot = Robot(descriptor, backend, self.clock, self.drivers)
         self.fault_injector = self.drivers.make_fault_injector()
         self._faults = (
@@ -111,18 +112,25 @@ class Harness:
         """Monotonic time at which a setpoint of the present control period is due."""
         return self.image.stamp_ns + self.robot.control_loop.period_ns
 
-    def _watch_reads(self) -> None:
-        read = self.drivers.axes.read
+    def _watch_calls(self) -> None:
+        """Note what methods of drivers raise that is no error of robotd."""
+        drivers = self.drivers
+        for driver in (drivers.device, drivers.axes, drivers.io, drivers.fieldbus):
+            for name, member in inspect.getmembers_static(type(driver)):
+                if isinstance(member, staticmethod) and not name.startswith("_"):
+                    setattr(driver, name, self._watched(getattr(driver, name)))
 
-        def watched(image: ProcessImage) -> None:
+    def _watched(self, call: Callable[..., Any]) -> Callable[..., Any]:
+        def watched(*given: Any, **named: Any) -> Any:
             try:
-                read(image)
+                return call(*given, **named)
             except OperationError as error:
-                if error.__cause__ is not None:
-                    self.read_errors.append(str(error))
+                cause = error.__cause__
+                if cause is not None and str(error).endswith(f"{type(cause).__name__}: {cause}"):
+                    self.foreign_errors.append(str(error))
                 raise
 
-        self.drivers.axes.read = watched  # type: ignore[method-assign]
+        return watched
 
     # Life
 

@@ -66,12 +66,12 @@ class KitTarget:
         began = self.pose.position is not None
         return "" if simulated and began else self.pose.exceeded
 
-    def take_read_errors(self) -> list[str]:
-        """Return what reads have raised since the last call."""
-        errors = [error for harness in self._built for error in harness.read_errors]
+    def take_foreign_errors(self) -> list[str]:
+        """Return what drivers have raised since the last call that is no error of robotd."""
+        errors = [error for harness in self._built for error in harness.foreign_errors]
         self._built = [self._shared] if self._shared else []
         for harness in self._built:
-            harness.read_errors.clear()
+            harness.foreign_errors.clear()
         return errors
 
     def shared(self) -> Harness:

@@ -212,6 +212,7 @@ def test_alarms_of_all_axes_are_cleared_one_by_one(
 
 
 @pytest.mark.clause("AxisDriver.begin_stream/all", "drivers/rejects")
+@pytest.mark.clause("AxisDriver.begin_stream/again")
 def test_a_stream_of_an_axis_that_is_off_begins_for_none(streamed: Harness) -> None:
     if streamed.count < 2 or len(streamed.servo_group(0)) > 1:
         pytest.skip("no axis is off alone")
@@ -224,6 +225,16 @@ def test_a_stream_of_an_axis_that_is_off_begins_for_none(streamed: Harness) -> N
         for axis in streamed.all:
             shown = Operation(int(streamed.image.operation[axis]))
             assert shown is Operation.IDLE, f"axis {axis} is in {shown.name}, axis {off} is off"
+        others = [axis for axis in streamed.all if axis != off]
+        streamed.drivers.axes.begin_stream(others)
+        with pytest.raises(RobotdError):
+            streamed.drivers.axes.begin_stream(streamed.all)
+        streamed.periods(3)
+        for axis in others:
+            shown = Operation(int(streamed.image.operation[axis]))
+            assert shown is Operation.STREAM, f"axis {axis}: {shown.name} after a rejected begin"
+        streamed.drivers.axes.end_stream(others)
+        streamed.rest()
         streamed.enable()
     streamed.move_all(0.2)
     streamed.rest()

@@ -100,7 +100,7 @@ def test_enabling_an_axis_in_motion_changes_nothing(harness: Harness) -> None:
     assert (np.abs(recording.velocity).max(0) <= MORE * fastest).all(), "an axis has jumped"
 
 
-@pytest.mark.clause("drivers/rejects")
+@pytest.mark.clause("drivers/rejects", "drivers/errors")
 def test_a_disabled_axis_refuses_to_move(harness: Harness) -> None:
     harness.disable()
     harness.rest()

@@ -289,6 +289,22 @@ def test_counters_count_again_after_a_reset(harness: Harness, injector: FaultInj
             assert counted <= most, f"{counted} frames counted of {LOST}"
 
 
+@pytest.mark.clause("FieldbusDriver.reset_statistics/zero", "FieldbusDriver.status/status")
+@pytest.mark.needs(Capability.STATISTICS)
+def test_no_counter_is_negative_after_a_restart(fresh: Harness) -> None:
+    """Frames are lost, the counters are reset, and communication counts from its start."""
+    bus, device = fieldbus_of(fresh), fresh.drivers.device
+    fresh.injector.lose_packets(LOST)
+    fresh.wait_until(lambda: bus.status(0).lost_frames > 0, 2.0)
+    fresh.until(lambda: fresh.robot.connection.ready, "frames arrive again")
+    bus.reset_statistics(0)
+    device.stop_communication(10.0)
+    device.start_communication(10.0)
+    status = bus.status(0)
+    counters = status.lost_frames, status.timeouts, status.late_cycles
+    assert min(counters) >= 0, f"lost frames, timeouts, late cycles: {counters}"
+
+
 @pytest.mark.clause("FieldbusDriver.status/status")
 @pytest.mark.needs(Capability.STATISTICS)
 def test_lost_frames_are_counted_beyond_a_byte(harness: Harness, injector: FaultInjector) -> None:

@@ -136,17 +136,26 @@ def test_a_stop_ends_a_trajectory(harness: Harness, joints: list[int], stop: Sto
 
 @pytest.mark.clause("AxisDriver.stop/returns", "AxisDriver.quick_stop/returns")
 @pytest.mark.parametrize("stop", STOPS)
-def test_a_stop_returns_at_once(harness: Harness, stop: Stop) -> None:
+@pytest.mark.parametrize("jogs", [False, True], ids=["move", "jog"])
+def test_a_stop_returns_at_once(harness: Harness, stop: Stop, jogs: bool) -> None:
     driver: AxisDriver = vars(harness.drivers.axes)["wrapped"]  # without a thread that limits it
     start, durations_s, passed_s = harness.image.position_command.copy(), list[float](), 0.0
+    if jogs:
+        if not harness.can(Capability.VELOCITY_MODE):
+            pytest.skip(f"the {harness.robot.backend.name} backend has no velocity mode")
+        harness.set_velocity_mode()
     for count in range(TIMED_STOPS):
-        harness.move(harness.all, start if count % 2 else start + harness.travel())
+        if jogs:
+            jog(harness, -harness.speeds(0.5) if count % 2 else harness.speeds(0.5))
+        else:
+            harness.move(harness.all, start if count % 2 else start + harness.travel())
         harness.pass_time(0.12)
         began_ns = harness.clock.now_ns()
         with timed(durations_s):
             stop(driver, harness.all)
         passed_s += (harness.clock.now_ns() - began_ns) * 1e-9
         harness.rest()
+    harness.enable()
     typical_s = sorted(durations_s)[-2]
     assert not (harness.stepped and passed_s), "a stop has waited"
     assert typical_s <= harness.period_s, (

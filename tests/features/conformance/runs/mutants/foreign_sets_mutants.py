@@ -17,6 +17,8 @@ from robotd.api import (
     DeviceTimeout,
     FloatArray,
     LateSetpoint,
+    NotReady,
+    Operation,
     OperationError,
     ProcessImage,
     Profile,
@@ -335,3 +337,62 @@ class LateSetpointsAreDropped(Mutant):
         def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
             with suppress(LateSetpoint):
                 super().stream(position, velocity, due_ns)
+
+
+class StopsOfJogsWait(Mutant):
+    """Those of moves do not."""
+
+    breaks = ("AxisDriver.stop/returns", "blocks")
+    found_by = "test_ramps.py::test_a_stop_returns_at_once"
+    says = "a stop has waited"
+
+    class Axes(SimAxes):
+        def stop(self, axes: Sequence[int]) -> None:
+            jogs = [axis for axis in axes if self._states.operation[axis] == Operation.VELOCITY]
+            super().stop(axes)
+            self._wait(lambda: not any(self._world.moves(axis) for axis in jogs), 5.0)
+
+
+class RejectedBeginsEndStreams(Mutant):
+    breaks = ("AxisDriver.begin_stream/again", "side effect")
+    found_by = "test_axes_apart.py::test_a_stream_of_an_axis_that_is_off_begins_for_none"
+    says = "after a rejected begin"
+
+    class Axes(SimAxes):
+        def begin_stream(self, axes: Sequence[int]) -> None:
+            try:
+                super().begin_stream(axes)
+            except OperationError:
+                self.end_stream(axes)
+                raise
+
+
+class CountersFromTheLastReset(Mutant):
+    """Those of the device begin anew with communication."""
+
+    breaks = ("FieldbusDriver.reset_statistics/zero", "side effect")
+    found_by = "test_fieldbus.py::test_no_counter_is_negative_after_a_restart"
+    says = "late cycles: \\(-"
+
+    class Fieldbus(SimFieldbus):
+        def status(self, bus: int) -> BusStatus:
+            status = super().status(bus)
+            return replace(
+                status, lost_frames=status.lost_frames - int(self.__dict__.get("base", 0))
+            )
+
+        def reset_statistics(self, bus: int) -> None:
+            self.__dict__["base"] = super().status(bus).lost_frames
+
+
+class RejectedMovesRaiseNumbers(Mutant):
+    breaks = ("drivers/errors", "raises")
+    found_by = "test_enable.py::test_a_disabled_axis_refuses_to_move"
+    says = "calls failed by no error of robotd"
+
+    class Axes(SimAxes):
+        def move(self, axis: int, target: float, profile: Profile) -> None:
+            try:
+                super().move(axis, target, profile)
+            except (NotReady, OperationError):
+                raise RuntimeError("error 0x1A02") from None
