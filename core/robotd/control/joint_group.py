@@ -68,9 +68,10 @@ class JointGroup:
         self.follower = TrajectoryFollower(
             self.motion, axes, descriptor, clock, self.motion_limits, on_device
         )
-        joints = self.motion, axes, descriptor, self.follower.limits, self.follower.rules
-        self.stream = JointStreams(*joints, clock, backend, rearming, self.motion_limits)
-        self.torque_stream = TorqueStreams(*joints, clock, driver, rearming, self.motion_limits)
+        limits, rules = self.follower.limits, self.follower.rules
+        joints = self.motion, limits, rules, self.motion_limits, axes, rearming, descriptor
+        self.stream = JointStreams(*joints, clock, driver, backend)
+        self.torque_stream = TorqueStreams(*joints, clock, driver, backend)
 
 
 class JointGroups(dict[str, JointGroup]):

@@ -13,10 +13,16 @@ import numpy as np
 from robotd.arrays import FloatArray, IntArray
 from robotd.clock import Clock
 from robotd.control.completion import Outcome
-from robotd.control.rearming import CommandSource
+from robotd.control.joint_motion import JointMotion
+from robotd.control.rearming import CommandSource, Rearming
 from robotd.control.source_slot import SetpointSource
+from robotd.descriptor import RobotDescriptor
+from robotd.device.axes import Axes
+from robotd.device.drivers import AxisDriver
+from robotd.device.motion_limits import MotionLimits
 from robotd.errors import InvalidArgument, NotReady
 from robotd.log import get_logger
+from robotd.motion import JointLimits, TrajectoryRules
 
 log = get_logger("stream")
 
@@ -65,7 +71,7 @@ class OpenStream(ABC, Generic[Motion]):
     """Base of streams; a context that closes it. Any thread, except ``close``: a worker.
 
     Args:
-        joints, source: of its commands.
+        commands: makes its commands.
         motion: moves the joints.
         release: stops ``motion`` and gives the joints back.
 
@@ -74,13 +80,9 @@ class OpenStream(ABC, Generic[Motion]):
     """
 
     def __init__(
-        self,
-        joints: Sequence[str],
-        source: CommandSource,
-        motion: Motion,
-        release: Callable[[Motion], None],
+        self, commands: StreamCommands, motion: Motion, release: Callable[[Motion], None]
     ) -> None:
-        self.joints, self._source = tuple(joints), source
+        self.joints, self._source = commands.joints, commands.source
         self._motion, self._release = motion, release
         self._received = self._clipped = 0
         self._closed = False
@@ -141,12 +143,7 @@ class OpenStream(ABC, Generic[Motion]):
             raise NotReady(f"the stream has ended: {self.message}")
 
     def _clip(
-        self,
-        what: str,
-        values: FloatArray,
-        low: FloatArray,
-        high: FloatArray,
-        units: Sequence[str],
+        self, what: str, values: FloatArray, low: FloatArray, high: FloatArray, units: Sequence[str]
     ) -> FloatArray:
         """Return (..., k) values within the limits; what is beyond is counted, the first logged."""
         clipped: FloatArray = np.minimum(np.maximum(values, low), high)
@@ -177,6 +174,40 @@ class StreamClient(Generic[Stream_co]):
 
     commands: StreamCommands
     open: Callable[[], Stream_co]
+
+
+class StreamOpener:
+    """Opens streams of the joints of a group, one at a time.
+
+    Called like a function, by worker threads.
+
+    Args:
+        motion, limits, rules, motion_limits: of the joints.
+        axes, rearming: of the robot.
+        descriptor: joints of the group, time-outs and takeover.
+        clock: of the control loop.
+        driver: of the axes.
+        backend: name, for errors.
+    """
+
+    def __init__(
+        self,
+        motion: JointMotion,
+        limits: JointLimits,
+        rules: TrajectoryRules,
+        motion_limits: MotionLimits,
+        axes: Axes,
+        rearming: Rearming,
+        descriptor: RobotDescriptor,
+        clock: Clock,
+        driver: AxisDriver,
+        backend: str,
+    ) -> None:
+        self._motion, self._limits, self._rules = motion, limits, rules
+        self._motion_limits, self._axes, self._rearming = motion_limits, axes, rearming
+        self._descriptor, self._settings, self._clock = descriptor, descriptor.stream, clock
+        self._driver, self._backend = driver, backend
+        self._joint_axes = tuple(joint.axis for joint in descriptor.joints)
 
 
 def chosen_columns(joints: Sequence[str] | None, known: Sequence[str]) -> IntArray:

@@ -212,14 +212,15 @@ def streams(harness: Harness, joints: Any) -> TorqueStreams:
     robot = harness.robot
     return TorqueStreams(
         joints,
-        robot.axes,
-        robot.descriptor,
         robot.follower.limits,
         robot.follower.rules,
+        robot.groups.only.motion_limits,
+        robot.axes,
+        robot.rearming,
+        robot.descriptor,
         MonotonicClock(),
         TorqueAxes(),
-        robot.rearming,
-        robot.groups.only.motion_limits,
+        robot.backend.name,
     )
 
 
