@@ -201,9 +201,8 @@ class Robot:
         Blocks until done (seconds where the device needs tries). Any one thread. After
         ``connection.abort_start`` from another one nothing more is begun or switched on.
 
-        Args:
-            enable: clear alarms and switch the servos of joints and wheels on; False leaves
-                them as they are.
+        ``enable``: clear alarms and switch the servos of joints and wheels on; False leaves them as
+        they are.
 
         Raises:
             ConnectError: the device did not open, or an axis did not come up (all are named).
@@ -299,11 +298,8 @@ class Robot:
         Returns at standstill. No safety function: it needs this program, the computer, the bus and
         the drives to work.
 
-        Args:
-            reason: reported to every client whose motion ends or is rejected.
-
-        Raises:
-            DeviceTimeout: axes still move after a quick stop; motion stays stopped.
+        ``reason``: reported to every client whose motion ends or is rejected.
+        Raises DeviceTimeout: axes still move after a quick stop; motion stays stopped.
         """
         self._motion_stop.stop(reason, self.descriptor.engine.shutdown_s)
 
@@ -317,8 +313,7 @@ class Robot:
         The paths stay. Trajectories and the base follow while they move; moves and jogs of single
         axes, and streams, take the speed at their start.
 
-        Args:
-            speed: 0 (hold on the path), or 0.01 to 1.
+        ``speed``: 0 (hold on the path), or 0.01 to 1.
 
         Raises:
             InvalidArgument: another number.
@@ -357,8 +352,7 @@ class Robot:
 
         Any worker; seconds where the device needs them. The steps are logged too.
 
-        Args:
-            report: called with the cause, and with each step when it begins or has ended.
+        ``report``: called with the cause, and with each step when it begins or has ended.
 
         Raises:
             NotReady: another recovery runs, axes are not at rest, or the robot is shutting down.
@@ -438,8 +432,7 @@ def build_robot(
         search_path: folders of robots; None: those that come with robotd.
         clock: None: real time.
 
-    Raises:
-        DescriptorError, PluginError: with every problem that was found.
+    Raises DescriptorError, PluginError: with every problem that was found.
     """
     descriptor = load_robot_descriptor(name_or_path, variant, search_path=search_path)
     return Robot(descriptor, load_backend(backend or descriptor.backend), clock or MonotonicClock())

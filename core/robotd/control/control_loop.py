@@ -34,12 +34,7 @@ SWITCH_INTERVAL_S = 1e-4  # longest wait for a Python thread that holds the inte
 
 
 class DeviceLoss:
-    """Loss of the device as the control loop sees it. Control-loop thread.
-
-    Args:
-        connection: state and fault of the device.
-        image: live process image.
-    """
+    """Loss of the device as the control loop sees it. Control-loop thread."""
 
     def __init__(self, connection: Connection, image: ProcessImage) -> None:
         self._connection, self._image = connection, image
@@ -80,11 +75,6 @@ class ControlLoop:
     """Fixed-rate thread ``robotd-control``; only it calls ``AxisDriver.read`` and ``stream``.
 
     Args:
-        driver: source of the process image and sink of setpoints.
-        connection: gate of the reads, and the state of the device.
-        image: process image that is filled each period.
-        mixer: advances setpoint sources and sends setpoints.
-        rate_hz: periods per second.
         realtime_priority: SCHED_FIFO priority to ask for, 1..99; 0 asks for none.
         clock: time base of the deadlines. On a ``SteppedClock`` there is no thread: periods
             run in the thread that sleeps on the clock.
@@ -156,8 +146,6 @@ class ControlLoop:
 
         Args:
             rate_hz: on the clock of the control loop.
-            name: for the log.
-            task: called with the image.
             first: before the image is read, also while the device does not communicate.
         """
         self._tasks.add(rate_hz, name, task, first=first)

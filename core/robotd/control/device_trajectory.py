@@ -44,9 +44,7 @@ class DeviceTrajectory(TrajectoryExecution):
     the command to joints that did not follow it. An arrival needs the device's command at the last
     point, not before its time. A fault ends it when the device does not follow.
 
-    Args:
-        driver: of the axes.
-        goal, start_ns: see ``TrajectoryExecution``; nothing moves before ``start_ns``.
+    ``goal``, ``start_ns``: see ``TrajectoryExecution``; nothing moves before ``start_ns``.
     """
 
     streams = False

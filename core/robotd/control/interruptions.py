@@ -22,7 +22,6 @@ class Interruption(NamedTuple):
 
     Attributes:
         number: unique, and larger than those before it.
-        reason: text.
     """
 
     number: int
@@ -35,9 +34,6 @@ class Interruptions:
     Motion is rejected while it is stopped, paused or not allowed by a lifecycle manager, while the
     device is not ready, and for an axis with a fault, with its servo off or in another command
     mode. A motion that is ended by a stop or a fault counts as well (``add``).
-
-    Args:
-        axes, connection: of the robot.
     """
 
     def __init__(self, axes: Axes, connection: Connection) -> None:
@@ -99,7 +95,6 @@ class Interruptions:
         """Return those that concern the commands of ``axes``, always as many. Any thread.
 
         Args:
-            axes: of the commands.
             in_mode: they need the axes in a certain mode.
             follows_speed: their motion slows down in a pause and continues after it.
         """
@@ -117,7 +112,6 @@ class Interruptions:
         next one may just be written.
 
         Args:
-            axes: of the command.
             modes: that it needs; empty: any.
             follows_speed: see ``newest``.
         """

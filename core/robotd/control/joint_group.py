@@ -27,15 +27,7 @@ class JointGroup:
     A goal or stream of one group does not affect those of another one. All groups share the
     device, the control loop, the speed, and the stop of all motion.
 
-    Args:
-        name: of the descriptor's ``groups``.
-        descriptor: of the robot, with the joints of this group.
-        axes: of the robot.
-        slot: of the joints.
-        clock: of the control loop.
-        driver: of the axes.
-        backend: name, for errors.
-        rearming: of the robot.
+    ``descriptor``: of the robot, with the joints of this group.
 
     Attributes:
         name: of the group.

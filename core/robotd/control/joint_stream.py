@@ -156,8 +156,6 @@ class JointStream(OpenStream[StreamMotion]):
     InvalidArgument for all but positions.
 
     Args:
-        commands: makes its commands.
-        motion: moves the joints.
         release: stops ``motion`` and gives the joints back.
         columns: (k,) index of the stream's joints among the m joints of ``limits``.
         limits: of all joints.
@@ -385,7 +383,6 @@ class JointStreams(StreamOpener):
         """Return a client for all joints whose streams end ``timeout_s`` after its last command.
 
         Args:
-            owner: of the joints.
             timeout_s: silence of the client that ends a stream.
             name: of the client; "": ``owner``.
         """

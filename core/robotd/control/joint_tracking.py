@@ -28,8 +28,7 @@ class JointTracking:
 
     ``progress`` may be called by any thread, the rest belongs to the control loop.
 
-    Args:
-        setpoint: (2, m) position and velocity at the start.
+    ``setpoint``: (2, m) position and velocity at the start.
 
     Attributes:
         desired, measured: (2, m) position and velocity of the present period.
@@ -109,9 +108,7 @@ class GoalPassage:
     crosses it between two periods, at the time of the point or later: joints that follow with
     different lags pass one after the other.
 
-    Args:
-        trajectory: with ``goal_s``.
-        tolerances: of the goal.
+    ``trajectory``: with ``goal_s``.
     """
 
     def __init__(self, trajectory: Trajectory, goal_s: float, tolerances: Tolerances) -> None:

@@ -43,13 +43,6 @@ class MobileBase:
     Between commands, and after a fault, no axis is claimed: the wheels are then ordinary axes.
     While the device is lost the odometry pauses; it continues from a new baseline.
 
-    Args:
-        axes: of the robot.
-        slot: of the wheels.
-        settings: of the descriptor.
-        clock: of the control loop.
-        rearming: of the robot.
-
     Attributes:
         events: of the robot, where commands are noted.
         settings: of the descriptor, or of the ROS parameters.

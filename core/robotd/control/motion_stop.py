@@ -25,11 +25,7 @@ class MotionStop:
     Setpoint sources come to rest along their paths, moves, jogs and homing by their own ramps.
 
     Args:
-        axes: of the robot; their latch counts.
-        mixer: source slots of all groups of axes.
         connection: of the device; the input counts while it is ready.
-        clock: to wait by.
-        io: of the robot.
         stop_input: input that forbids motion; None: there is none.
     """
 

@@ -35,10 +35,7 @@ class StreamCommands:
 
     A command is checked and admitted when it is made; a stream takes it by ``put``.
 
-    Args:
-        joints: names, in the order of the values.
-        source: of the commands.
-        clock: of the control loop.
+    ``joints``: names, in the order of the values.
 
     Attributes:
         joints, source: of the commands.
@@ -70,10 +67,7 @@ class StreamCommands:
 class OpenStream(ABC, Generic[Motion]):
     """Base of streams; a context that closes it. Any thread, except ``close``: a worker.
 
-    Args:
-        commands: makes its commands.
-        motion: moves the joints.
-        release: stops ``motion`` and gives the joints back.
+    ``release``: stops ``motion`` and gives the joints back.
 
     Attributes:
         joints: names, in the order of the values that it takes.
@@ -180,14 +174,6 @@ class StreamOpener:
     """Opens streams of the joints of a group, one at a time.
 
     Called like a function, by worker threads.
-
-    Args:
-        motion, limits, rules, motion_limits: of the joints.
-        axes, rearming: of the robot.
-        descriptor: joints of the group, time-outs and takeover.
-        clock: of the control loop.
-        driver: of the axes.
-        backend: name, for errors.
     """
 
     def __init__(

@@ -28,7 +28,6 @@ class Problems:
     """Problems of a robot. Any thread.
 
     Args:
-        connection, axes, rearming, clock: of the robot.
         used: axes that are switched on at start; others count with an alarm only.
         advise: returns what to do about the code of an alarm; "" where that is not known.
     """

@@ -28,16 +28,7 @@ Numbers = tuple[int, ...]  # of the newest interruptions that concern a source
 
 
 class Rearming:
-    """Sources of commands of a robot, and the interruptions of its motion. Any thread.
-
-    Args:
-        axes, connection: of the robot.
-        clock: of the control loop.
-
-    Attributes:
-        interruptions: of the robot.
-        clock: of the control loop.
-    """
+    """Sources of commands of a robot, and the interruptions of its motion. Any thread."""
 
     def __init__(self, axes: Axes, connection: Connection, clock: Clock) -> None:
         self.interruptions, self.clock = Interruptions(axes, connection), clock
@@ -75,7 +66,6 @@ class Admission:
     """Admission of one command.
 
     Attributes:
-        source: of the command.
         numbers: of the interruptions before it.
         only_arms: its source was not armed; the command asks for no motion, and has armed it.
     """
@@ -97,7 +87,6 @@ class CommandSource:
     armed until motion of its axes is interrupted. Any thread; nothing blocks.
 
     Args:
-        rearming: of the robot.
         name: for people.
         axes: that its commands need.
         modes: of the axes, in which its commands can move them; empty: it sets the mode itself.
@@ -106,7 +95,6 @@ class CommandSource:
         follows_speed: its motion slows down in a pause and continues after it.
 
     Attributes:
-        name, axes: of the source.
         silence_s: time without a command that arms it.
     """
 

@@ -39,10 +39,6 @@ class Recovery:
     Servos are switched on as at start: at the measured position, without a jump. What goes off or
     is lost during verification, without an alarm, is brought back once more: drives that are lost
     together are not noticed together. So is a device that is lost before.
-
-    Args:
-        connection, axes, fieldbus, problems, servos: of the robot.
-        clock: to wait by.
     """
 
     def __init__(
@@ -62,8 +58,7 @@ class Recovery:
     def run(self, report: Report = lambda line: None) -> None:
         """Recover; a worker, seconds where the device needs them.
 
-        Args:
-            report: called with each step when it begins or has ended, in the same thread.
+        ``report``: called with each step when it begins or has ended, in the same thread.
 
         Raises:
             NotReady: another recovery runs, or the robot is being shut down.

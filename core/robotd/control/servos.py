@@ -21,12 +21,7 @@ log = get_logger("robot")
 class Servos:
     """Switches servos on, and off after a controlled stop. Any worker.
 
-    Args:
-        descriptor: of the robot, with joints and wheels.
-        connection: to the device.
-        axes: of the robot.
-        groups: joint groups, which are stopped along their paths.
-        base: the wheels; None: the robot has none.
+    ``base``: the wheels; None: the robot has none.
 
     Attributes:
         used: axes of joints and wheels.

@@ -31,7 +31,6 @@ class SetpointSource(ABC):
 
     Attributes:
         columns: ``axes`` as an index.
-        start_ns: as above.
         setpoint: (3, m) position, velocity and acceleration for the end of the period, in rad or m
             and s; position NaN for axes in velocity mode.
         completion: requested end, outcome, and the event to wait for.
@@ -90,9 +89,6 @@ class SourceSlot:
 
     ``submit``, ``release_after`` and ``release`` are for the worker that has claimed the axes;
     ``select`` and ``device_lost`` for the mixer.
-
-    Args:
-        period_ns: of the control loop.
     """
 
     def __init__(self, period_ns: int) -> None:
@@ -132,9 +128,8 @@ class SourceSlot:
             after: the moving source that it continues; None: it begins at rest.
             planned_ns: ``start_ns`` of ``after`` when the state to start from was read.
 
-        Returns:
-            False, without effect, when its start time has passed, or ``after`` is no longer the
-            running one or is ending: plan again.
+        Returns False, without effect, when its start time has passed, or ``after`` is no longer the
+        running one or is ending: plan again.
         """
         with self._handover:
             if self._lost is not None:

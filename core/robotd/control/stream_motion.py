@@ -32,21 +32,15 @@ class StreamMotion(JointSource):
 
     Args:
         axes: (m,) index of each joint's axis.
-        state: at the start.
         start_ns: due time of the first setpoint, at the earliest.
-        limits: of the joints.
         mode: interpolation between position targets.
         timeout_s: age of the last command at which the joints slow to rest.
-        period_s: of the control loop.
-        underrun: behaviour of the device when setpoints are missing.
         buffer_s: duration of the setpoints that the device holds ahead, s.
         stopped_velocity: (m,) rad/s or m/s below which a joint is at rest.
         speed: of the operator; the stream ends at 0, because its targets cannot wait.
-        motion_limits: of the group.
         ends_when_silent: it ends when the joints are at rest after ``timeout_s``.
 
     Attributes:
-        mode: as above.
         timeout_ns: age of the last command at which the joints slow to rest.
         timeouts: number of times that the joints slowed to rest without a command.
     """

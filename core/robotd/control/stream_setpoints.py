@@ -95,9 +95,7 @@ class StreamSetpoints:
     """Follows commands in a mode. One thread; arrays of shape (m,).
 
     Args:
-        limits: of the joints.
         mode: of commands without a velocity.
-        period_s: of the control loop.
         motion_limits: of the group; None: none.
 
     Attributes:

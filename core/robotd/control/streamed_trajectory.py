@@ -28,7 +28,6 @@ class StreamedTrajectory(TrajectoryExecution):
 
     Args:
         goal, start_ns, feedback_period_s: see ``TrajectoryExecution``.
-        underrun: behaviour of the device when setpoints are missing.
         buffer_s: duration of the setpoints that the device holds ahead, s.
         speed: sets the rate of trajectory time; None: real time.
         motion_limits: of the group, which lowers the rate; None: none.

@@ -43,10 +43,7 @@ class TorqueMotion(JointSource):
     position control.
 
     Args:
-        driver: applies the torques.
-        stops: end them.
         axes: (m,) index of each joint's axis.
-        limits: of the same joints.
         start_ns: monotonic time of its first period, at the earliest.
         timeout_s: age of the last command at which it ends.
         stopped_velocity: (m,) rad/s or m/s below which a joint is at rest.
@@ -174,10 +171,8 @@ class TorqueStream(OpenStream[TorqueMotion]):
     Gravity, friction and contact are the client's: at a torque of 0 an arm falls.
 
     Args:
-        commands: makes its commands.
         units: of their torques, "N·m" or "N".
         limit: (k,) highest torque of each.
-        motion: applies the torques.
         release: stops ``motion`` and gives the joints back.
     """
 

@@ -50,14 +50,8 @@ class TrajectoryFollower:
 
     Any worker thread may call; concurrent goals are planned one after the other.
 
-    Args:
-        motion: of the joints.
-        axes: of the robot, with the limits in force.
-        descriptor: joints of the group, and the settings of trajectories.
-        clock: of the control loop.
-        motion_limits: of the group.
-        on_device: driver that interpolates trajectories itself, where
-            ``axes.trajectories_on_device``; None: they are streamed.
+    ``on_device``: driver that interpolates trajectories itself, where
+    ``axes.trajectories_on_device``; None: they are streamed.
     """
 
     def __init__(

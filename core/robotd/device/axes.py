@@ -81,11 +81,8 @@ class Axes:
     what was stopped meanwhile is stopped again when the driver has begun it.
 
     Args:
-        driver: the backend's axes.
-        image: the live process image, written by the control loop.
         limits: per axis, in force: those of the device are included.
         names: per axis, for error texts (``joint2`` or ``axis 1``).
-        clock: to wait by.
         events: where commands are noted; None: in its own log.
 
     Attributes:

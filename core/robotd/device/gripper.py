@@ -48,17 +48,12 @@ class Gripper:
     fingers travel at constant speed from one end to the other, advanced by the control loop. An
     input may show that a part is held.
 
-    Args:
-        io: of the robot.
-        settings: of the descriptor.
-        clock: to wait by.
-        measured: reads the positions of the fingers; None: they are not measured.
+    ``measured``: reads the positions of the fingers; None: they are not measured.
 
     Attributes:
         joints: names of the fingers.
         multipliers: position of each finger per position of the gripper; shape (fingers,).
         open_m, closed_m: position of the gripper at the two ends; set by ``configure``.
-        is_measured: the positions of the fingers are measured.
     """
 
     def __init__(

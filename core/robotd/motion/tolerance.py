@@ -56,8 +56,6 @@ class Tolerances:
     """Tolerances of one execution: defaults, overridden by those of a goal. One owner thread.
 
     Args:
-        limits: of the joints.
-        rules: with the defaults.
         path, goal: entries of the goal message.
         goal_time_s: of the goal message; 0: the default, -1: no limit.
 
@@ -66,9 +64,8 @@ class Tolerances:
         goal_time_s: time after the end to get within ``goal``; inf waits without an end.
         notes: a sentence for each entry that is ignored (acceleration), for the result's text.
 
-    Raises:
-        TrajectoryRejected: an unknown or doubled joint, or a value that is not a number or
-            negative and not -1.
+    Raises TrajectoryRejected: an unknown or doubled joint, or a value that is not a number or
+    negative and not -1.
     """
 
     def __init__(
@@ -101,14 +98,8 @@ class Tolerances:
 class JointBounds:
     """Bounds of one kind, (m,) arrays in rad or m; inf: unlimited.
 
-    Args:
-        kind: for texts.
-        joints: whose names and units count.
-        position, velocity: defaults (m,), inf for no limit; None is no limit at all.
-        entries: of the goal message.
-
-    Raises:
-        TrajectoryRejected: see ``Tolerances``.
+    ``position``, ``velocity``: defaults (m,), inf for no limit; None is no limit at all.
+    Raises TrajectoryRejected: see ``Tolerances``.
     """
 
     def __init__(
