@@ -103,8 +103,8 @@ class Robot:
         capabilities = drivers.capabilities(backend.info.capabilities)
         self._make_fault_injector = drivers.make_fault_injector
         driver, rate_hz = drivers.axes, descriptor.cycle.rate_hz
-        fit = fit_device(descriptor, driver, name)
-        for note in fit.notes:
+        limits, notes = fit_device(descriptor, driver, name)
+        for note in notes:
             log.warning("limit of the device applies", reason=note)
         self.descriptor = descriptor
         self.backend = backend
@@ -125,7 +125,7 @@ class Robot:
             driver,
             self.image,
             self.connection,
-            fit.limits,
+            limits,
             axis_names(descriptor),
             capabilities,
             name,
