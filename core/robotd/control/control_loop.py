@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 from robotd.clock import NANOSECONDS, Clock, MonotonicClock
 from robotd.clock.simulated import PacedClock, SteppedClock
-from robotd.control.period_timing import LoopStatistics, PeriodDeadlines, PeriodicTasks, Task
+from robotd.control.period_timing import PeriodDeadlines, PeriodicTasks, Task
 from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.control.source_slot import NOT_RUNNING
 from robotd.control.watchdog import SIMULATED_HANG_S, Watchdog, place_of
@@ -81,6 +81,7 @@ class ControlLoop:
 
     Attributes:
         realtime: SCHED_FIFO was granted.
+        stats: of the timing; any thread may call ``report``.
     """
 
     def __init__(
@@ -100,7 +101,7 @@ class ControlLoop:
         self._simulated = isinstance(clock, PacedClock)
         self._clock: Clock = clock.leader if isinstance(clock, PacedClock) else clock
         self._driver, self._connection = driver, connection
-        self._image, self._mixer = image, mixer
+        self._image, self._mixer, self.stats = image, mixer, mixer.stats
         stale_after_s = connection.settings.stale_after_s
         self._stale_after_ns = round(stale_after_s * NANOSECONDS)
         self._read_failure: str | None = None  # reason of the last read; None: it succeeded
@@ -122,11 +123,6 @@ class ControlLoop:
         self._watchdog = Watchdog(self.work_ns, lambda: place_of(self._thread), limit_s, self._hang)
         self._failing = False
         self._observer: Callable[[], None] | None = None
-
-    @property
-    def stats(self) -> LoopStatistics:
-        """Timing statistics; any thread may call ``report``."""
-        return self._mixer.stats
 
     @property
     def started_ns(self) -> int:

@@ -180,7 +180,7 @@ class JointStream(OpenStream[StreamMotion]):
     @property
     def statistics(self) -> StreamStatistics:
         """Counts so far."""
-        return StreamStatistics(self._received, self._clipped, self._motion.timeouts)
+        return StreamStatistics(self._received, self.clipped, self._motion.timeouts)
 
     def send(
         self,
@@ -349,6 +349,7 @@ class JointStreams(StreamOpener):
 
         def make(state: MotionState, start_ns: int) -> StreamMotion:
             motion = StreamMotion(
+                self._axes,
                 np.array(self._joint_axes, np.int64),
                 state,
                 start_ns,
@@ -356,10 +357,7 @@ class JointStreams(StreamOpener):
                 mode=StreamMode(mode),
                 timeout_s=seconds,
                 period_s=1.0 / self._descriptor.cycle.rate_hz,
-                underrun=self._axes.underrun,
-                buffer_s=self._axes.stream_buffer_s,
                 stopped_velocity=self._rules.stopped_velocity,
-                speed=self._axes.speed,
                 motion_limits=self._motion_limits,
                 ends_when_silent=ends_when_silent,
             )

@@ -71,6 +71,7 @@ class OpenStream(ABC, Generic[Motion]):
 
     Attributes:
         joints: names, in the order of the values that it takes.
+        clipped: number of commands with a value beyond a limit, which was used instead.
     """
 
     def __init__(
@@ -78,7 +79,7 @@ class OpenStream(ABC, Generic[Motion]):
     ) -> None:
         self.joints, self._source = commands.joints, commands.source
         self._motion, self._release = motion, release
-        self._received = self._clipped = 0
+        self._received = self.clipped = 0
         self._closed = False
 
     @abstractmethod
@@ -98,11 +99,6 @@ class OpenStream(ABC, Generic[Motion]):
         """Reason of its end, "" while it is open."""
         completion = self._motion.completion
         return completion.message or (completion.requested[1] if completion.requested else "")
-
-    @property
-    def clipped(self) -> int:
-        """Commands with a value beyond a limit, which was used instead."""
-        return self._clipped
 
     def end(self, reason: str) -> None:
         """Request the end with a reason; the joints slow to rest. Never blocks."""
@@ -128,7 +124,7 @@ class OpenStream(ABC, Generic[Motion]):
 
     def _counts(self) -> dict[str, int]:
         """Counts for the log."""
-        return {"commands": self._received, "clipped": self._clipped}
+        return {"commands": self._received, "clipped": self.clipped}
 
     def _require_open(self) -> None:
         """Raise NotReady, with the reason, after the end."""
@@ -143,8 +139,8 @@ class OpenStream(ABC, Generic[Motion]):
         clipped: FloatArray = np.minimum(np.maximum(values, low), high)
         beyond = np.flatnonzero(clipped != values)
         if len(beyond):
-            self._clipped += 1
-            if self._clipped == 1:
+            self.clipped += 1
+            if self.clipped == 1:
                 joint = int(beyond[0]) % len(self.joints)
                 log.warning(
                     "a command beyond a limit is clipped",

@@ -65,11 +65,9 @@ class StreamedTrajectory(TrajectoryExecution):
 
     @property
     def rate(self) -> float:
-        """Ratio of trajectory time to real time. Any thread."""
         return self._rate.value
 
     def override_speed(self, ratio: float) -> None:
-        """Scale the rate of this trajectory, by a ramp, beside the speed of all motion."""
         self._rate.override = ratio
 
     def splice_state(self, time_ns: int) -> MotionState | None:
@@ -94,7 +92,6 @@ class StreamedTrajectory(TrajectoryExecution):
                 self._check_deviation()
 
     def sent(self, due_ns: int) -> None:
-        """Note that ``setpoint`` was handed to the device, to be reached at ``due_ns``."""
         self._sent_time_s = None if self.stall_recovery.active else self.time_s
         self.stall_recovery.sent(self._motion, due_ns, self.time_s)
 
@@ -174,10 +171,9 @@ class StreamedTrajectory(TrajectoryExecution):
 
     def _recover(self, due_ns: int, period_ns: int) -> None:
         """Continue from the position after an underrun; request a fault when too far off."""
-        found = self.stall_recovery.lay_over(self._motion, due_ns, period_ns / NANOSECONDS)
-        if found and self._command_return is not None:  # it waits, too
-            self._command_return.start_ns += round(self.stall_recovery.pause_s * NANOSECONDS)
-        if found:
+        if self.stall_recovery.lay_over(self._motion, due_ns, period_ns / NANOSECONDS):
+            if self._command_return is not None:  # it waits, too
+                self._command_return.start_ns += round(self.stall_recovery.pause_s * NANOSECONDS)
             self._check_deviation()
 
     def _check_deviation(self) -> None:

@@ -138,7 +138,6 @@ class WheelMotion(SetpointSource):
         return True
 
     def sent(self, due_ns: int) -> None:
-        """Note that the device has the setpoint."""
         self._sent = True
 
     def _follow(self, twist: PlanarTwist, period_ns: int) -> None:
