@@ -161,24 +161,18 @@ class Robot:
             realtime_priority=descriptor.cycle.realtime_priority,
             clock=clock,
         )
-        self.rearming = Rearming(self.axes, self.connection, clock)
+        self.rearming = Rearming(self.axes)
         self._look_each_period(rate_hz)
-        self._motion_stop = MotionStop(
-            self.axes, mixer, self.connection, clock, self.io, descriptor.stop_input
-        )
+        self._motion_stop = MotionStop(self.axes, mixer, self.io, descriptor.stop_input)
         self.control_loop.every(rate_hz, "stop", self._motion_stop.enforce, first=True)
-        self.groups = JointGroups(descriptor, self.axes, mixer, clock, driver, name, self.rearming)
+        self.groups = JointGroups(descriptor, self.axes, mixer, driver, self.rearming)
         self.base = self._make_base()
         self.wheel_axes = descriptor.drive.axes if descriptor.drive else ()
-        self.servos = Servos(descriptor, self.connection, self.axes, self.groups, self.base)
+        self.servos = Servos(descriptor, self.axes, self.groups, self.base)
         self.connection.before_stop = self.servos.disable
         self._reconnector = Reconnector(self.connection)
-        self._problems = Problems(
-            self.connection, self.axes, self.rearming, clock, self.servos.used, backend.advise
-        )
-        self._recovery = Recovery(
-            self.connection, self.axes, self.fieldbus, self._problems, self.servos, clock
-        )
+        self._problems = Problems(self.axes, self.rearming, self.servos.used, backend.advise)
+        self._recovery = Recovery(self.axes, self.fieldbus, self._problems, self.servos)
 
     @property
     def follower(self) -> TrajectoryFollower:
@@ -404,7 +398,7 @@ class Robot:
         drive = self.descriptor.drive
         if drive is None:
             return None
-        base = MobileBase(self.axes, self.mixer.slot(), drive, self.clock, self.rearming)
+        base = MobileBase(self.axes, self.mixer.slot(), drive, self.rearming)
         self.connection.on_ready(base.on_ready)
         self.control_loop.every(self.descriptor.cycle.rate_hz, "wheel odometry", base.track)
         return base

@@ -11,7 +11,6 @@ import numpy as np
 from robotd.arrays import BoolArray
 from robotd.control.completion import Completion, Outcome
 from robotd.device.axes import Axes
-from robotd.device.connection import Connection
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode
 from robotd.errors import NotReady
@@ -36,8 +35,8 @@ class Interruptions:
     mode. A motion that is ended by a stop or a fault counts as well (``add``).
     """
 
-    def __init__(self, axes: Axes, connection: Connection) -> None:
-        self._axes, self._connection = axes, connection
+    def __init__(self, axes: Axes) -> None:
+        self._axes, self._connection = axes, axes.connection
         self._numbers = itertools.count(1)
         self._all = self._pause = Interruption(0, "")
         self._of_axis = [self._all] * len(axes)
@@ -48,7 +47,7 @@ class Interruptions:
         self._inactive = ""
         axes.stop_latch.on_change(self._on_stop)
         axes.speed.on_change(self._on_speed)
-        connection.on_ready(self._on_ready)
+        axes.connection.on_ready(self._on_ready)
 
     def add(self, axes: Sequence[int], reason: str) -> None:
         """Note that motion of ``axes`` was ended by a stop or a fault. Any thread."""

@@ -11,7 +11,7 @@ from typing import TypeVar
 import numpy as np
 
 from robotd.arrays import FloatArray
-from robotd.clock import NANOSECONDS, Clock, wait_until
+from robotd.clock import NANOSECONDS, wait_until
 from robotd.clock.simulated import held
 from robotd.control.completion import Outcome
 from robotd.control.source_slot import PREEMPTED, SetpointSource, SourceSlot
@@ -43,13 +43,10 @@ class JointMotion:
         lock: held while a source is planned and submitted; re-entrant.
     """
 
-    def __init__(
-        self, axes: Axes, slot: SourceSlot, joint_axes: Sequence[int], clock: Clock
-    ) -> None:
+    def __init__(self, axes: Axes, slot: SourceSlot, joint_axes: Sequence[int]) -> None:
         self.lock = threading.RLock()
-        self._axes, self._slot = axes, slot
+        self._axes, self._slot, self._clock = axes, slot, axes.clock
         self._joint_axes = list(joint_axes)
-        self._clock = clock
         self._claim = ExitStack()
         self._owner = ""  # of the claim
         self._is_alone = False  # nothing takes over

@@ -337,7 +337,7 @@ class JointStreams(StreamOpener):
         if mode not in tuple(StreamMode):
             raise InvalidArgument(f"mode {mode!r} is unknown (available: target, smooth)")
         if self._axes.trajectories_on_device:
-            raise Unsupported("streamed positions", self._backend)
+            raise Unsupported("streamed positions", self._axes.backend)
 
         source = source or self._rearming.find(self.source(owner, seconds))
         source.begin()
@@ -395,7 +395,7 @@ class JointStreams(StreamOpener):
         names = [self._limits.names[each] for each in columns]
         tolerance = self._rules.start_tolerance[columns]
         return JointCommands(
-            names, source, self._clock, lambda: self._motion.command()[columns], tolerance
+            names, source, self._axes.clock, lambda: self._motion.command()[columns], tolerance
         )
 
 

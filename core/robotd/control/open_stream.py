@@ -181,14 +181,11 @@ class StreamOpener:
         axes: Axes,
         rearming: Rearming,
         descriptor: RobotDescriptor,
-        clock: Clock,
         driver: AxisDriver,
-        backend: str,
     ) -> None:
         self._motion, self._limits, self._rules = motion, limits, rules
         self._motion_limits, self._axes, self._rearming = motion_limits, axes, rearming
-        self._descriptor, self._settings, self._clock = descriptor, descriptor.stream, clock
-        self._driver, self._backend = driver, backend
+        self._descriptor, self._settings, self._driver = descriptor, descriptor.stream, driver
         self._joint_axes = tuple(joint.axis for joint in descriptor.joints)
 
 

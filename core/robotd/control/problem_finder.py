@@ -6,11 +6,9 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
-from robotd.clock import Clock
 from robotd.control.problem import REMEDIES, Problem, ProblemKind
 from robotd.control.rearming import Rearming
 from robotd.device.axes import Axes
-from robotd.device.connection import Connection
 
 
 def limit_problems(axes: Axes) -> Iterator[Problem]:
@@ -33,16 +31,10 @@ class Problems:
     """
 
     def __init__(
-        self,
-        connection: Connection,
-        axes: Axes,
-        rearming: Rearming,
-        clock: Clock,
-        used: Sequence[int],
-        advise: Callable[[int], str],
+        self, axes: Axes, rearming: Rearming, used: Sequence[int], advise: Callable[[int], str]
     ) -> None:
-        self._connection, self._axes, self._rearming = connection, axes, rearming
-        self._clock, self._used, self._advise = clock, list(used), advise
+        self._connection, self._axes, self._rearming = axes.connection, axes, rearming
+        self._clock, self._used, self._advise = axes.clock, list(used), advise
         self._since_ns: dict[tuple[ProblemKind, tuple[str, ...], int], int] = {}
         self._lock = threading.Lock()  # of the times
 

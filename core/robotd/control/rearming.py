@@ -10,11 +10,10 @@ import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from robotd.clock import NANOSECONDS, Clock
+from robotd.clock import NANOSECONDS
 from robotd.control.interruptions import Interruption, Interruptions
 from robotd.control.problem import Problem, ProblemKind
 from robotd.device.axes import Axes
-from robotd.device.connection import Connection
 from robotd.device.state import CommandMode
 from robotd.errors import NotReady
 from robotd.log import get_logger
@@ -30,8 +29,8 @@ Numbers = tuple[int, ...]  # of the newest interruptions that concern a source
 class Rearming:
     """Sources of commands of a robot, and the interruptions of its motion. Any thread."""
 
-    def __init__(self, axes: Axes, connection: Connection, clock: Clock) -> None:
-        self.interruptions, self.clock = Interruptions(axes, connection), clock
+    def __init__(self, axes: Axes) -> None:
+        self.interruptions, self.clock = Interruptions(axes), axes.clock
         self._known: dict[tuple[str, tuple[int, ...]], CommandSource] = {}
         self._waiting: dict[CommandSource, None] = {}  # in the order of their first interruptions
         self._lock = threading.Lock()

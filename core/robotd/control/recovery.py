@@ -9,12 +9,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from robotd.arrays import FloatArray
-from robotd.clock import NANOSECONDS, Clock, wait_until
+from robotd.clock import NANOSECONDS, wait_until
 from robotd.control.problem import Problem, ProblemKind
 from robotd.control.problem_finder import Problems
 from robotd.control.servos import Servos
 from robotd.device.axes import Axes, each
-from robotd.device.connection import Connection
 from robotd.device.fieldbus import Fieldbus
 from robotd.errors import ConnectError, NotReady, RobotdError, reason_of
 from robotd.log import get_logger
@@ -41,17 +40,9 @@ class Recovery:
     together are not noticed together. So is a device that is lost before.
     """
 
-    def __init__(
-        self,
-        connection: Connection,
-        axes: Axes,
-        fieldbus: Fieldbus,
-        problems: Problems,
-        servos: Servos,
-        clock: Clock,
-    ) -> None:
-        self._connection, self._axes, self._fieldbus = connection, axes, fieldbus
-        self._used, self._enable, self._clock = list(servos.used), servos.enable_axis, clock
+    def __init__(self, axes: Axes, fieldbus: Fieldbus, problems: Problems, servos: Servos) -> None:
+        self._connection, self._axes, self._fieldbus = axes.connection, axes, fieldbus
+        self._used, self._enable, self._clock = list(servos.used), servos.enable_axis, axes.clock
         self._find_problems = problems.recoverable
         self._running = threading.Lock()
 

@@ -272,7 +272,7 @@ class TorqueStreams(StreamOpener):
 
         motion = self._motion.start_alone(axes.tolist(), CommandMode.TORQUE, make, owner)
         units = [_UNITS[unit] for unit in limits.units]
-        commands = TorqueCommands(limits.names, source, self._clock)
+        commands = TorqueCommands(limits.names, source, self._axes.clock)
         return TorqueStream(commands, units, limit, motion, self._motion.release)
 
     def _source(self, name: str, axes: Sequence[int], timeout_s: float) -> CommandSource:
@@ -282,7 +282,9 @@ class TorqueStreams(StreamOpener):
         """Return a client for all joints whose streams end ``timeout_s`` after its last command."""
         source = self._source(owner, self._joint_axes, timeout_s)
         open_stream = partial(self, timeout_s=timeout_s, owner=owner, source=source)
-        return StreamClient(TorqueCommands(self._limits.names, source, self._clock), open_stream)
+        return StreamClient(
+            TorqueCommands(self._limits.names, source, self._axes.clock), open_stream
+        )
 
     def _torque_limits(self, chosen: IntArray) -> FloatArray:
         limits = []

@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 
 from robotd.arrays import FloatArray
-from robotd.clock import NANOSECONDS, Clock
+from robotd.clock import NANOSECONDS
 from robotd.clock.simulated import held
 from robotd.control.axis_limits import joint_limits, trajectory_rules
 from robotd.control.completion import Outcome
@@ -59,18 +59,15 @@ class TrajectoryFollower:
         motion: JointMotion,
         axes: Axes,
         descriptor: RobotDescriptor,
-        clock: Clock,
         motion_limits: MotionLimits,
         on_device: AxisDriver | None = None,
     ) -> None:
         joints = descriptor.joints
         self.limits = joint_limits(joints, axes.limits, axes.device_limits)
         self.rules = trajectory_rules(descriptor.trajectory, self.limits.units)
-        self._motion = motion
+        self._motion, self._clock, self._events = motion, axes.clock, axes.events
         self._speed, self._motion_limits = axes.speed, motion_limits
         self._takeover = descriptor.stream.takeover
-        self._events = axes.events
-        self._clock = clock
         self._joint_axes = np.array([joint.axis for joint in joints], np.int64)
         self._on_device, self._axes = on_device, axes
         self._checked: Trajectory | None = None  # path that passed last

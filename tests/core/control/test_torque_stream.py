@@ -11,7 +11,7 @@ from tests.core.control.harness import PERIOD_S, Harness, arm
 from tests.fakes import FakeAxes
 
 from robotd.arrays import FloatArray
-from robotd.clock import NANOSECONDS, MonotonicClock
+from robotd.clock import NANOSECONDS
 from robotd.control.completion import Outcome
 from robotd.control.joint_motion import JointMotion
 from robotd.control.joint_source import REST_TIMEOUT_S
@@ -218,9 +218,7 @@ def streams(harness: Harness, joints: Any) -> TorqueStreams:
         robot.axes,
         robot.rearming,
         robot.descriptor,
-        MonotonicClock(),
         TorqueAxes(),
-        robot.backend.name,
     )
 
 
