@@ -157,7 +157,6 @@ class Robot:
             self.connection,
             self.image,
             mixer,
-            rate_hz,
             realtime_priority=descriptor.cycle.realtime_priority,
             clock=clock,
         )

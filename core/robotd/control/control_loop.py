@@ -90,12 +90,11 @@ class ControlLoop:
         connection: Connection,
         image: ProcessImage,
         mixer: SetpointMixer,
-        rate_hz: float,
         *,
         realtime_priority: int = 0,
         clock: Clock | None = None,
     ) -> None:
-        self.period_ns = round(NANOSECONDS / rate_hz)
+        self.period_ns = mixer.period_ns
         self.realtime = False
         clock = clock or MonotonicClock()
         self._simulated = isinstance(clock, PacedClock)

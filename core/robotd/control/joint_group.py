@@ -26,8 +26,6 @@ class JointGroup:
     A goal or stream of one group does not affect those of another one. All groups share the
     device, the control loop, the speed, and the stop of all motion.
 
-    ``descriptor``: of the robot, with the joints of this group.
-
     Attributes:
         name: of the group.
         joint_names, joint_axes: names and axes, in the order of the group's commands.

@@ -107,8 +107,6 @@ class GoalPassage:
     A joint passes it when its measured position is within the goal tolerance of the point, or
     crosses it between two periods, at the time of the point or later: joints that follow with
     different lags pass one after the other.
-
-    ``trajectory``: with ``goal_s``.
     """
 
     def __init__(self, trajectory: Trajectory, goal_s: float, tolerances: Tolerances) -> None:
