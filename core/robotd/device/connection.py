@@ -84,9 +84,8 @@ class Connection:
             Communication that ``start_communication`` has not brought about does not count.
         established: True from the end of ``start_communication`` until it is stopped on purpose.
             While it is, a device that is not ready has been lost.
-
-    ``parameters_file``: applied whenever communication starts on a newly opened device; None leaves
-    the device's own parameters.
+        parameters_file: applied whenever communication starts on a newly opened device; None leaves
+            the device's own parameters.
     """
 
     def __init__(
