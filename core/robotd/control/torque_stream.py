@@ -21,13 +21,12 @@ from robotd.control.open_stream import (
     chosen_timeout,
 )
 from robotd.control.rearming import CommandSource
+from robotd.device.axes import Axes
 from robotd.device.drivers import AxisDriver
 from robotd.device.motion_limits import MotionLimits
 from robotd.device.process_image import ProcessImage
 from robotd.device.soft_limits import REACTION_PERIODS
-from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import CommandMode
-from robotd.device.stops import StopRequests
 from robotd.errors import InvalidArgument, NotReady
 from robotd.motion import JointLimits
 from robotd.motion.limits import room_to_stop
@@ -43,34 +42,31 @@ class TorqueMotion(JointSource):
     position control.
 
     Args:
+        robot: axes of the robot; the stream ends at a speed of 0.
         axes: (m,) index of each joint's axis.
         start_ns: monotonic time of its first period, at the earliest.
         timeout_s: age of the last command at which it ends.
         stopped_velocity: (m,) rad/s or m/s below which a joint is at rest.
-        speed: of the operator; it ends at 0.
-        feedback_period_s: see ``AxisDriver``.
         motion_limits: of the group; the stream ends under one, as torques keep none.
     """
 
     def __init__(
         self,
         driver: AxisDriver,
-        stops: StopRequests,
+        robot: Axes,
         axes: IntArray,
         limits: JointLimits,
         start_ns: int,
         timeout_s: float,
         stopped_velocity: FloatArray,
-        speed: SpeedScale,
-        feedback_period_s: float,
         motion_limits: MotionLimits,
     ) -> None:
         setpoint = np.full((3, len(axes)), np.nan)
         super().__init__(limits, axes, start_ns, setpoint, stopped_velocity)
-        self._driver, self._stops = driver, stops
+        self._driver, self._stops, self._speed = driver, robot.stops, robot.speed
         self._limits_of_joints = limits.per_joint()
-        self._timeout_s, self._speed = timeout_s, speed
-        self._feedback_period_s, self._motion_limits = feedback_period_s, motion_limits
+        self._timeout_s, self._motion_limits = timeout_s, motion_limits
+        self._feedback_period_s = robot.feedback_period_s
         self._command: tuple[int, FloatArray | None] = (start_ns, None)  # replaced as a whole
         self._torque: FloatArray = np.zeros(0)  # of all axes of the device; NaN: unchanged
 
@@ -257,14 +253,12 @@ class TorqueStreams(StreamOpener):
         def make(start_ns: int) -> TorqueMotion:
             motion = TorqueMotion(
                 self._driver,
-                self._axes.stops,
+                self._axes,
                 axes,
                 limits,
                 start_ns,
                 seconds,
                 self._rules.stopped_velocity[chosen],
-                self._axes.speed,
-                self._axes.feedback_period_s,
                 self._motion_limits,
             )
             self._rearming.interruptions.watch(motion.completion, source.axes)

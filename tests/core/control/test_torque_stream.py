@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -45,6 +46,11 @@ class TorqueAxes(FakeAxes):
         self.image.operation[list(axes)] = Operation.STOPPING
 
 
+def robot_axes(driver: TorqueAxes, speed: SpeedScale) -> Any:
+    stops = StopRequests(driver, AXIS_NAMES)
+    return SimpleNamespace(stops=stops, speed=speed, feedback_period_s=0.0)
+
+
 class Rig:
     """A torque motion of two joints, advanced period by period."""
 
@@ -61,14 +67,12 @@ class Rig:
         stopped = np.array([0.01, 0.01])
         self.motion = TorqueMotion(
             self.axes,
-            StopRequests(self.axes, AXIS_NAMES),
+            robot_axes(self.axes, self.speed),
             AXES,
             limits,
             self.time_ns,
             TIMEOUT_S,
             stopped,
-            self.speed,
-            0.0,
             self.motion_limits,
         )
 
@@ -298,14 +302,12 @@ def test_a_start_that_takes_longer_than_a_period_is_repeated(harness: Harness) -
         made.append(
             TorqueMotion(
                 torques,
-                StopRequests(torques, AXIS_NAMES),
+                robot_axes(torques, axes.speed),
                 chosen,
                 limits,
                 start_ns,
                 TIMEOUT_S,
                 stopped,
-                axes.speed,
-                0.0,
                 MotionLimits(),
             )
         )
