@@ -137,7 +137,7 @@ class TrajectoryFollower:
             TrajectoryRejected: the request is not acceptable; a running trajectory continues.
             NotReady: a joint cannot be commanded now, or a newer request was started already.
         """
-        limits, axes, allowed = self.limits, self._axes, tolerances or self.tolerances()
+        limits, allowed = self.limits, tolerances or self.tolerances()
 
         def planned(state: MotionState) -> Callable[[int], TrajectoryExecution]:
             trajectory = plan(request, limits, self.rules, state, recent_path)
@@ -152,15 +152,7 @@ class TrajectoryFollower:
             )
             if self._on_device is not None:
                 return partial(DeviceTrajectory, self._on_device, goal)
-            return partial(
-                StreamedTrajectory,
-                goal,
-                feedback_period_s=axes.feedback_period_s,
-                underrun=axes.underrun,
-                buffer_s=axes.stream_buffer_s,
-                speed=axes.speed,
-                motion_limits=self._motion_limits,
-            )
+            return partial(StreamedTrajectory, self._axes, self._motion_limits, goal)
 
         try:
             with self._motion.lock, held(self._clock):
