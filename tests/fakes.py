@@ -9,6 +9,8 @@ from __future__ import annotations
 import threading
 from collections.abc import Sequence
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +24,8 @@ from robotd.device.drivers import (
     IoDriver,
 )
 from robotd.device.process_image import ProcessImage
-from robotd.device.state import CommandMode, ConnectionState, Operation
+from robotd.device.speed_scale import SpeedScale
+from robotd.device.state import CommandMode, ConnectionState, Operation, Underrun
 from robotd.motion.profile import Profile
 
 Call = tuple[object, ...]
@@ -275,3 +278,10 @@ class FakeFieldbus(Recorder, FieldbusDriver):
     def write_object(self, bus: int, node: int, index: int, subindex: int, data: bytes) -> None:
         self.record("write_object", bus, node, index, subindex, data)
         self.objects[node, index, subindex] = data
+
+
+def streaming_axes(underrun: Underrun, buffer_s: float) -> Any:
+    """The parts of ``Axes`` that a streamed trajectory uses."""
+    return SimpleNamespace(
+        speed=SpeedScale(), underrun=underrun, stream_buffer_s=buffer_s, feedback_period_s=0.0
+    )

@@ -103,8 +103,8 @@ class Robot:
         capabilities = drivers.capabilities(backend.info.capabilities)
         self._make_fault_injector = drivers.make_fault_injector
         driver, rate_hz = drivers.axes, descriptor.cycle.rate_hz
-        fit = fit_device(descriptor, driver, name)
-        for note in fit.notes:
+        limits, notes = fit_device(descriptor, driver, name)
+        for note in notes:
             log.warning("limit of the device applies", reason=note)
         self.descriptor = descriptor
         self.backend = backend
@@ -125,7 +125,7 @@ class Robot:
             driver,
             self.image,
             self.connection,
-            fit.limits,
+            limits,
             axis_names(descriptor),
             capabilities,
             name,
@@ -157,28 +157,21 @@ class Robot:
             self.connection,
             self.image,
             mixer,
-            rate_hz,
             realtime_priority=descriptor.cycle.realtime_priority,
             clock=clock,
         )
-        self.rearming = Rearming(self.axes, self.connection, clock)
+        self.rearming = Rearming(self.axes)
         self._look_each_period(rate_hz)
-        self._motion_stop = MotionStop(
-            self.axes, mixer, self.connection, clock, self.io, descriptor.stop_input
-        )
+        self._motion_stop = MotionStop(self.axes, mixer, self.io, descriptor.stop_input)
         self.control_loop.every(rate_hz, "stop", self._motion_stop.enforce, first=True)
-        self.groups = JointGroups(descriptor, self.axes, mixer, clock, driver, name, self.rearming)
+        self.groups = JointGroups(descriptor, self.axes, mixer, driver, self.rearming)
         self.base = self._make_base()
         self.wheel_axes = descriptor.drive.axes if descriptor.drive else ()
-        self.servos = Servos(descriptor, self.connection, self.axes, self.groups, self.base)
+        self.servos = Servos(descriptor, self.axes, self.groups, self.base)
         self.connection.before_stop = self.servos.disable
         self._reconnector = Reconnector(self.connection)
-        self._problems = Problems(
-            self.connection, self.axes, self.rearming, clock, self.servos.used, backend.advise
-        )
-        self._recovery = Recovery(
-            self.connection, self.axes, self.fieldbus, self._problems, self.servos, clock
-        )
+        self._problems = Problems(self.axes, self.rearming, self.servos.used, backend.advise)
+        self._recovery = Recovery(self.axes, self.fieldbus, self._problems, self.servos)
 
     @property
     def follower(self) -> TrajectoryFollower:
@@ -201,9 +194,8 @@ class Robot:
         Blocks until done (seconds where the device needs tries). Any one thread. After
         ``connection.abort_start`` from another one nothing more is begun or switched on.
 
-        Args:
-            enable: clear alarms and switch the servos of joints and wheels on; False leaves
-                them as they are.
+        ``enable``: clear alarms and switch the servos of joints and wheels on; False leaves them as
+        they are.
 
         Raises:
             ConnectError: the device did not open, or an axis did not come up (all are named).
@@ -299,11 +291,8 @@ class Robot:
         Returns at standstill. No safety function: it needs this program, the computer, the bus and
         the drives to work.
 
-        Args:
-            reason: reported to every client whose motion ends or is rejected.
-
-        Raises:
-            DeviceTimeout: axes still move after a quick stop; motion stays stopped.
+        ``reason``: reported to every client whose motion ends or is rejected.
+        Raises DeviceTimeout: axes still move after a quick stop; motion stays stopped.
         """
         self._motion_stop.stop(reason, self.descriptor.engine.shutdown_s)
 
@@ -317,8 +306,7 @@ class Robot:
         The paths stay. Trajectories and the base follow while they move; moves and jogs of single
         axes, and streams, take the speed at their start.
 
-        Args:
-            speed: 0 (hold on the path), or 0.01 to 1.
+        ``speed``: 0 (hold on the path), or 0.01 to 1.
 
         Raises:
             InvalidArgument: another number.
@@ -357,8 +345,7 @@ class Robot:
 
         Any worker; seconds where the device needs them. The steps are logged too.
 
-        Args:
-            report: called with the cause, and with each step when it begins or has ended.
+        ``report``: called with the cause, and with each step when it begins or has ended.
 
         Raises:
             NotReady: another recovery runs, axes are not at rest, or the robot is shutting down.
@@ -410,7 +397,7 @@ class Robot:
         drive = self.descriptor.drive
         if drive is None:
             return None
-        base = MobileBase(self.axes, self.mixer.slot(), drive, self.clock, self.rearming)
+        base = MobileBase(self.axes, self.mixer.slot(), drive, self.rearming)
         self.connection.on_ready(base.on_ready)
         self.control_loop.every(self.descriptor.cycle.rate_hz, "wheel odometry", base.track)
         return base
@@ -438,8 +425,7 @@ def build_robot(
         search_path: folders of robots; None: those that come with robotd.
         clock: None: real time.
 
-    Raises:
-        DescriptorError, PluginError: with every problem that was found.
+    Raises DescriptorError, PluginError: with every problem that was found.
     """
     descriptor = load_robot_descriptor(name_or_path, variant, search_path=search_path)
     return Robot(descriptor, load_backend(backend or descriptor.backend), clock or MonotonicClock())

@@ -23,6 +23,7 @@ from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS
 from robotd.clock.simulated import SteppedClock
 from robotd.control.stream_setpoints import StreamCommand, StreamMode, StreamSetpoints
+from robotd.device.motion_limits import MotionLimits
 from robotd.log import configure_logging
 from robotd.motion import MotionState, TrajectoryRequest
 from robotd.robot import Robot, build_robot, open_robot
@@ -103,7 +104,7 @@ def setpoint_cost(rate_hz: float, mode: str, *, cold: bool) -> tuple[float, floa
     shortest = np.full(COST_PERIODS, np.inf)
     evicting = np.zeros(EVICTING_VALUES)
     for _ in range(REPETITIONS):
-        setpoints = StreamSetpoints(limits, StreamMode(mode), 1.0 / LOOP_HZ)
+        setpoints = StreamSetpoints(limits, StreamMode(mode), 1.0 / LOOP_HZ, MotionLimits())
         setpoints.reset(MotionState.at_rest(np.zeros(6)))
         sent = 0
         for period in range(COST_PERIODS):

@@ -52,7 +52,7 @@ def check_robot(
     if descriptor is not None:
         _check_files(report, descriptor)
         nodes = ", ".join(descriptor.nodes) or "none"
-        report.run(f"nodes {nodes}", lambda: installed.check_nodes(descriptor))
+        report.run(f"nodes {nodes}", lambda: installed.nodes.select(descriptor.nodes))
         report.run("ROS parameters", lambda: installed.nodes.check_parameters(descriptor))
     name = backend or (descriptor and descriptor.backend)
     plugin = report.run(f"backend {name}", lambda: load_backend(name)) if name else None
@@ -91,13 +91,8 @@ def _check_backend(
         return backend.context(descriptor)
 
     def features() -> str | None:
-        needs = {
-            "gripper": "outputs",
-            "outputs": "outputs",
-            "stop_input": "inputs",
-            "inputs": "inputs",
-        }
-        for key, kind in needs.items():
+        needs = {"gripper": "outputs", "outputs": "outputs", "stop_input": "inputs"}
+        for key, kind in (needs | {"inputs": "inputs"}).items():
             if getattr(descriptor, key) and Capability.IO not in capabilities:
                 raise DescriptorError(
                     f"needs digital {kind}, which the {name} backend does not have",
@@ -116,7 +111,7 @@ def _check_backend(
             f"limits of {name}",
             lambda: fit_device(descriptor, backend.drivers(context).axes, name),
         )
-        for note in fit.notes if fit else ():
+        for note in fit[1] if fit else ():
             report.warn(f"{note}, which applies")
 
 

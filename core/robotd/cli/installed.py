@@ -37,10 +37,6 @@ class Installed:
         for reason in self.failures.values():
             warn(reason)
 
-    def check_nodes(self, descriptor: RobotDescriptor) -> None:
-        """Raise DescriptorError, with every unknown name, unless all nodes exist."""
-        self.nodes.select(descriptor.nodes)
-
 
 def load_installed() -> Installed:
     """Load every plugin. Raises PluginError when two of them register the same node."""

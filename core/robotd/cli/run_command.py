@@ -266,7 +266,7 @@ def _descriptor(options: RunOptions, installed: Installed) -> RobotDescriptor:
     descriptor = load_robot_descriptor(
         options.robot, options.variant, installed.search_path, overrides
     )
-    installed.check_nodes(descriptor)
+    installed.nodes.select(descriptor.nodes)
     return descriptor
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pkgutil import resolve_name
 
 import numpy as np
@@ -165,21 +164,13 @@ def _lateral_limits(settings: DriveSettings) -> RampLimits | None:
 MIN_SAMPLES = 2  # feedback periods within ``engine.stale_after_s``: one late value is no fault
 
 
-@dataclass(frozen=True)
-class DeviceFit:
-    """Limits of the axes on one device.
+def fit_device(
+    descriptor: RobotDescriptor, driver: AxisDriver, backend: str
+) -> tuple[list[AxisLimits], list[str]]:
+    """Return the limits of the axes on ``driver``, which need not be open, and notes.
 
-    Attributes:
-        limits: per axis, the smaller of the descriptor's and the device's.
-        notes: a text for each limit of the descriptor that exceeds the device's.
-    """
-
-    limits: tuple[AxisLimits, ...]
-    notes: tuple[str, ...]
-
-
-def fit_device(descriptor: RobotDescriptor, driver: AxisDriver, backend: str) -> DeviceFit:
-    """Compare ``descriptor`` with ``driver``, which need not be open.
+    Each limit is the smaller of the descriptor's and the device's; a note is a text for each limit
+    of the descriptor that exceeds the device's.
 
     Raises:
         DescriptorError: ``engine.stale_after_s`` is too short for the device's feedback, the
@@ -202,7 +193,8 @@ def fit_device(descriptor: RobotDescriptor, driver: AxisDriver, backend: str) ->
             f"backend {backend}: device_limits are of {len(device)} axes, the robot has"
             f" {len(given)}"
         )
-    limits, notes = [], []
+    limits: list[AxisLimits] = []
+    notes: list[str] = []
     wheels = descriptor.drive.axes if descriptor.drive else ()
     for axis, (name, own, other) in enumerate(
         zip(axis_names(descriptor), given, device, strict=True)
@@ -212,7 +204,7 @@ def fit_device(descriptor: RobotDescriptor, driver: AxisDriver, backend: str) ->
         if exceeding and axis in wheels:
             raise DescriptorError("; ".join(exceeding), path=descriptor.path, key="drive")
         notes += exceeding
-    return DeviceFit(tuple(limits), tuple(notes))
+    return limits, notes
 
 
 def _within(

@@ -20,8 +20,6 @@ class CommandReturn:
     Args:
         command: (m,) position command, rad or m.
         offset: (m,) from the command to the joints at rest, rad or m.
-        limits: of velocity and acceleration of the command.
-        start_ns: monotonic time at which it begins.
 
     Attributes:
         start_ns: when it begins; later after a pause.

@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 from robotd.clock import NANOSECONDS, Clock, MonotonicClock
 from robotd.clock.simulated import PacedClock, SteppedClock
-from robotd.control.period_timing import LoopStatistics, PeriodDeadlines, PeriodicTasks, Task
+from robotd.control.period_timing import PeriodDeadlines, PeriodicTasks, Task
 from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.control.source_slot import NOT_RUNNING
 from robotd.control.watchdog import SIMULATED_HANG_S, Watchdog, place_of
@@ -34,12 +34,7 @@ SWITCH_INTERVAL_S = 1e-4  # longest wait for a Python thread that holds the inte
 
 
 class DeviceLoss:
-    """Loss of the device as the control loop sees it. Control-loop thread.
-
-    Args:
-        connection: state and fault of the device.
-        image: live process image.
-    """
+    """Loss of the device as the control loop sees it. Control-loop thread."""
 
     def __init__(self, connection: Connection, image: ProcessImage) -> None:
         self._connection, self._image = connection, image
@@ -80,17 +75,13 @@ class ControlLoop:
     """Fixed-rate thread ``robotd-control``; only it calls ``AxisDriver.read`` and ``stream``.
 
     Args:
-        driver: source of the process image and sink of setpoints.
-        connection: gate of the reads, and the state of the device.
-        image: process image that is filled each period.
-        mixer: advances setpoint sources and sends setpoints.
-        rate_hz: periods per second.
         realtime_priority: SCHED_FIFO priority to ask for, 1..99; 0 asks for none.
         clock: time base of the deadlines. On a ``SteppedClock`` there is no thread: periods
             run in the thread that sleeps on the clock.
 
     Attributes:
         realtime: SCHED_FIFO was granted.
+        stats: of the timing; any thread may call ``report``.
     """
 
     def __init__(
@@ -99,18 +90,17 @@ class ControlLoop:
         connection: Connection,
         image: ProcessImage,
         mixer: SetpointMixer,
-        rate_hz: float,
         *,
         realtime_priority: int = 0,
         clock: Clock | None = None,
     ) -> None:
-        self.period_ns = round(NANOSECONDS / rate_hz)
+        self.period_ns = mixer.period_ns
         self.realtime = False
         clock = clock or MonotonicClock()
         self._simulated = isinstance(clock, PacedClock)
         self._clock: Clock = clock.leader if isinstance(clock, PacedClock) else clock
         self._driver, self._connection = driver, connection
-        self._image, self._mixer = image, mixer
+        self._image, self._mixer, self.stats = image, mixer, mixer.stats
         stale_after_s = connection.settings.stale_after_s
         self._stale_after_ns = round(stale_after_s * NANOSECONDS)
         self._read_failure: str | None = None  # reason of the last read; None: it succeeded
@@ -134,11 +124,6 @@ class ControlLoop:
         self._observer: Callable[[], None] | None = None
 
     @property
-    def stats(self) -> LoopStatistics:
-        """Timing statistics; any thread may call ``report``."""
-        return self._mixer.stats
-
-    @property
     def started_ns(self) -> int:
         """Start of the current period on the loop's clock: the time of what it publishes."""
         return self._deadlines.start_ns
@@ -156,8 +141,6 @@ class ControlLoop:
 
         Args:
             rate_hz: on the clock of the control loop.
-            name: for the log.
-            task: called with the image.
             first: before the image is read, also while the device does not communicate.
         """
         self._tasks.add(rate_hz, name, task, first=first)

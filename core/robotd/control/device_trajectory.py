@@ -44,9 +44,7 @@ class DeviceTrajectory(TrajectoryExecution):
     the command to joints that did not follow it. An arrival needs the device's command at the last
     point, not before its time. A fault ends it when the device does not follow.
 
-    Args:
-        driver: of the axes.
-        goal, start_ns: see ``TrajectoryExecution``; nothing moves before ``start_ns``.
+    ``goal``, ``start_ns``: see ``TrajectoryExecution``; nothing moves before ``start_ns``.
     """
 
     streams = False
@@ -72,11 +70,9 @@ class DeviceTrajectory(TrajectoryExecution):
         self._return_sent = False
 
     def begin(self) -> None:
-        """Start the thread."""
         threading.Thread(target=self._run, name="robotd-trajectory", daemon=True).start()
 
     def _expect(self, time_ns: int, image: ProcessImage, out: FloatArray) -> float:
-        """Write the device's command, or the last point after the arrival, into ``out``."""
         if time_ns >= self._monitor_from_ns:
             self._monitored.set()
         if self._phase is Phase.ARRIVING:
@@ -88,7 +84,6 @@ class DeviceTrajectory(TrajectoryExecution):
         return (time_ns - self.start_ns) / NANOSECONDS if running else self.time_s
 
     def _move(self, time_ns: int, due_ns: int, pause_ns: int, image: ProcessImage) -> Phase | None:
-        """Monitor the device; return ARRIVING when it has arrived."""
         moving = bool((image.operation[self._axes] == Operation.STREAM).any())
         if moving and not self._seen_moving:
             self._seen_moving, self._not_moving_ns = True, time_ns - pause_ns
@@ -146,7 +141,11 @@ class DeviceTrajectory(TrajectoryExecution):
         joint = int(np.argmax(off))
         took_s = (time_ns - self._not_moving_ns) / NANOSECONDS  # upper bound
         if not stopped and off[joint] <= END_TOLERANCE:
-            return self._judge_arrival(took_s)
+            planned_s = self.trajectory.duration_s
+            if not self._seen_moving or took_s >= planned_s * (1.0 - EARLY_SHARE) - EARLY_S:
+                return Phase.ARRIVING
+            self._fault(f"the device ended a trajectory of {planned_s:.3f} s after {took_s:.3f} s")
+            return None
         self._idle_periods += 1
         if not stopped and self._idle_periods < IDLE_PERIODS:
             return None
@@ -155,14 +154,6 @@ class DeviceTrajectory(TrajectoryExecution):
         else:
             self._fault(f"the device stopped at {self.time_s:.3f} s by itself")
         return None
-
-    def _judge_arrival(self, took_s: float) -> Phase | None:
-        """Reject an arrival before its time."""
-        expected_s = self.trajectory.duration_s
-        if self._seen_moving and took_s < expected_s * (1.0 - EARLY_SHARE) - EARLY_S:
-            self._fault(f"the device ended a trajectory of {expected_s:.3f} s after {took_s:.3f} s")
-            return None
-        return Phase.ARRIVING
 
     def _other_end_text(self, joint: int, took_s: float) -> str:
         unit = self._limits.units[joint]

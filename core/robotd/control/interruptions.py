@@ -11,7 +11,6 @@ import numpy as np
 from robotd.arrays import BoolArray
 from robotd.control.completion import Completion, Outcome
 from robotd.device.axes import Axes
-from robotd.device.connection import Connection
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode
 from robotd.errors import NotReady
@@ -22,7 +21,6 @@ class Interruption(NamedTuple):
 
     Attributes:
         number: unique, and larger than those before it.
-        reason: text.
     """
 
     number: int
@@ -35,13 +33,10 @@ class Interruptions:
     Motion is rejected while it is stopped, paused or not allowed by a lifecycle manager, while the
     device is not ready, and for an axis with a fault, with its servo off or in another command
     mode. A motion that is ended by a stop or a fault counts as well (``add``).
-
-    Args:
-        axes, connection: of the robot.
     """
 
-    def __init__(self, axes: Axes, connection: Connection) -> None:
-        self._axes, self._connection = axes, connection
+    def __init__(self, axes: Axes) -> None:
+        self._axes, self._connection = axes, axes.connection
         self._numbers = itertools.count(1)
         self._all = self._pause = Interruption(0, "")
         self._of_axis = [self._all] * len(axes)
@@ -52,7 +47,7 @@ class Interruptions:
         self._inactive = ""
         axes.stop_latch.on_change(self._on_stop)
         axes.speed.on_change(self._on_speed)
-        connection.on_ready(self._on_ready)
+        axes.connection.on_ready(self._on_ready)
 
     def add(self, axes: Sequence[int], reason: str) -> None:
         """Note that motion of ``axes`` was ended by a stop or a fault. Any thread."""
@@ -99,7 +94,6 @@ class Interruptions:
         """Return those that concern the commands of ``axes``, always as many. Any thread.
 
         Args:
-            axes: of the commands.
             in_mode: they need the axes in a certain mode.
             follows_speed: their motion slows down in a pause and continues after it.
         """
@@ -117,7 +111,6 @@ class Interruptions:
         next one may just be written.
 
         Args:
-            axes: of the command.
             modes: that it needs; empty: any.
             follows_speed: see ``newest``.
         """

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from robotd.clock import Clock
 from robotd.control.joint_motion import STOP_TIMEOUT_S, JointMotion
 from robotd.control.joint_stream import JointStreams
 from robotd.control.rearming import Rearming
@@ -27,16 +26,6 @@ class JointGroup:
     A goal or stream of one group does not affect those of another one. All groups share the
     device, the control loop, the speed, and the stop of all motion.
 
-    Args:
-        name: of the descriptor's ``groups``.
-        descriptor: of the robot, with the joints of this group.
-        axes: of the robot.
-        slot: of the joints.
-        clock: of the control loop.
-        driver: of the axes.
-        backend: name, for errors.
-        rearming: of the robot.
-
     Attributes:
         name: of the group.
         joint_names, joint_axes: names and axes, in the order of the group's commands.
@@ -53,9 +42,7 @@ class JointGroup:
         descriptor: RobotDescriptor,
         axes: Axes,
         slot: SourceSlot,
-        clock: Clock,
         driver: AxisDriver,
-        backend: str,
         rearming: Rearming,
     ) -> None:
         self.name = name
@@ -63,23 +50,22 @@ class JointGroup:
         self.joint_axes = tuple(joint.axis for joint in descriptor.joints)
         self.motion_limits = MotionLimits(self.joint_axes)
         axes.motion_limits.append(self.motion_limits)
-        self.motion = JointMotion(axes, slot, self.joint_axes, clock)
+        self.motion = JointMotion(axes, slot, self.joint_axes)
         on_device = driver if axes.trajectories_on_device else None
         self.follower = TrajectoryFollower(
-            self.motion, axes, descriptor, clock, self.motion_limits, on_device
+            self.motion, axes, descriptor, self.motion_limits, on_device
         )
-        joints = self.motion, axes, descriptor, self.follower.limits, self.follower.rules
-        self.stream = JointStreams(*joints, clock, backend, rearming, self.motion_limits)
-        self.torque_stream = TorqueStreams(*joints, clock, driver, rearming, self.motion_limits)
+        limits, rules = self.follower.limits, self.follower.rules
+        joints = self.motion, limits, rules, self.motion_limits, axes, rearming, descriptor, driver
+        self.stream, self.torque_stream = JointStreams(*joints), TorqueStreams(*joints)
 
 
 class JointGroups(dict[str, JointGroup]):
     """Groups of a robot by name; every joint is in one. Any thread.
 
     Args:
-        descriptor, axes, clock, driver, backend, rearming: see ``JointGroup``, with all joints.
+        descriptor, axes, driver, rearming: of the robot, with all joints.
         mixer: makes a slot for each group.
-
     Raises Unsupported: there are several and the device interpolates trajectories itself.
     """
 
@@ -88,19 +74,16 @@ class JointGroups(dict[str, JointGroup]):
         descriptor: RobotDescriptor,
         axes: Axes,
         mixer: SetpointMixer,
-        clock: Clock,
         driver: AxisDriver,
-        backend: str,
         rearming: Rearming,
     ) -> None:
         super().__init__()
         groups = descriptor.joint_groups
         if len(groups) > 1 and axes.trajectories_on_device:
-            raise Unsupported(ON_DEVICE, backend)
+            raise Unsupported(ON_DEVICE, axes.backend)
         for name, joints in groups.items():
             part = descriptor.model_copy(update={"joints": joints})
-            slot = mixer.slot()
-            self[name] = JointGroup(name, part, axes, slot, clock, driver, backend, rearming)
+            self[name] = JointGroup(name, part, axes, mixer.slot(), driver, rearming)
 
     @property
     def only(self) -> JointGroup:

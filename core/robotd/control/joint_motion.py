@@ -11,7 +11,7 @@ from typing import TypeVar
 import numpy as np
 
 from robotd.arrays import FloatArray
-from robotd.clock import NANOSECONDS, Clock, wait_until
+from robotd.clock import NANOSECONDS, wait_until
 from robotd.clock.simulated import held
 from robotd.control.completion import Outcome
 from robotd.control.source_slot import PREEMPTED, SetpointSource, SourceSlot
@@ -39,23 +39,14 @@ class JointMotion:
     The joints are claimed from the first ``start`` until every source is released. Any worker
     thread may call; sources are planned one after the other.
 
-    Args:
-        axes: of the robot.
-        slot: of the joints.
-        joint_axes: axis of each joint.
-        clock: of the control loop.
-
     Attributes:
         lock: held while a source is planned and submitted; re-entrant.
     """
 
-    def __init__(
-        self, axes: Axes, slot: SourceSlot, joint_axes: Sequence[int], clock: Clock
-    ) -> None:
+    def __init__(self, axes: Axes, slot: SourceSlot, joint_axes: Sequence[int]) -> None:
         self.lock = threading.RLock()
-        self._axes, self._slot = axes, slot
+        self._axes, self._slot, self._clock = axes, slot, axes.clock
         self._joint_axes = list(joint_axes)
-        self._clock = clock
         self._claim = ExitStack()
         self._owner = ""  # of the claim
         self._is_alone = False  # nothing takes over
@@ -84,13 +75,11 @@ class JointMotion:
             plan: returns, for the state to start from, a function that makes the source for a
                 start time. It raises what rejects the request; a running source continues then.
             start_ns: earliest start, monotonic; 0: as soon as possible.
-            owner: name of the client.
             takeover: also from the moving source of another owner.
             ticket: of ``ticket``, taken when the request arrived; 0: it arrives now.
 
-        Raises:
-            NotReady: motion is stopped, a joint cannot be commanded now, it moves for another
-                owner, or a request that arrived later was started before this one.
+        Raises NotReady: motion is stopped, a joint cannot be commanded now, it moves for another
+        owner, or a request that arrived later was started before this one.
         """
         # Simulated time must not outrun planning.
         with self.lock, held(self._clock), self._released_on_failure():
@@ -128,12 +117,9 @@ class JointMotion:
 
         Args:
             axes: some of the joints' axes.
-            mode: command mode of the source.
             make: returns the source for its start time.
-            owner: name of the client.
 
-        Raises:
-            NotReady: motion is stopped, or an axis cannot be commanded now or moves.
+        Raises NotReady: motion is stopped, or an axis cannot be commanded now or moves.
         """
         with self.lock, self._released_on_failure():
             if self._active:

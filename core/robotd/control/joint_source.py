@@ -33,7 +33,6 @@ class JointSource(SetpointSource):
     """Motion of joints: ends with a fault when a drive does not follow.
 
     Args:
-        limits: of the joints.
         axes, start_ns, setpoint: see ``SetpointSource``.
         stopped_velocity: (m,) rad/s or m/s below which a joint is at rest.
 
@@ -108,7 +107,6 @@ class JointSource(SetpointSource):
         """End with a fault when a drive does not follow, also during a stop.
 
         Args:
-            image: of the present period.
             time_s: for the text: since the start, or of the trajectory.
             pause_ns: since the period before.
         """

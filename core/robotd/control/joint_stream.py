@@ -12,15 +12,15 @@ import numpy as np
 
 from robotd.arrays import FloatArray, IntArray
 from robotd.clock import NANOSECONDS, Clock
-from robotd.control.joint_motion import JointMotion
 from robotd.control.open_stream import (
     OpenStream,
     StreamClient,
     StreamCommands,
+    StreamOpener,
     chosen_columns,
     chosen_timeout,
 )
-from robotd.control.rearming import CommandSource, Rearming
+from robotd.control.rearming import CommandSource
 from robotd.control.stream_motion import StreamMotion
 from robotd.control.stream_setpoints import (
     MovingReference,
@@ -28,12 +28,9 @@ from robotd.control.stream_setpoints import (
     StreamCommand,
     StreamMode,
 )
-from robotd.descriptor import RobotDescriptor
-from robotd.device.axes import Axes
-from robotd.device.motion_limits import MotionLimits
 from robotd.device.state import CommandMode
 from robotd.errors import InvalidArgument, Unsupported
-from robotd.motion import JointLimits, MotionState, TrajectoryRules
+from robotd.motion import JointLimits, MotionState
 from robotd.motion.sliding_window import WIDTH_S
 
 OWNER = "stream"
@@ -159,8 +156,6 @@ class JointStream(OpenStream[StreamMotion]):
     InvalidArgument for all but positions.
 
     Args:
-        commands: makes its commands.
-        motion: moves the joints.
         release: stops ``motion`` and gives the joints back.
         columns: (k,) index of the stream's joints among the m joints of ``limits``.
         limits: of all joints.
@@ -174,7 +169,7 @@ class JointStream(OpenStream[StreamMotion]):
         columns: IntArray,
         limits: JointLimits,
     ) -> None:
-        super().__init__(commands.joints, commands.source, motion, release)
+        super().__init__(commands, motion, release)
         self._commands, self._columns, self._count = commands, columns, len(limits.names)
         self._units = tuple(limits.units[column] for column in columns)
         self._limits = {
@@ -185,7 +180,7 @@ class JointStream(OpenStream[StreamMotion]):
     @property
     def statistics(self) -> StreamStatistics:
         """Counts so far."""
-        return StreamStatistics(self._received, self._clipped, self._motion.timeouts)
+        return StreamStatistics(self._received, self.clipped, self._motion.timeouts)
 
     def send(
         self,
@@ -263,44 +258,37 @@ class JointStream(OpenStream[StreamMotion]):
 
     def put(self, command: StreamCommand) -> None:
         """Follow a command for the stream's joints, within their limits."""
-        if command.reference is not None:
-            if len(self.joints) < self._count or self._motion.mode is StreamMode.SMOOTH:
-                text = "reference: the stream must have all joints, and not be a smooth one"
-                raise InvalidArgument(text)
-            self._require_open()
-            self._received += 1
-            self._motion.put(command)
-            return
-        position, velocity, time_ns, window = (
-            command.position,
-            command.velocity,
-            command.time_ns,
-            command.window,
-        )
-        if self._motion.mode is StreamMode.SMOOTH and velocity is not None and position is not None:
+        smooth, window = self._motion.mode is StreamMode.SMOOTH, command.window
+        if command.reference is not None and (smooth or len(self.joints) < self._count):
+            text = "reference: the stream must have all joints, and not be a smooth one"
+            raise InvalidArgument(text)
+        if smooth and command.velocity is not None and command.position is not None:
             what = "velocity" if window is None else "points"
             raise InvalidArgument(f"{what}: a smooth stream takes positions only")
         self._require_open()
-        if window is not None:
-            # All points are passed before the time-out; the end of a motion is rounded off.
-            end_ns = window.times_ns[-1]
-            if not window.velocity[-1].any():
-                end_ns += round(WIDTH_S * NANOSECONDS)
-            time_ns = max(time_ns, end_ns - self._motion.timeout_ns)
-            window = PointWindow(
-                window.times_ns,
-                self._fitted("position", window.position),
-                self._fitted("velocity", window.velocity),
-            )
-            position, velocity = window.position[-1], window.velocity[-1]
-        else:
+        if window is None:
+            position, velocity = command.position, command.velocity
             position = None if position is None else self._fitted("position", position)
             velocity = None if velocity is None else self._fitted("velocity", velocity)
+            command = replace(command, position=position, velocity=velocity)
+        else:
+            command = self._along(window, command.time_ns)
         self._received += 1
-        self._motion.put(StreamCommand(position, velocity, time_ns, window))
+        self._motion.put(command)
 
     def _counts(self) -> dict[str, int]:
         return {**super()._counts(), "timeouts": self._motion.timeouts}
+
+    def _along(self, window: PointWindow, time_ns: int) -> StreamCommand:
+        """Return the command of a window whose points are all passed before the time-out."""
+        end_ns = window.times_ns[-1]
+        if not window.velocity[-1].any():  # the end of the motion is rounded off
+            end_ns += round(WIDTH_S * NANOSECONDS)
+        time_ns = max(time_ns, end_ns - self._motion.timeout_ns)
+        position = self._fitted("position", window.position)
+        velocity = self._fitted("velocity", window.velocity)
+        fitted = PointWindow(window.times_ns, position, velocity)
+        return StreamCommand(position[-1], velocity[-1], time_ns, fitted)
 
     def _fitted(self, what: str, values: FloatArray) -> FloatArray:
         """Return (..., m) values within the limits, of all joints; NaN for those of others."""
@@ -309,40 +297,8 @@ class JointStream(OpenStream[StreamMotion]):
         return every
 
 
-class JointStreams:
-    """Opens streams of the joints of a group, one at a time.
-
-    Called like a function, by worker threads.
-
-    Args:
-        motion: of the joints.
-        axes: of the robot.
-        descriptor: joints of the group, time-outs and takeover.
-        limits, rules: of the joints.
-        clock: of the control loop.
-        backend: name, for errors.
-        rearming: of the robot.
-        motion_limits: of the group.
-    """
-
-    def __init__(
-        self,
-        motion: JointMotion,
-        axes: Axes,
-        descriptor: RobotDescriptor,
-        limits: JointLimits,
-        rules: TrajectoryRules,
-        clock: Clock,
-        backend: str,
-        rearming: Rearming,
-        motion_limits: MotionLimits,
-    ) -> None:
-        self._motion, self._axes, self._limits = motion, axes, limits
-        self._settings, self._clock, self._backend = descriptor.stream, clock, backend
-        self._rearming = rearming
-        self._joint_axes = tuple(joint.axis for joint in descriptor.joints)
-        self._rules, self._motion_limits = rules, motion_limits
-        self._period_s = 1.0 / descriptor.cycle.rate_hz
+class JointStreams(StreamOpener):
+    """Opens streams of the joints of a group, one at a time."""
 
     def __call__(
         self,
@@ -381,7 +337,7 @@ class JointStreams:
         if mode not in tuple(StreamMode):
             raise InvalidArgument(f"mode {mode!r} is unknown (available: target, smooth)")
         if self._axes.trajectories_on_device:
-            raise Unsupported("streamed positions", self._backend)
+            raise Unsupported("streamed positions", self._axes.backend)
 
         source = source or self._rearming.find(self.source(owner, seconds))
         source.begin()
@@ -393,17 +349,15 @@ class JointStreams:
 
         def make(state: MotionState, start_ns: int) -> StreamMotion:
             motion = StreamMotion(
+                self._axes,
                 np.array(self._joint_axes, np.int64),
                 state,
                 start_ns,
                 limits=slowed,
                 mode=StreamMode(mode),
                 timeout_s=seconds,
-                period_s=self._period_s,
-                underrun=self._axes.underrun,
-                buffer_s=self._axes.stream_buffer_s,
+                period_s=1.0 / self._descriptor.cycle.rate_hz,
                 stopped_velocity=self._rules.stopped_velocity,
-                speed=self._axes.speed,
                 motion_limits=self._motion_limits,
                 ends_when_silent=ends_when_silent,
             )
@@ -427,7 +381,6 @@ class JointStreams:
         """Return a client for all joints whose streams end ``timeout_s`` after its last command.
 
         Args:
-            owner: of the joints.
             timeout_s: silence of the client that ends a stream.
             name: of the client; "": ``owner``.
         """
@@ -442,7 +395,7 @@ class JointStreams:
         names = [self._limits.names[each] for each in columns]
         tolerance = self._rules.start_tolerance[columns]
         return JointCommands(
-            names, source, self._clock, lambda: self._motion.command()[columns], tolerance
+            names, source, self._axes.clock, lambda: self._motion.command()[columns], tolerance
         )
 
 

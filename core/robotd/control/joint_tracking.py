@@ -28,8 +28,7 @@ class JointTracking:
 
     ``progress`` may be called by any thread, the rest belongs to the control loop.
 
-    Args:
-        setpoint: (2, m) position and velocity at the start.
+    ``setpoint``: (2, m) position and velocity at the start.
 
     Attributes:
         desired, measured: (2, m) position and velocity of the present period.
@@ -108,10 +107,6 @@ class GoalPassage:
     A joint passes it when its measured position is within the goal tolerance of the point, or
     crosses it between two periods, at the time of the point or later: joints that follow with
     different lags pass one after the other.
-
-    Args:
-        trajectory: with ``goal_s``.
-        tolerances: of the goal.
     """
 
     def __init__(self, trajectory: Trajectory, goal_s: float, tolerances: Tolerances) -> None:

@@ -7,7 +7,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
-from robotd.clock import NANOSECONDS, Clock
+from robotd.clock import NANOSECONDS
 from robotd.control.axis_limits import base_kinematics, twist_limits, wheel_limits
 from robotd.control.base_worker import BaseWorker
 from robotd.control.completion import Outcome
@@ -43,13 +43,6 @@ class MobileBase:
     Between commands, and after a fault, no axis is claimed: the wheels are then ordinary axes.
     While the device is lost the odometry pauses; it continues from a new baseline.
 
-    Args:
-        axes: of the robot.
-        slot: of the wheels.
-        settings: of the descriptor.
-        clock: of the control loop.
-        rearming: of the robot.
-
     Attributes:
         events: of the robot, where commands are noted.
         settings: of the descriptor, or of the ROS parameters.
@@ -57,20 +50,15 @@ class MobileBase:
     """
 
     def __init__(
-        self,
-        axes: Axes,
-        slot: SourceSlot,
-        settings: DriveSettings,
-        clock: Clock,
-        rearming: Rearming,
+        self, axes: Axes, slot: SourceSlot, settings: DriveSettings, rearming: Rearming
     ) -> None:
-        self._axes, self._slot, self._clock, self._rearming = axes, slot, clock, rearming
+        self._axes, self._slot, self._clock, self._rearming = axes, slot, axes.clock, rearming
         self.events = axes.events
         self._period_s = slot.period_ns / NANOSECONDS
         self._odometry_lock = threading.Lock()
         self._rejection: str | None = None
         self._motion: WheelMotion | None = None
-        self._worker = BaseWorker(lambda: self._command.moves(clock.now_ns()), self._move)
+        self._worker = BaseWorker(lambda: self._command.moves(self._clock.now_ns()), self._move)
         self.configure(settings)
 
     def configure(self, settings: DriveSettings) -> None:

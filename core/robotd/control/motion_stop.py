@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from robotd.clock import Clock, wait_until
+from robotd.clock import wait_until
 from robotd.control.completion import Outcome
 from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.descriptor.io_settings import StopInputSettings
 from robotd.device.axes import Axes
-from robotd.device.connection import Connection
 from robotd.device.io import Io
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation
@@ -24,33 +23,21 @@ class MotionStop:
 
     Setpoint sources come to rest along their paths, moves, jogs and homing by their own ramps.
 
-    Args:
-        axes: of the robot; their latch counts.
-        mixer: source slots of all groups of axes.
-        connection: of the device; the input counts while it is ready.
-        clock: to wait by.
-        io: of the robot.
-        stop_input: input that forbids motion; None: there is none.
+    ``stop_input``: forbids motion, and counts while the device is ready; None: there is none.
     """
 
     def __init__(
-        self,
-        axes: Axes,
-        mixer: SetpointMixer,
-        connection: Connection,
-        clock: Clock,
-        io: Io,
-        stop_input: StopInputSettings | None,
+        self, axes: Axes, mixer: SetpointMixer, io: Io, stop_input: StopInputSettings | None
     ) -> None:
         self._axes, self._mixer = axes, mixer
-        self._connection, self._clock = connection, clock
+        self._connection, self._clock = axes.connection, axes.clock
         self._input_name = ""
         self._forbids_motion: Callable[[], bool] = lambda: False  # by the input
         if stop_input is not None:
             level, byte, bit = stop_input.motion_level, stop_input.input_byte, stop_input.input_bit
             watch = io.input_watcher(byte, bit)
             self._input_name = f"stop input {byte}.{bit}"
-            self._forbids_motion = lambda: connection.ready and watch() != bool(level)
+            self._forbids_motion = lambda: axes.connection.ready and watch() != bool(level)
 
     @property
     def at_rest(self) -> bool:

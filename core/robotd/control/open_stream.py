@@ -13,10 +13,16 @@ import numpy as np
 from robotd.arrays import FloatArray, IntArray
 from robotd.clock import Clock
 from robotd.control.completion import Outcome
-from robotd.control.rearming import CommandSource
+from robotd.control.joint_motion import JointMotion
+from robotd.control.rearming import CommandSource, Rearming
 from robotd.control.source_slot import SetpointSource
+from robotd.descriptor import RobotDescriptor
+from robotd.device.axes import Axes
+from robotd.device.drivers import AxisDriver
+from robotd.device.motion_limits import MotionLimits
 from robotd.errors import InvalidArgument, NotReady
 from robotd.log import get_logger
+from robotd.motion import JointLimits, TrajectoryRules
 
 log = get_logger("stream")
 
@@ -29,10 +35,7 @@ class StreamCommands:
 
     A command is checked and admitted when it is made; a stream takes it by ``put``.
 
-    Args:
-        joints: names, in the order of the values.
-        source: of the commands.
-        clock: of the control loop.
+    ``joints``: names, in the order of the values.
 
     Attributes:
         joints, source: of the commands.
@@ -64,25 +67,19 @@ class StreamCommands:
 class OpenStream(ABC, Generic[Motion]):
     """Base of streams; a context that closes it. Any thread, except ``close``: a worker.
 
-    Args:
-        joints, source: of its commands.
-        motion: moves the joints.
-        release: stops ``motion`` and gives the joints back.
+    ``release``: stops ``motion`` and gives the joints back.
 
     Attributes:
         joints: names, in the order of the values that it takes.
+        clipped: number of commands with a value beyond a limit, which was used instead.
     """
 
     def __init__(
-        self,
-        joints: Sequence[str],
-        source: CommandSource,
-        motion: Motion,
-        release: Callable[[Motion], None],
+        self, commands: StreamCommands, motion: Motion, release: Callable[[Motion], None]
     ) -> None:
-        self.joints, self._source = tuple(joints), source
+        self.joints, self._source = commands.joints, commands.source
         self._motion, self._release = motion, release
-        self._received = self._clipped = 0
+        self._received = self.clipped = 0
         self._closed = False
 
     @abstractmethod
@@ -102,11 +99,6 @@ class OpenStream(ABC, Generic[Motion]):
         """Reason of its end, "" while it is open."""
         completion = self._motion.completion
         return completion.message or (completion.requested[1] if completion.requested else "")
-
-    @property
-    def clipped(self) -> int:
-        """Commands with a value beyond a limit, which was used instead."""
-        return self._clipped
 
     def end(self, reason: str) -> None:
         """Request the end with a reason; the joints slow to rest. Never blocks."""
@@ -132,7 +124,7 @@ class OpenStream(ABC, Generic[Motion]):
 
     def _counts(self) -> dict[str, int]:
         """Counts for the log."""
-        return {"commands": self._received, "clipped": self._clipped}
+        return {"commands": self._received, "clipped": self.clipped}
 
     def _require_open(self) -> None:
         """Raise NotReady, with the reason, after the end."""
@@ -141,19 +133,14 @@ class OpenStream(ABC, Generic[Motion]):
             raise NotReady(f"the stream has ended: {self.message}")
 
     def _clip(
-        self,
-        what: str,
-        values: FloatArray,
-        low: FloatArray,
-        high: FloatArray,
-        units: Sequence[str],
+        self, what: str, values: FloatArray, low: FloatArray, high: FloatArray, units: Sequence[str]
     ) -> FloatArray:
         """Return (..., k) values within the limits; what is beyond is counted, the first logged."""
         clipped: FloatArray = np.minimum(np.maximum(values, low), high)
         beyond = np.flatnonzero(clipped != values)
         if len(beyond):
-            self._clipped += 1
-            if self._clipped == 1:
+            self.clipped += 1
+            if self.clipped == 1:
                 joint = int(beyond[0]) % len(self.joints)
                 log.warning(
                     "a command beyond a limit is clipped",
@@ -177,6 +164,29 @@ class StreamClient(Generic[Stream_co]):
 
     commands: StreamCommands
     open: Callable[[], Stream_co]
+
+
+class StreamOpener:
+    """Opens streams of the joints of a group, one at a time.
+
+    Called like a function, by worker threads.
+    """
+
+    def __init__(
+        self,
+        motion: JointMotion,
+        limits: JointLimits,
+        rules: TrajectoryRules,
+        motion_limits: MotionLimits,
+        axes: Axes,
+        rearming: Rearming,
+        descriptor: RobotDescriptor,
+        driver: AxisDriver,
+    ) -> None:
+        self._motion, self._limits, self._rules = motion, limits, rules
+        self._motion_limits, self._axes, self._rearming = motion_limits, axes, rearming
+        self._descriptor, self._settings, self._driver = descriptor, descriptor.stream, driver
+        self._joint_axes = tuple(joint.axis for joint in descriptor.joints)
 
 
 def chosen_columns(joints: Sequence[str] | None, known: Sequence[str]) -> IntArray:

@@ -30,11 +30,7 @@ class PathRate:
     of the group's speed it looks ahead as far as it takes to slow down from rate 1: r² changes by
     2·D with trajectory time, where D is the change of r in real time.
 
-    Args:
-        speed: to reach.
-        motion_limits: of the group.
-        trajectory: to look at.
-        limits: of the joints; their accelerations count.
+    ``limits``: of the joints; their accelerations count.
 
     Attributes:
         path: (2, m) velocity and acceleration of the path at rate 1, at the last setpoint.

@@ -132,9 +132,6 @@ class PeriodDeadlines:
     """Deadlines of one control loop. Control-loop thread, except ``wait_while_imminent``.
 
     Args:
-        clock: of the control loop.
-        period_ns: between two deadlines.
-        stats: of the periods.
         skips_start: a period whose start has come too late is skipped, for devices that hold:
             its SYNC would be so close to the next one that drives count the two as one. False:
             it begins at once, for devices that extrapolate.
@@ -226,12 +223,7 @@ class _Periodic:
 
 
 class PeriodicTasks:
-    """Tasks with a rate each. ``add`` by any thread, ``run`` by the control loop.
-
-    Args:
-        period_ns: of the control loop.
-        image: passed to the tasks.
-    """
+    """Tasks with a rate each. ``add`` by any thread, ``run`` by the control loop."""
 
     def __init__(self, period_ns: int, image: ProcessImage) -> None:
         self._slack_ns = period_ns // 2

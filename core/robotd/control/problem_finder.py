@@ -6,11 +6,9 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
-from robotd.clock import Clock
 from robotd.control.problem import REMEDIES, Problem, ProblemKind
 from robotd.control.rearming import Rearming
 from robotd.device.axes import Axes
-from robotd.device.connection import Connection
 
 
 def limit_problems(axes: Axes) -> Iterator[Problem]:
@@ -28,22 +26,15 @@ class Problems:
     """Problems of a robot. Any thread.
 
     Args:
-        connection, axes, rearming, clock: of the robot.
         used: axes that are switched on at start; others count with an alarm only.
         advise: returns what to do about the code of an alarm; "" where that is not known.
     """
 
     def __init__(
-        self,
-        connection: Connection,
-        axes: Axes,
-        rearming: Rearming,
-        clock: Clock,
-        used: Sequence[int],
-        advise: Callable[[int], str],
+        self, axes: Axes, rearming: Rearming, used: Sequence[int], advise: Callable[[int], str]
     ) -> None:
-        self._connection, self._axes, self._rearming = connection, axes, rearming
-        self._clock, self._used, self._advise = clock, list(used), advise
+        self._connection, self._axes, self._rearming = axes.connection, axes, rearming
+        self._clock, self._used, self._advise = axes.clock, list(used), advise
         self._since_ns: dict[tuple[ProblemKind, tuple[str, ...], int], int] = {}
         self._lock = threading.Lock()  # of the times
 

@@ -10,11 +10,10 @@ import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from robotd.clock import NANOSECONDS, Clock
+from robotd.clock import NANOSECONDS
 from robotd.control.interruptions import Interruption, Interruptions
 from robotd.control.problem import Problem, ProblemKind
 from robotd.device.axes import Axes
-from robotd.device.connection import Connection
 from robotd.device.state import CommandMode
 from robotd.errors import NotReady
 from robotd.log import get_logger
@@ -28,19 +27,10 @@ Numbers = tuple[int, ...]  # of the newest interruptions that concern a source
 
 
 class Rearming:
-    """Sources of commands of a robot, and the interruptions of its motion. Any thread.
+    """Sources of commands of a robot, and the interruptions of its motion. Any thread."""
 
-    Args:
-        axes, connection: of the robot.
-        clock: of the control loop.
-
-    Attributes:
-        interruptions: of the robot.
-        clock: of the control loop.
-    """
-
-    def __init__(self, axes: Axes, connection: Connection, clock: Clock) -> None:
-        self.interruptions, self.clock = Interruptions(axes, connection), clock
+    def __init__(self, axes: Axes) -> None:
+        self.interruptions, self.clock = Interruptions(axes), axes.clock
         self._known: dict[tuple[str, tuple[int, ...]], CommandSource] = {}
         self._waiting: dict[CommandSource, None] = {}  # in the order of their first interruptions
         self._lock = threading.Lock()
@@ -75,7 +65,6 @@ class Admission:
     """Admission of one command.
 
     Attributes:
-        source: of the command.
         numbers: of the interruptions before it.
         only_arms: its source was not armed; the command asks for no motion, and has armed it.
     """
@@ -97,7 +86,6 @@ class CommandSource:
     armed until motion of its axes is interrupted. Any thread; nothing blocks.
 
     Args:
-        rearming: of the robot.
         name: for people.
         axes: that its commands need.
         modes: of the axes, in which its commands can move them; empty: it sets the mode itself.
@@ -106,7 +94,6 @@ class CommandSource:
         follows_speed: its motion slows down in a pause and continues after it.
 
     Attributes:
-        name, axes: of the source.
         silence_s: time without a command that arms it.
     """
 

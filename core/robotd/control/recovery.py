@@ -9,12 +9,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from robotd.arrays import FloatArray
-from robotd.clock import NANOSECONDS, Clock, wait_until
+from robotd.clock import NANOSECONDS, wait_until
 from robotd.control.problem import Problem, ProblemKind
 from robotd.control.problem_finder import Problems
 from robotd.control.servos import Servos
 from robotd.device.axes import Axes, each
-from robotd.device.connection import Connection
 from robotd.device.fieldbus import Fieldbus
 from robotd.errors import ConnectError, NotReady, RobotdError, reason_of
 from robotd.log import get_logger
@@ -39,31 +38,18 @@ class Recovery:
     Servos are switched on as at start: at the measured position, without a jump. What goes off or
     is lost during verification, without an alarm, is brought back once more: drives that are lost
     together are not noticed together. So is a device that is lost before.
-
-    Args:
-        connection, axes, fieldbus, problems, servos: of the robot.
-        clock: to wait by.
     """
 
-    def __init__(
-        self,
-        connection: Connection,
-        axes: Axes,
-        fieldbus: Fieldbus,
-        problems: Problems,
-        servos: Servos,
-        clock: Clock,
-    ) -> None:
-        self._connection, self._axes, self._fieldbus = connection, axes, fieldbus
-        self._used, self._enable, self._clock = list(servos.used), servos.enable_axis, clock
+    def __init__(self, axes: Axes, fieldbus: Fieldbus, problems: Problems, servos: Servos) -> None:
+        self._connection, self._axes, self._fieldbus = axes.connection, axes, fieldbus
+        self._used, self._enable, self._clock = list(servos.used), servos.enable_axis, axes.clock
         self._find_problems = problems.recoverable
         self._running = threading.Lock()
 
     def run(self, report: Report = lambda line: None) -> None:
         """Recover; a worker, seconds where the device needs them.
 
-        Args:
-            report: called with each step when it begins or has ended, in the same thread.
+        ``report``: called with each step when it begins or has ended, in the same thread.
 
         Raises:
             NotReady: another recovery runs, or the robot is being shut down.

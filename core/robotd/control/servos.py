@@ -10,7 +10,6 @@ from robotd.control.motion_stop import QUICK_STOP_S
 from robotd.control.problem_finder import limit_problems
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes, each
-from robotd.device.connection import Connection
 from robotd.device.state import CommandMode
 from robotd.errors import ConnectError, RobotdError, reason_of
 from robotd.log import get_logger
@@ -21,12 +20,7 @@ log = get_logger("robot")
 class Servos:
     """Switches servos on, and off after a controlled stop. Any worker.
 
-    Args:
-        descriptor: of the robot, with joints and wheels.
-        connection: to the device.
-        axes: of the robot.
-        groups: joint groups, which are stopped along their paths.
-        base: the wheels; None: the robot has none.
+    ``base``: the wheels; None: the robot has none.
 
     Attributes:
         used: axes of joints and wheels.
@@ -36,12 +30,11 @@ class Servos:
     def __init__(
         self,
         descriptor: RobotDescriptor,
-        connection: Connection,
         axes: Axes,
         groups: JointGroups,
         base: MobileBase | None,
     ) -> None:
-        self._descriptor, self._connection, self._axes = descriptor, connection, axes
+        self._descriptor, self._connection, self._axes = descriptor, axes.connection, axes
         self._groups, self._base = groups, base
         self.read_only = axes.stop_latch.read_only
         wheels = descriptor.drive.axes if descriptor.drive else ()

@@ -19,13 +19,10 @@ class SetpointMixer:
     """Slots of all groups of axes; sends their setpoints together. Control-loop thread.
 
     Args:
-        driver: sink of the setpoints.
         axes: number of axes of the device.
-        rate_hz: rate of the control loop.
         clock: of the device and of the control loop; None: monotonic.
 
     Attributes:
-        period_ns: of the control loop.
         due_ns: due time of the last setpoints; 0 before the first period.
         sent_ns: due time of the last setpoints that the device got; 0 before the first.
         extrapolates: the device extrapolates missing setpoints; late ones are not sent then.

@@ -31,7 +31,6 @@ class SetpointSource(ABC):
 
     Attributes:
         columns: ``axes`` as an index.
-        start_ns: as above.
         setpoint: (3, m) position, velocity and acceleration for the end of the period, in rad or m
             and s; position NaN for axes in velocity mode.
         completion: requested end, outcome, and the event to wait for.
@@ -47,7 +46,7 @@ class SetpointSource(ABC):
 
     @property
     def rate(self) -> float:
-        """Ratio of its own time to real time."""
+        """Ratio of its own time to real time. Any thread."""
         return 1.0
 
     def splice_state(self, time_ns: int) -> MotionState | None:
@@ -76,7 +75,7 @@ class SetpointSource(ABC):
         """
 
     def sent(self, due_ns: int) -> None:  # noqa: B027 - not every source needs it
-        """Note that ``setpoint`` was handed to the device; not called for a late one."""
+        """Note that the device got ``setpoint``, due at ``due_ns``; not called for a late one."""
 
 
 PREEMPTED = "preempted by a new goal"
@@ -91,13 +90,13 @@ class SourceSlot:
     ``submit``, ``release_after`` and ``release`` are for the worker that has claimed the axes;
     ``select`` and ``device_lost`` for the mixer.
 
-    Args:
-        period_ns: of the control loop.
+    Attributes:
+        running: source that moves the axes, or holds them after its end.
     """
 
     def __init__(self, period_ns: int) -> None:
         self.period_ns = period_ns
-        self._running: SetpointSource | None = None
+        self.running: SetpointSource | None = None
         self._next: SetpointSource | None = None
         self._planned_ns = 0  # start of the running source that the next one was planned by
         self._due_ns = 0
@@ -105,14 +104,9 @@ class SourceSlot:
         self._handover = threading.Lock()
 
     @property
-    def running(self) -> SetpointSource | None:
-        """Source that moves the axes, or holds them after its end."""
-        return self._running
-
-    @property
     def active(self) -> list[SetpointSource]:
         """Running source and its successor, without those that have ended."""
-        sources = (self._running, self._next)
+        sources = (self.running, self._next)
         return [each for each in sources if each is not None and not each.completion.done]
 
     @property
@@ -132,9 +126,8 @@ class SourceSlot:
             after: the moving source that it continues; None: it begins at rest.
             planned_ns: ``start_ns`` of ``after`` when the state to start from was read.
 
-        Returns:
-            False, without effect, when its start time has passed, or ``after`` is no longer the
-            running one or is ending: plan again.
+        Returns False, without effect, when its start time has passed, or ``after`` is no longer the
+        running one or is ending: plan again.
         """
         with self._handover:
             if self._lost is not None:
@@ -143,11 +136,11 @@ class SourceSlot:
             goes_on = after is None or after.completion.goes_on
             delay_ns = 0 if after is None else after.start_ns - planned_ns
             late = source.start_ns + delay_ns < self._due_ns
-            if self._running is not after or not goes_on or late:
+            if self.running is not after or not goes_on or late:
                 return False
             self._drop_next(Outcome.PREEMPTED, PREEMPTED)
             if after is None:
-                self._running = source
+                self.running = source
             else:
                 self._planned_ns, self._next = planned_ns, source
             return True
@@ -158,10 +151,10 @@ class SourceSlot:
         Returns False, without effect, when another source runs by now.
         """
         with self._handover:
-            if self._running is not running:
+            if self.running is not running:
                 return False
             self._drop_next(Outcome.PREEMPTED, PREEMPTED)
-            self._running = None
+            self.running = None
             return True
 
     def release(self) -> None:
@@ -179,7 +172,7 @@ class SourceSlot:
         if self._next is not None:
             with self._handover:
                 self._take_over(advanced_ns)
-        source = self._running
+        source = self.running
         failed = source is not None and source.completion.outcome is Outcome.FAULT
         return None if failed else source
 
@@ -191,7 +184,7 @@ class SourceSlot:
 
     def _take_over(self, advanced_ns: int) -> None:
         """Start the successor if its time has come, or end it. Lock held."""
-        successor, running = self._next, self._running
+        successor, running = self._next, self.running
         if successor is None or running is None:
             return
         if successor.completion.requested is not None:
@@ -207,13 +200,13 @@ class SourceSlot:
         if running.completion.done or has_reached:
             successor.take_over(running, advanced_ns, delay_ns)
             running.completion.finish(Outcome.PREEMPTED, PREEMPTED)
-            self._running, self._next = successor, None
+            self.running, self._next = successor, None
 
     def _drop(self, outcome: Outcome, message: str) -> None:
         self._drop_next(outcome, message)
-        if self._running is not None:
-            self._running.completion.finish(outcome, message)
-            self._running = None
+        if self.running is not None:
+            self.running.completion.finish(outcome, message)
+            self.running = None
 
     def _drop_next(self, outcome: Outcome, message: str) -> None:
         if self._next is not None:

@@ -43,8 +43,6 @@ class StallRecovery:
     Args:
         start: setpoint of the joints at rest, before the first one is sent.
         start_ns: monotonic time until which they rest there.
-        limits: of the m joints.
-        underrun: behaviour of the device.
         buffer_s: duration of the setpoints that the device holds ahead, s.
 
     Attributes:

@@ -14,10 +14,9 @@ from robotd.control.joint_source import JointSource, Phase
 from robotd.control.source_slot import SetpointSource
 from robotd.control.stall_recovery import StallRecovery
 from robotd.control.stream_setpoints import StreamCommand, StreamMode, StreamSetpoints
+from robotd.device.axes import Axes
 from robotd.device.motion_limits import MotionLimits
 from robotd.device.process_image import ProcessImage
-from robotd.device.speed_scale import SpeedScale
-from robotd.device.state import Underrun
 from robotd.motion import JointLimits, MotionState
 
 MAX_WAITING = 16  # commands in one period; older ones are dropped
@@ -31,22 +30,15 @@ class StreamMotion(JointSource):
     ``ends_when_silent``. It ends when a client requests it, at standstill, or with a fault.
 
     Args:
+        robot: axes of the robot; the stream ends at a speed of 0, because its targets cannot wait.
         axes: (m,) index of each joint's axis.
-        state: at the start.
         start_ns: due time of the first setpoint, at the earliest.
-        limits: of the joints.
         mode: interpolation between position targets.
         timeout_s: age of the last command at which the joints slow to rest.
-        period_s: of the control loop.
-        underrun: behaviour of the device when setpoints are missing.
-        buffer_s: duration of the setpoints that the device holds ahead, s.
         stopped_velocity: (m,) rad/s or m/s below which a joint is at rest.
-        speed: of the operator; the stream ends at 0, because its targets cannot wait.
-        motion_limits: of the group.
         ends_when_silent: it ends when the joints are at rest after ``timeout_s``.
 
     Attributes:
-        mode: as above.
         timeout_ns: age of the last command at which the joints slow to rest.
         timeouts: number of times that the joints slowed to rest without a command.
     """
@@ -55,6 +47,7 @@ class StreamMotion(JointSource):
 
     def __init__(
         self,
+        robot: Axes,
         axes: IntArray,
         state: MotionState,
         start_ns: int,
@@ -63,18 +56,17 @@ class StreamMotion(JointSource):
         mode: StreamMode,
         timeout_s: float,
         period_s: float,
-        underrun: Underrun,
-        buffer_s: float,
         stopped_velocity: FloatArray,
-        speed: SpeedScale,
         motion_limits: MotionLimits,
         ends_when_silent: bool,
     ) -> None:
         setpoint = np.array([state.position, state.velocity, state.acceleration])
         super().__init__(limits, axes, start_ns, setpoint, stopped_velocity)
         self.mode, self.timeouts = mode, 0
-        self.stall_recovery = StallRecovery(setpoint[:2], start_ns, limits, underrun, buffer_s)
-        self._speed = speed
+        self.stall_recovery = StallRecovery(
+            setpoint[:2], start_ns, limits, robot.underrun, robot.stream_buffer_s
+        )
+        self._speed = robot.speed
         self._setpoints = StreamSetpoints(limits, mode, period_s, motion_limits)
         self._setpoints.reset(state)
         self.timeout_ns = round(timeout_s * NANOSECONDS)
@@ -137,7 +129,6 @@ class StreamMotion(JointSource):
         return True
 
     def sent(self, due_ns: int) -> None:
-        """Note that ``setpoint`` was handed to the device, to be reached at ``due_ns``."""
         self.stall_recovery.sent(self.setpoint[:2], due_ns)
 
     def _follow_commands(self, time_ns: int) -> None:

@@ -95,10 +95,8 @@ class StreamSetpoints:
     """Follows commands in a mode. One thread; arrays of shape (m,).
 
     Args:
-        limits: of the joints.
         mode: of commands without a velocity.
-        period_s: of the control loop.
-        motion_limits: of the group; None: none.
+        motion_limits: of the group.
 
     Attributes:
         failure: error of a reference that was left; "": none.
@@ -109,10 +107,10 @@ class StreamSetpoints:
         limits: JointLimits,
         mode: StreamMode,
         period_s: float,
-        motion_limits: MotionLimits | None = None,
+        motion_limits: MotionLimits,
     ) -> None:
         self.failure = ""
-        self._motion_limits = motion_limits or MotionLimits()
+        self._motion_limits = motion_limits
         self._settles = False  # on a fixed plan, for a successor
         self._limiter, self._limits = SetpointLimiter(limits, period_s), limits
         self._mode, self._period_s = mode, period_s

@@ -13,10 +13,9 @@ from robotd.control.path_rate import PathRate, scale
 from robotd.control.source_slot import SetpointSource
 from robotd.control.stall_recovery import StallRecovery, after_stall
 from robotd.control.trajectory_execution import PlannedGoal, TrajectoryExecution
+from robotd.device.axes import Axes
 from robotd.device.motion_limits import MotionLimits
 from robotd.device.process_image import ProcessImage
-from robotd.device.speed_scale import SpeedScale
-from robotd.device.state import Underrun
 from robotd.motion import MotionState, Sampler, StopPlan, plan_stop
 
 
@@ -27,50 +26,36 @@ class StreamedTrajectory(TrajectoryExecution):
     not 1.
 
     Args:
-        goal, start_ns, feedback_period_s: see ``TrajectoryExecution``.
-        underrun: behaviour of the device when setpoints are missing.
-        buffer_s: duration of the setpoints that the device holds ahead, s.
-        speed: sets the rate of trajectory time; None: real time.
-        motion_limits: of the group, which lowers the rate; None: none.
+        robot: axes of the robot, whose speed sets the rate of trajectory time.
+        motion_limits: of the group, which lower the rate.
+        goal, start_ns: see ``TrajectoryExecution``.
     """
 
     stall_recovery: StallRecovery
 
     def __init__(
-        self,
-        goal: PlannedGoal,
-        start_ns: int,
-        *,
-        feedback_period_s: float = 0.0,
-        underrun: Underrun = Underrun.EXTRAPOLATE,
-        buffer_s: float = 0.0,
-        speed: SpeedScale | None = None,
-        motion_limits: MotionLimits | None = None,
+        self, robot: Axes, motion_limits: MotionLimits, goal: PlannedGoal, start_ns: int
     ) -> None:
-        super().__init__(goal, start_ns, feedback_period_s=feedback_period_s)
+        super().__init__(goal, start_ns, feedback_period_s=robot.feedback_period_s)
         # From 30 attributes on CPython takes a third longer for each access.
         self._motion = self.setpoint[:2]  # position and velocity
         self._sampler = Sampler(goal.trajectory)
-        self._rate = PathRate(
-            speed or SpeedScale(), motion_limits or MotionLimits(), goal.trajectory, goal.limits
-        )
+        self._rate = PathRate(robot.speed, motion_limits, goal.trajectory, goal.limits)
         self._due_ns = 0  # of the last setpoint; 0: none was made
         self._sent_time_s: float | None = 0.0  # of the last setpoint; None: it was off the path
         self._stop_plan: tuple[StopPlan, int] | None = None  # with the time of its beginning
         self._held: FloatArray = np.zeros_like(self.setpoint)  # last position, at rest
         self._held[0] = self.setpoint[0]
         self.stall_recovery = StallRecovery(
-            self._held[:2], start_ns, goal.limits, underrun, buffer_s
+            self._held[:2], start_ns, goal.limits, robot.underrun, robot.stream_buffer_s
         )
         self._command_return: CommandReturn | None = None
 
     @property
     def rate(self) -> float:
-        """Ratio of trajectory time to real time. Any thread."""
         return self._rate.value
 
     def override_speed(self, ratio: float) -> None:
-        """Scale the rate of this trajectory, by a ramp, beside the speed of all motion."""
         self._rate.override = ratio
 
     def splice_state(self, time_ns: int) -> MotionState | None:
@@ -95,7 +80,6 @@ class StreamedTrajectory(TrajectoryExecution):
                 self._check_deviation()
 
     def sent(self, due_ns: int) -> None:
-        """Note that ``setpoint`` was handed to the device, to be reached at ``due_ns``."""
         self._sent_time_s = None if self.stall_recovery.active else self.time_s
         self.stall_recovery.sent(self._motion, due_ns, self.time_s)
 
@@ -175,10 +159,9 @@ class StreamedTrajectory(TrajectoryExecution):
 
     def _recover(self, due_ns: int, period_ns: int) -> None:
         """Continue from the position after an underrun; request a fault when too far off."""
-        found = self.stall_recovery.lay_over(self._motion, due_ns, period_ns / NANOSECONDS)
-        if found and self._command_return is not None:  # it waits, too
-            self._command_return.start_ns += round(self.stall_recovery.pause_s * NANOSECONDS)
-        if found:
+        if self.stall_recovery.lay_over(self._motion, due_ns, period_ns / NANOSECONDS):
+            if self._command_return is not None:  # it waits, too
+                self._command_return.start_ns += round(self.stall_recovery.pause_s * NANOSECONDS)
             self._check_deviation()
 
     def _check_deviation(self) -> None:

@@ -9,29 +9,26 @@ from typing import NamedTuple
 import numpy as np
 
 from robotd.arrays import FloatArray, IntArray
-from robotd.clock import NANOSECONDS, Clock
+from robotd.clock import NANOSECONDS
 from robotd.control.completion import Outcome
-from robotd.control.joint_motion import JointMotion
 from robotd.control.joint_source import JointSource, Phase
 from robotd.control.open_stream import (
     OpenStream,
     StreamClient,
     StreamCommands,
+    StreamOpener,
     chosen_columns,
     chosen_timeout,
 )
-from robotd.control.rearming import CommandSource, Rearming
-from robotd.descriptor import RobotDescriptor
+from robotd.control.rearming import CommandSource
 from robotd.device.axes import Axes
 from robotd.device.drivers import AxisDriver
 from robotd.device.motion_limits import MotionLimits
 from robotd.device.process_image import ProcessImage
 from robotd.device.soft_limits import REACTION_PERIODS
-from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import CommandMode
-from robotd.device.stops import StopRequests
 from robotd.errors import InvalidArgument, NotReady
-from robotd.motion import JointLimits, TrajectoryRules
+from robotd.motion import JointLimits
 from robotd.motion.limits import room_to_stop
 
 
@@ -45,37 +42,31 @@ class TorqueMotion(JointSource):
     position control.
 
     Args:
-        driver: applies the torques.
-        stops: end them.
+        robot: axes of the robot; the stream ends at a speed of 0.
         axes: (m,) index of each joint's axis.
-        limits: of the same joints.
         start_ns: monotonic time of its first period, at the earliest.
         timeout_s: age of the last command at which it ends.
         stopped_velocity: (m,) rad/s or m/s below which a joint is at rest.
-        speed: of the operator; it ends at 0.
-        feedback_period_s: see ``AxisDriver``.
         motion_limits: of the group; the stream ends under one, as torques keep none.
     """
 
     def __init__(
         self,
         driver: AxisDriver,
-        stops: StopRequests,
+        robot: Axes,
         axes: IntArray,
         limits: JointLimits,
         start_ns: int,
         timeout_s: float,
         stopped_velocity: FloatArray,
-        speed: SpeedScale,
-        feedback_period_s: float,
         motion_limits: MotionLimits,
     ) -> None:
         setpoint = np.full((3, len(axes)), np.nan)
         super().__init__(limits, axes, start_ns, setpoint, stopped_velocity)
-        self._driver, self._stops = driver, stops
+        self._driver, self._stops, self._speed = driver, robot.stops, robot.speed
         self._limits_of_joints = limits.per_joint()
-        self._timeout_s, self._speed = timeout_s, speed
-        self._feedback_period_s, self._motion_limits = feedback_period_s, motion_limits
+        self._timeout_s, self._motion_limits = timeout_s, motion_limits
+        self._feedback_period_s = robot.feedback_period_s
         self._command: tuple[int, FloatArray | None] = (start_ns, None)  # replaced as a whole
         self._torque: FloatArray = np.zeros(0)  # of all axes of the device; NaN: unchanged
 
@@ -176,10 +167,8 @@ class TorqueStream(OpenStream[TorqueMotion]):
     Gravity, friction and contact are the client's: at a torque of 0 an arm falls.
 
     Args:
-        commands: makes its commands.
         units: of their torques, "N·m" or "N".
         limit: (k,) highest torque of each.
-        motion: applies the torques.
         release: stops ``motion`` and gives the joints back.
     """
 
@@ -191,7 +180,7 @@ class TorqueStream(OpenStream[TorqueMotion]):
         motion: TorqueMotion,
         release: Callable[[TorqueMotion], None],
     ) -> None:
-        super().__init__(commands.joints, commands.source, motion, release)
+        super().__init__(commands, motion, release)
         self._commands, self._units, self._limit = commands, tuple(units), limit
 
     def send(self, torque: Sequence[float], *, sent_ns: int | None = None) -> None:
@@ -220,39 +209,8 @@ class TorqueStream(OpenStream[TorqueMotion]):
             self._motion.put(clipped, command.time_ns)
 
 
-class TorqueStreams:
-    """Opens torque streams of the joints of a group, one at a time.
-
-    Called like a function, by worker threads.
-
-    Args:
-        motion: of the joints.
-        axes: of the robot.
-        descriptor: joints of the group, and time-outs.
-        limits, rules: of the joints.
-        clock: of the control loop.
-        driver: applies the torques.
-        rearming: of the robot.
-        motion_limits: of the group.
-    """
-
-    def __init__(
-        self,
-        motion: JointMotion,
-        axes: Axes,
-        descriptor: RobotDescriptor,
-        limits: JointLimits,
-        rules: TrajectoryRules,
-        clock: Clock,
-        driver: AxisDriver,
-        rearming: Rearming,
-        motion_limits: MotionLimits,
-    ) -> None:
-        self._rearming, self._motion_limits = rearming, motion_limits
-        self._motion, self._axes, self._limits = motion, axes, limits
-        self._joints, self._timeout_s = descriptor.joints, descriptor.stream.timeout_s
-        self._clock, self._driver = clock, driver
-        self._stopped_velocity = rules.stopped_velocity
+class TorqueStreams(StreamOpener):
+    """Opens torque streams of the joints of a group, one at a time."""
 
     def __call__(
         self,
@@ -283,9 +241,9 @@ class TorqueStreams:
         """
         chosen = chosen_columns(joints, self._limits.names)
         limit = self._torque_limits(chosen)
-        seconds = chosen_timeout(timeout_s, self._timeout_s)
-        axes = np.array([self._joints[column].axis for column in chosen], np.int64)
-        source = source or self._rearming.find(self._source(owner, axes, seconds))
+        seconds = chosen_timeout(timeout_s, self._settings.timeout_s)
+        axes = np.array(self._joint_axes, np.int64)[chosen]
+        source = source or self._rearming.find(self._source(owner, axes.tolist(), seconds))
         source.begin()
         self._axes.speed.at_start()
         if reason := self._motion_limits.reason:
@@ -295,14 +253,12 @@ class TorqueStreams:
         def make(start_ns: int) -> TorqueMotion:
             motion = TorqueMotion(
                 self._driver,
-                self._axes.stops,
+                self._axes,
                 axes,
                 limits,
                 start_ns,
                 seconds,
-                self._stopped_velocity[chosen],
-                self._axes.speed,
-                self._axes.feedback_period_s,
+                self._rules.stopped_velocity[chosen],
                 self._motion_limits,
             )
             self._rearming.interruptions.watch(motion.completion, source.axes)
@@ -310,25 +266,24 @@ class TorqueStreams:
 
         motion = self._motion.start_alone(axes.tolist(), CommandMode.TORQUE, make, owner)
         units = [_UNITS[unit] for unit in limits.units]
-        commands = TorqueCommands(limits.names, source, self._clock)
+        commands = TorqueCommands(limits.names, source, self._axes.clock)
         return TorqueStream(commands, units, limit, motion, self._motion.release)
 
-    def _source(self, name: str, axes: IntArray, timeout_s: float) -> CommandSource:
-        return CommandSource(
-            self._rearming, name, axes.tolist(), (), timeout_s=timeout_s, neutral=NEUTRAL
-        )
+    def _source(self, name: str, axes: Sequence[int], timeout_s: float) -> CommandSource:
+        return CommandSource(self._rearming, name, axes, (), timeout_s=timeout_s, neutral=NEUTRAL)
 
     def client(self, owner: str, timeout_s: float) -> StreamClient[TorqueStream]:
         """Return a client for all joints whose streams end ``timeout_s`` after its last command."""
-        axes = np.array([joint.axis for joint in self._joints], np.int64)
-        source = self._source(owner, axes, timeout_s)
+        source = self._source(owner, self._joint_axes, timeout_s)
         open_stream = partial(self, timeout_s=timeout_s, owner=owner, source=source)
-        return StreamClient(TorqueCommands(self._limits.names, source, self._clock), open_stream)
+        return StreamClient(
+            TorqueCommands(self._limits.names, source, self._axes.clock), open_stream
+        )
 
     def _torque_limits(self, chosen: IntArray) -> FloatArray:
         limits = []
         for column in chosen:
-            joint = self._joints[column]
+            joint = self._descriptor.joints[column]
             if joint.effort_limit is None:
                 key = joint.key("torque_limit_nm")
                 raise InvalidArgument(

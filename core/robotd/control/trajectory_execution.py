@@ -30,10 +30,7 @@ class PlannedGoal:
     """Trajectory of m joints with the conditions of its execution.
 
     Attributes:
-        trajectory: planned and checked.
         axes: (m,) index of each joint's axis.
-        limits: of the same joints.
-        tolerances: of the path and the goal.
         stopped_velocity: (m,) rad/s or m/s below which a joint is at rest.
     """
 
@@ -52,13 +49,11 @@ class TrajectoryExecution(JointSource):
     requests the end when it cannot continue.
 
     Args:
-        goal: to execute.
         start_ns: monotonic time of the trajectory's time 0.
         feedback_period_s: see ``AxisDriver``; the command of that time ago is compared with the
             measured values. 0: that of the present period.
 
     Attributes:
-        trajectory: of the goal.
         time_s: trajectory time of ``setpoint``.
     """
 
@@ -106,8 +101,7 @@ class TrajectoryExecution(JointSource):
     def override_speed(self, ratio: float) -> None:
         """Scale the rate of this trajectory, by a ramp, beside the speed of all motion. Any thread.
 
-        Args:
-            ratio: above 0, to 1.
+        ``ratio``: above 0, to 1.
 
         Raises Unsupported: the device interpolates the trajectory itself.
         """
@@ -248,13 +242,10 @@ class TrajectoryExecution(JointSource):
         """Continue on the path, or along the stop, to ``due_ns``.
 
         Args:
-            time_ns: of the present period.
             due_ns: of the setpoint.
             pause_ns: since the period before.
-            image: of the present period.
 
-        Returns:
-            The next phase, None while it moves.
+        Returns the next phase, None while it moves.
         """
 
     def _hold(self, due_ns: int, period_ns: int) -> None:

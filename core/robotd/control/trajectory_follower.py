@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 
 from robotd.arrays import FloatArray
-from robotd.clock import NANOSECONDS, Clock
+from robotd.clock import NANOSECONDS
 from robotd.clock.simulated import held
 from robotd.control.axis_limits import joint_limits, trajectory_rules
 from robotd.control.completion import Outcome
@@ -50,14 +50,8 @@ class TrajectoryFollower:
 
     Any worker thread may call; concurrent goals are planned one after the other.
 
-    Args:
-        motion: of the joints.
-        axes: of the robot, with the limits in force.
-        descriptor: joints of the group, and the settings of trajectories.
-        clock: of the control loop.
-        motion_limits: of the group.
-        on_device: driver that interpolates trajectories itself, where
-            ``axes.trajectories_on_device``; None: they are streamed.
+    ``on_device``: driver that interpolates trajectories itself, where
+    ``axes.trajectories_on_device``; None: they are streamed.
     """
 
     def __init__(
@@ -65,18 +59,15 @@ class TrajectoryFollower:
         motion: JointMotion,
         axes: Axes,
         descriptor: RobotDescriptor,
-        clock: Clock,
         motion_limits: MotionLimits,
         on_device: AxisDriver | None = None,
     ) -> None:
         joints = descriptor.joints
         self.limits = joint_limits(joints, axes.limits, axes.device_limits)
         self.rules = trajectory_rules(descriptor.trajectory, self.limits.units)
-        self._motion = motion
+        self._motion, self._clock, self._events = motion, axes.clock, axes.events
         self._speed, self._motion_limits = axes.speed, motion_limits
         self._takeover = descriptor.stream.takeover
-        self._events = axes.events
-        self._clock = clock
         self._joint_axes = np.array([joint.axis for joint in joints], np.int64)
         self._on_device, self._axes = on_device, axes
         self._checked: Trajectory | None = None  # path that passed last
@@ -146,7 +137,7 @@ class TrajectoryFollower:
             TrajectoryRejected: the request is not acceptable; a running trajectory continues.
             NotReady: a joint cannot be commanded now, or a newer request was started already.
         """
-        limits, axes, allowed = self.limits, self._axes, tolerances or self.tolerances()
+        limits, allowed = self.limits, tolerances or self.tolerances()
 
         def planned(state: MotionState) -> Callable[[int], TrajectoryExecution]:
             trajectory = plan(request, limits, self.rules, state, recent_path)
@@ -161,15 +152,7 @@ class TrajectoryFollower:
             )
             if self._on_device is not None:
                 return partial(DeviceTrajectory, self._on_device, goal)
-            return partial(
-                StreamedTrajectory,
-                goal,
-                feedback_period_s=axes.feedback_period_s,
-                underrun=axes.underrun,
-                buffer_s=axes.stream_buffer_s,
-                speed=axes.speed,
-                motion_limits=self._motion_limits,
-            )
+            return partial(StreamedTrajectory, self._axes, self._motion_limits, goal)
 
         try:
             with self._motion.lock, held(self._clock):

@@ -87,12 +87,10 @@ class WheelMotion(SetpointSource):
     step from the last one that the device has.
 
     Args:
-        axes: for the reasons why a wheel cannot move.
         wheel_axes: axes of the wheels, in the order of ``follower``.
         modes: of these axes; those in position mode steer.
         follower: of the limited twists, at rest; one for each motion.
         limiter: at rest; one for each motion.
-        command: twist to reach.
         claimed_ns: time of the claim.
         start_ns: due time of the first setpoint, at the earliest.
 
@@ -140,7 +138,6 @@ class WheelMotion(SetpointSource):
         return True
 
     def sent(self, due_ns: int) -> None:
-        """Note that the device has the setpoint."""
         self._sent = True
 
     def _follow(self, twist: PlanarTwist, period_ns: int) -> None:

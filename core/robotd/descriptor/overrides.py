@@ -13,7 +13,6 @@ ORIGIN = Path("--set")
 """Named in place of a file in the errors about such a value."""
 
 FIXED_KEYS = ("schema", "name", "extends", "variants", "default_variant")
-
 """Keys that only the file itself can hold: neither a variant nor an override changes them."""
 
 

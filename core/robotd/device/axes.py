@@ -81,14 +81,13 @@ class Axes:
     what was stopped meanwhile is stopped again when the driver has begun it.
 
     Args:
-        driver: the backend's axes.
-        image: the live process image, written by the control loop.
         limits: per axis, in force: those of the device are included.
         names: per axis, for error texts (``joint2`` or ``axis 1``).
-        clock: to wait by.
         events: where commands are noted; None: in its own log.
 
     Attributes:
+        image, connection, clock: of the robot; ``clock`` is to wait by.
+        backend: name, for errors.
         stop_latch: no motion starts while it is engaged.
         stops: stops that the control loop requests.
         device_limits, feedback_period_s, underrun, stream_buffer_s: of the driver when it was made.
@@ -110,7 +109,7 @@ class Axes:
         events: EventLog | None = None,
     ) -> None:
         self.events = events or EventLog(clock.now_ns)
-        self.image = image
+        self.image, self.connection, self.clock, self.backend = image, connection, clock, backend
         self.limits, self.device_limits = tuple(limits), tuple(driver.device_limits)
         self.feedback_period_s = driver.feedback_period_s
         self.underrun, self.stream_buffer_s = driver.underrun, driver.stream_buffer_s
@@ -122,10 +121,7 @@ class Axes:
         self.motion_limits: list[MotionLimits] = []
         self.deceleration = [math.inf] * len(names)
         self._driver = driver
-        self._connection = connection
         self._capabilities = capabilities
-        self._backend = backend
-        self._clock = clock
         self._shown_s = max(SHOWN_S, SAMPLES * self.feedback_period_s)
         self._commanded_ns = 0  # time of the last motion command
         self._stops = [0] * len(names)  # number of stops of each axis so far
@@ -163,7 +159,7 @@ class Axes:
         OperationError where axes are read-only. Part of every command. Any thread.
         """
         self.stop_latch.check_commandable()
-        self._connection.require_ready()
+        self.connection.require_ready()
         self.check_numbers(axes)
 
     def check_numbers(self, axes: Sequence[int]) -> None:
@@ -208,7 +204,7 @@ class Axes:
         setpoints from before would be far away, and after a request to end.
         """
         self.check_axes([axis])
-        group, connection = self.servo_group(axis), self._connection
+        group, connection = self.servo_group(axis), self.connection
         timeout_s = connection.settings.servo_timeout_s
         with self._naming(axis):
             if not on:
@@ -235,7 +231,7 @@ class Axes:
         """Clear the amplifier alarm of one axis; waits until it is gone."""
         self._check_axis(axis)
         with self._naming(axis):
-            self._driver.clear_alarm(axis, self._connection.settings.servo_timeout_s)
+            self._driver.clear_alarm(axis, self.connection.settings.servo_timeout_s)
         self._wait_for(lambda: not self.image.amp_alarm[axis])
 
     @noted
@@ -258,10 +254,10 @@ class Axes:
         self._check_axis(axis)
         self.check_polarity(axis, polarity)
         self._require(Capability.SCALING, "polarity")
-        with self._connection.scaling_lock, self._naming(axis):
+        with self.connection.scaling_lock, self._naming(axis):
             self._check_servo_off(axis, "polarity")
             self._driver.set_polarity(axis, polarity)
-        self._wait_for_newer(self._clock.now_ns())
+        self._wait_for_newer(self.clock.now_ns())
 
     @noted
     def set_gear_ratio(self, axis: int, numerator: float, denominator: float) -> None:
@@ -269,10 +265,10 @@ class Axes:
         self._check_axis(axis)
         self.check_gear_ratio(axis, numerator, denominator)
         self._require(Capability.SCALING, "gear ratio")
-        with self._connection.scaling_lock, self._naming(axis):
+        with self.connection.scaling_lock, self._naming(axis):
             self._check_servo_off(axis, "the gear ratio")
             self._driver.set_gear_ratio(axis, numerator, denominator)
-        self._wait_for_newer(self._clock.now_ns())
+        self._wait_for_newer(self.clock.now_ns())
 
     @noted
     def home(self, axis: int) -> None:
@@ -281,8 +277,8 @@ class Axes:
         self.stop_latch.check()
         self._require(Capability.HOMING, "homing")
         with self._reserved(axis, "homing"), self._naming(axis):
-            self._driver.home(axis, self._connection.settings.homing_timeout_s)
-            self._wait_for_newer(self._clock.now_ns())
+            self._driver.home(axis, self.connection.settings.homing_timeout_s)
+            self._wait_for_newer(self.clock.now_ns())
 
     @noted
     def move(self, moves: Sequence[Move], *, relative: bool = False) -> None:
@@ -353,7 +349,7 @@ class Axes:
         """
         (self.quick_stop if quick else self.stop)(axes)
         self.wait_for_motion()
-        if not wait_until(lambda: not self._moving(axes), timeout_s, self._clock):
+        if not wait_until(lambda: not self._moving(axes), timeout_s, self.clock):
             names = ", ".join(self.names[axis] for axis in self._moving(axes))
             raise DeviceTimeout(f"{names}: not at rest after {timeout_s} s")
 
@@ -425,8 +421,8 @@ class Axes:
     def rejection(self, axis: int, mode: CommandMode, by: str = "") -> NotReady | None:
         """The error of a motion command now, of a client named ``by``; None: accepted."""
         image = self.image
-        if not self._connection.commandable:
-            return NotReady(self._connection.rejection)
+        if not self.connection.commandable:
+            return NotReady(self.connection.rejection)
         if image.fault(axis):
             return self._fault_error(axis)
         if not image.servo_on[axis]:
@@ -494,10 +490,10 @@ class Axes:
     def _require(self, capability: Capability | None, feature: str) -> None:
         self.stop_latch.check_commandable()
         if capability is not None and capability not in self._capabilities:
-            raise Unsupported(feature, self._backend)
+            raise Unsupported(feature, self.backend)
 
     def _stop(self, axes: Sequence[int], stop: Callable[[Sequence[int]], None]) -> None:
-        if self._connection.ready:
+        if self.connection.ready:
             self.check_axes(axes)
             for axis in axes:
                 self._stops[axis] += 1
@@ -513,7 +509,7 @@ class Axes:
         Not for long, and no longer than the device is ready.
         """
         timeout_s = max(at_least_s, self._shown_s)
-        wait_until(lambda: condition() or not self._connection.ready, timeout_s, self._clock)
+        wait_until(lambda: condition() or not self.connection.ready, timeout_s, self.clock)
 
     def _wait_for_newer(self, time_ns: int) -> None:
         """Wait for an image that is newer than ``time_ns``."""
@@ -525,7 +521,7 @@ class Axes:
         """Begin a motion in the block. Raises NotReady after a stop since ``stops``."""
         self._check_not_stopped(axis, stops)
         yield
-        self._commanded_ns = self._clock.now_ns()
+        self._commanded_ns = self.clock.now_ns()
         try:
             self._check_not_stopped(axis, stops)
         except NotReady:

@@ -60,9 +60,6 @@ class CameraPictures:
     """Pictures for any number of viewers: each is rendered once in a period of its camera.
 
     Any thread may call.
-
-    Args:
-        world: with the cameras.
     """
 
     def __init__(self, world: World) -> None:

@@ -79,20 +79,13 @@ class Connection:
 
     Attributes:
         before_stop: called before communication is stopped on purpose: brings motion to rest.
-        step: the step that a start-up is in.
-        parameters_file: as above.
         scaling_lock: held while the scale of axes may change.
         ready: axes can be commanded: communicating, parameters in force, values fresh.
             Communication that ``start_communication`` has not brought about does not count.
         established: True from the end of ``start_communication`` until it is stopped on purpose.
             While it is, a device that is not ready has been lost.
-
-    Args:
-        driver: the backend's device, not connected yet.
-        settings: tries, time-outs and ages from the descriptor.
-        parameters_file: applied whenever communication starts on a newly opened device;
-            None leaves the device's own parameters.
-        backend: name used in error texts.
+        parameters_file: applied whenever communication starts on a newly opened device; None leaves
+            the device's own parameters.
     """
 
     def __init__(

@@ -21,7 +21,6 @@ class Fieldbus:
 
     Args:
         driver: the backend's driver; None answers every call with ``Unsupported``.
-        capabilities: of the backend.
         events: where writes are noted; None: in a log of its own.
         kept_at_rest: lets no motion start in its block; raises NotReady while an axis moves.
             None: motion does not matter.

@@ -48,17 +48,13 @@ class Gripper:
     fingers travel at constant speed from one end to the other, advanced by the control loop. An
     input may show that a part is held.
 
-    Args:
-        io: of the robot.
-        settings: of the descriptor.
-        clock: to wait by.
-        measured: reads the positions of the fingers; None: they are not measured.
+    ``measured``: reads the positions of the fingers; None: they are not measured.
 
     Attributes:
         joints: names of the fingers.
         multipliers: position of each finger per position of the gripper; shape (fingers,).
+        closed: part of the stroke that the fingers are closed by, 0 to 1.
         open_m, closed_m: position of the gripper at the two ends; set by ``configure``.
-        is_measured: the positions of the fingers are measured.
     """
 
     def __init__(
@@ -81,7 +77,7 @@ class Gripper:
             io.input_watcher(sensor.input_byte, sensor.input_bit) if sensor else lambda: False
         )
         self._travel_ns = settings.travel_time_s * NANOSECONDS
-        self._closed = 0.0  # 0 to 1
+        self.closed = 0.0  # 0 to 1
         self._last_ns = 0
         self._moves = 0  # counts them: the newest one replaces the others
         self._lock = threading.Lock()
@@ -167,7 +163,7 @@ class Gripper:
         wait_until(lambda: interrupted() or (held and self._holds_part()), travel_s, self._clock)
         if held and self._holds_part():
             return GripperState(self.position_m, False, True, True)
-        if interrupted() and self._closed != end:
+        if interrupted() and self.closed != end:
             return GripperState(self.position_m, False, False, False)
         end_m = self.closed_m if closes else self.open_m
         near = abs(end_m - position_m) <= TOLERANCE * abs(self.closed_m - self.open_m)
@@ -201,14 +197,9 @@ class Gripper:
         return self._commanded()
 
     @property
-    def closed(self) -> float:
-        """Part of the stroke that the fingers are closed by, 0 to 1. Any thread."""
-        return self._closed
-
-    @property
     def position_m(self) -> float:
         """Position of the gripper: the mean of the fingers where they are measured. Any thread."""
-        return self.open_m + (self.closed_m - self.open_m) * self._closed
+        return self.open_m + (self.closed_m - self.open_m) * self.closed
 
     @property
     def finger_ends(self) -> dict[str, tuple[float, float]]:
@@ -238,7 +229,7 @@ class Gripper:
         if closes and self._has_sensor and self._holds_part():
             return
         step = elapsed_ns / self._travel_ns if self._travel_ns else 1.0
-        self._closed += min(max(float(closes) - self._closed, -step), step)
+        self.closed += min(max(float(closes) - self.closed, -step), step)
 
     def _follow_fingers(self, now_ns: int) -> None:
         """Derive the position of the gripper from its fingers, and note when they moved last."""
@@ -246,6 +237,6 @@ class Gripper:
         position_m = float(np.mean(self._fingers[moving] / self.multipliers[moving]))
         if not math.isfinite(position_m):
             return
-        self._closed = (position_m - self.open_m) / (self.closed_m - self.open_m)
+        self.closed = (position_m - self.open_m) / (self.closed_m - self.open_m)
         if not abs(position_m - self._still_m) <= STILL * abs(self.closed_m - self.open_m):
             self._still_m, self._still_ns = position_m, now_ns

@@ -18,7 +18,6 @@ class Io:
     Args:
         driver: the backend's driver; None answers every call with ``Unsupported``.
         events: where commands are noted; None: in a log of its own.
-        inputs, outputs: named bits of the descriptor.
 
     Attributes:
         inputs, outputs: addresses of the named bits.

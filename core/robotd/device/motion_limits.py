@@ -31,11 +31,9 @@ class MotionLimits:
     Under a limit of the speed trajectories keep their path, and streams the direction of their
     velocity. A stream that would run into an obstacle is stopped, and its command forgotten.
 
-    Args:
-        axes: of the joints, in their order.
+    ``axes``: of the joints, in their order.
 
     Attributes:
-        axes: of the joints.
         factors: of the limit of the speed in force, for the control loop; None: there is none.
         reason, remedy: of that limit, one line each for people; "" without one.
         check_path: of each trajectory before it begins; None: none.
@@ -62,9 +60,7 @@ class MotionLimits:
 
         While one joint turns alone its distance from the tool stays; so a command keeps its speed.
 
-        Args:
-            velocities: of axes that are about to move by themselves, not in a stream.
-            image: the present one.
+        ``velocities``: of axes that are about to move by themselves, not in a stream.
 
         Raises NotReady: more than one joint would move, or a position is unknown.
         """

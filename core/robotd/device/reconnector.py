@@ -17,8 +17,7 @@ END_TIMEOUT_S = 15.0  # for an attempt that is under way
 class Reconnector:
     """Thread ``robotd-reconnect``: restores communication while it is lost. Servos stay off.
 
-    Args:
-        connection: attempts are made while it is ``lost``, one every ``open_retry_s``.
+    ``connection``: attempts are made while it is ``lost``, one every ``open_retry_s``.
     """
 
     def __init__(self, connection: Connection) -> None:

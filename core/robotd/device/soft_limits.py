@@ -14,12 +14,7 @@ REACTION_PERIODS = 3.0  # values are a period old, a stop begins a period later;
 
 
 class SoftLimitGuard:
-    """Stops velocity commands so that their axes come to rest within the position limits.
-
-    Args:
-        axes: whose limits and commands count.
-        period_s: of the control loop.
-    """
+    """Stops velocity commands so that their axes come to rest within the position limits."""
 
     def __init__(self, axes: Axes, period_s: float) -> None:
         self._axes = axes

@@ -20,9 +20,7 @@ class StopLatch:
 
     Any thread. Commands check it before they start motion; ``MotionStop`` ends what runs.
 
-    Args:
-        read_only: ``AxisDriver.read_only``.
-        repeated: called with the reason of a stop while motion is stopped already.
+    ``repeated``: called with the reason of a stop while motion is stopped already.
 
     Attributes:
         read_only: the axes cannot be commanded at all.
@@ -113,10 +111,6 @@ class StopRequests:
 
     A stop that takes long delays other stops that the control loop requests, and nothing else.
     Before ``start``, as in simulated time, the requesting thread calls the driver.
-
-    Args:
-        driver: of the axes.
-        names: per axis, for the log.
     """
 
     def __init__(self, driver: AxisDriver, names: Sequence[str]) -> None:

@@ -19,14 +19,10 @@ log = get_logger("robot")
 class ToolPose:
     """Pose of one link in the root of the URDF. Any thread.
 
-    Args:
-        urdf: of the robot.
-        link: name of the link.
-        axes: axis of each joint, by name; other joints are at 0.
+    ``axes``: axis of each joint, by name; other joints are at 0.
 
     Attributes:
         base: root link of the URDF.
-        link: name of the link.
     """
 
     def __init__(self, urdf: UrdfRobot, link: str, axes: Mapping[str, int]) -> None:
@@ -38,8 +34,7 @@ class ToolPose:
 
         None while a position is unknown.
 
-        Args:
-            image: a copy, which does not change meanwhile.
+        ``image``: a copy, which does not change meanwhile.
         """
         positions = {name: float(image.position[axis]) for name, axis in self._axes.items()}
         frame = self._urdf.pose(self.link, positions)

@@ -14,7 +14,6 @@ from robotd.motion.spline_points import spline_points
 from robotd.motion.stopping import StopPlan, plan_stop
 from robotd.motion.tolerance import (
     JointTolerance,
-    ToleranceKind,
     Tolerances,
     Violation,
 )
@@ -29,7 +28,6 @@ __all__ = [
     "RejectionCode",
     "Sampler",
     "StopPlan",
-    "ToleranceKind",
     "Tolerances",
     "Trajectory",
     "TrajectoryRejected",

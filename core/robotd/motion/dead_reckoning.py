@@ -16,9 +16,7 @@ class Odometry:
     is integrated exactly. The first update after the start, or after ``rebase``, only takes the
     wheels' positions as the baseline. Not thread-safe.
 
-    Args:
-        wheels: their kinematics.
-        wrap: range in rad after which a wheel's position begins again; None: it never does.
+    ``wrap``: range in rad after which a wheel's position begins again; None: it never does.
     """
 
     def __init__(self, wheels: BaseKinematics, wrap: float | None = None) -> None:

@@ -35,8 +35,7 @@ def interpolate(
 
     ``start_velocity`` (m,) is that at the first knot where the knots have no velocities.
 
-    Raises:
-        TrajectoryRejected: the numbers are too large to compute with.
+    Raises TrajectoryRejected: the numbers are too large to compute with.
     """
     times_s, positions = knots.times_s, knots.positions
     with np.errstate(all="ignore"):

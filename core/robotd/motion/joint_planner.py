@@ -68,8 +68,7 @@ class JointPlanner:
             velocity: at the target; afterwards the joint continues with it.
             bounds: of the way.
 
-        Returns:
-            False when ruckig finds no plan; ``at`` is then undefined.
+        Returns False when ruckig finds no plan; ``at`` is then undefined.
         """
         parameters = self._input
         position, parameters.current_velocity, acceleration = state

@@ -26,8 +26,7 @@ class JointLimits:
         jerk: positive, in rad/s³ (m/s³), of streamed motion; empty, or NaN of a joint: the
             acceleration limit is reached in ``FULL_ACCELERATION_S``.
 
-    Raises:
-        ValueError: a shape is wrong, a range is empty or a limit is not positive.
+    Raises ValueError: a shape is wrong, a range is empty or a limit is not positive.
     """
 
     names: tuple[str, ...]

@@ -37,9 +37,7 @@ class SetpointLimiter:
 
     One thread. Arrays are of shape (m,); SI units.
 
-    Args:
-        limits: of the joints; finite except for the positions.
-        period_s: time between two setpoints.
+    ``limits``: of the joints; finite except for the positions.
 
     Attributes:
         state: (3, m) position, velocity and acceleration of the last setpoint.
@@ -74,12 +72,10 @@ class SetpointLimiter:
     def reset(self, state: MotionState, strongest: float = np.inf) -> None:
         """Continue from ``state``, which may be moving or beyond the limits, and stop.
 
-        Args:
-            state: position, velocity and acceleration.
-            strongest: factor of the acceleration limits that no stop exceeds until the next
-                reset. A stop that needs more leaves the position limit, and comes back.
-                A command that comes when the joint is already beyond its limit is planned with
-                the ordinary acceleration, which adds the rest of its way to stop.
+        ``strongest``: factor of the acceleration limits that no stop exceeds until the next reset.
+        A stop that needs more leaves the position limit, and comes back. A command that comes when
+        the joint is already beyond its limit is planned with the ordinary acceleration, which adds
+        the rest of its way to stop.
         """
         self._strongest = [strongest * each for each in self._bounds.highest_acceleration]
         self.state[:] = state.position, state.velocity, state.acceleration

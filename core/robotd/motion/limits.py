@@ -72,12 +72,10 @@ def check_move(limits: AxisLimits, target: float, profile: Profile) -> None:
     """Reject a move that the axis must not make.
 
     Args:
-        limits: of the axis.
         target: absolute; for a relative move, where it leads to.
         profile: of the move; all its values have to be positive.
 
-    Raises:
-        InvalidArgument: naming the value and the limit, not the axis.
+    Raises InvalidArgument: naming the value and the limit, not the axis.
     """
     _check_finite("target", target)
     _check_positive("velocity", profile.velocity)
@@ -91,13 +89,8 @@ def check_move(limits: AxisLimits, target: float, profile: Profile) -> None:
 def check_jog(limits: AxisLimits, position: float, profile: Profile) -> None:
     """Reject a velocity command beyond the limits, or too late to stop before one.
 
-    Args:
-        limits: of the axis.
-        position: now.
-        profile: of the command; its velocity is signed and may be 0.
-
-    Raises:
-        InvalidArgument: naming the values and the limit, not the axis.
+    ``profile``: of the command; its velocity is signed and may be 0.
+    Raises InvalidArgument: naming the values and the limit, not the axis.
     """
     velocity, unit = profile.velocity, limits.unit
     _check_finite("velocity", velocity)
@@ -116,7 +109,6 @@ def room_to_stop(
     """Return the distance to a position limit after braking; negative where it is too late.
 
     Args:
-        limits: of the axis.
         position, velocity: now; the limit is the one that ``velocity`` leads to.
         deceleration: of the stop, positive.
     """

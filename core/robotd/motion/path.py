@@ -23,7 +23,6 @@ class PathBuilder:
     Args:
         points: merged, in axis order.
         start: commanded state at time 0.
-        limits, rules: of the joints.
         recent_path: (w, m) positions that the joints had or will have, at any of which a
             first point at time 0 may be; None: at ``start`` only.
     """
@@ -52,9 +51,8 @@ class PathBuilder:
         point is reached from the start in its own time; where that time is too short for the
         limits and the path, extended back to time 0, passes the start, it is blended too.
 
-        Raises:
-            TrajectoryRejected: a first point at time 0 beyond the start tolerance; an end that
-                leaves no time to stop; numbers too large to compute with.
+        Raises TrajectoryRejected: a first point at time 0 beyond the start tolerance; an end that
+        leaves no time to stop; numbers too large to compute with.
         """
         points = self._points
         if points.times_s[0] < ROUNDED_SPACING_S:

@@ -53,8 +53,7 @@ def merge_note(points: TrajectoryRequest, merged: TrajectoryRequest) -> tuple[st
 def check_end(points: TrajectoryRequest, limits: JointLimits, *, may_move: bool) -> None:
     """Reject a last point with a velocity, unless it ``may_move`` and comes after time 0.
 
-    Raises:
-        TrajectoryRejected: naming joint, time and velocity.
+    Raises TrajectoryRejected: naming joint, time and velocity.
     """
     if points.velocities is None:
         return
@@ -117,8 +116,7 @@ def check_path_limits(
     ``rules.acceleration_margin`` None accelerations are checked against the device's limits
     only. The margins do not extend those.
 
-    Raises:
-        TrajectoryRejected: ``INVALID_GOAL``.
+    Raises TrajectoryRejected: ``INVALID_GOAL``.
     """
     velocity = _Bound(limits.velocity, rules.velocity_margin, limits.device_velocity)
     margin = rules.acceleration_margin

@@ -132,8 +132,7 @@ _ORDER = 5
 def with_run_out(path: Trajectory, limits: JointLimits) -> Trajectory:
     """Return ``path`` with a run-out if it ends with a velocity, else ``path``.
 
-    Raises:
-        TrajectoryRejected: a joint would leave its position limits before it rests.
+    Raises TrajectoryRejected: a joint would leave its position limits before it rests.
     """
     velocity = _end_velocity(path)
     if (np.abs(velocity) <= REST_VELOCITY).all():

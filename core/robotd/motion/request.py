@@ -56,9 +56,8 @@ class TrajectoryRequest:
         Velocities and accelerations are used where every point has them. Those of some points
         only are ignored, with a note; accelerations also where velocities are ignored.
 
-        Raises:
-            TrajectoryRejected: no joints, no positions, or a row of another length than
-                ``joint_names``.
+        Raises TrajectoryRejected: no joints, no positions, or a row of another length than
+        ``joint_names``.
         """
         if not joint_names:
             raise reject_joints("the trajectory names no joints")
@@ -141,11 +140,10 @@ def arrange(
 ) -> TrajectoryRequest:
     """Check a request and order its joints; missing joints hold at ``start``.
 
-    Raises:
-        TrajectoryRejected: joints unknown or doubled; joints missing that move, or where
-            ``rules.allow_partial_joints`` is off; no points or more than
-            ``rules.max_points``; lengths that do not fit; numbers that are not finite; a
-            time that is negative or before the one of the point in front of it.
+    Raises TrajectoryRejected: joints unknown or doubled; joints missing that move, or where
+    ``rules.allow_partial_joints`` is off; no points or more than ``rules.max_points``; lengths that
+    do not fit; numbers that are not finite; a time that is negative or before the one of the point
+    in front of it.
     """
     _check_names(request.joint_names, limits.names)
     _check_missing(request.joint_names, limits, rules, start)

@@ -34,6 +34,9 @@ class SlidingWindow:
         times_ns: (n,) increasing.
         position: (n, m) rad or m.
         velocity: (n, m) at the points.
+
+    Attributes:
+        stands: joints that come to rest at the last two points, and do not overshoot them.
     """
 
     def __init__(self, times_ns: Sequence[int], position: FloatArray, velocity: FloatArray) -> None:
@@ -44,11 +47,6 @@ class SlidingWindow:
         """The last position."""
         newest: Row = self._position[-1].tolist()
         return newest
-
-    @property
-    def stands(self) -> list[bool]:
-        """Joints that come to rest at the last two points, and do not overshoot them."""
-        return self._stands
 
     def replace(self, times_ns: Sequence[int], position: FloatArray, velocity: FloatArray) -> None:
         """Replace the points from the first of ``times_ns`` on; arguments: those of the class."""
@@ -93,7 +91,7 @@ class SlidingWindow:
         self._lowest = np.maximum(-velocity.min(axis=0), 0.0)
         differs = position != position[-1]
         ends = ~differs[-2:].any(axis=0) & (velocity[-1] == 0.0)
-        self._stands: list[bool] = (ends & differs.any(axis=0)).tolist()
+        self.stands: list[bool] = (ends & differs.any(axis=0)).tolist()
         count, joints = position.shape
         times = (np.array(times_ns) - times_ns[0]) / NANOSECONDS
         self._times: list[float] = times.tolist()

@@ -26,8 +26,7 @@ def spline_points(trajectory: Trajectory, max_points: int) -> tuple[FloatArray, 
 
     The spline through them is within ``MAX_ERROR`` of the trajectory at all times.
 
-    Raises:
-        TrajectoryRejected: more than ``max_points`` points are needed.
+    Raises TrajectoryRejected: more than ``max_points`` points are needed.
     """
     if trajectory.kind is Interpolation.CUBIC_SPLINE and len(trajectory.breaks) <= max_points:
         return trajectory.breaks, np.ascontiguousarray(trajectory.knot_positions)

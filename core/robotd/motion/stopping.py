@@ -37,11 +37,12 @@ class StopPlan:
     def __init__(
         self, trajectory: Trajectory, from_s: float, acceleration: FloatArray, rate: float
     ) -> None:
-        self._from_s = from_s
         self._trajectory, self._acceleration = trajectory, acceleration
-        self._ramp = _Ramp(from_s, rate)
         self._cell_s = _first_cell(trajectory, from_s, acceleration)
         self._edges: FloatArray = np.array([from_s])
+        # Between the pieces found so far, their beginning and end included.
+        self._elapsed_s, self._times_s, self._rates = [0.0], [from_s], [rate]
+        self._decelerations: list[float] = []  # of the pieces
 
     def at(self, elapsed_s: float) -> tuple[float, float, float]:
         """Return trajectory time (s), rate, and its deceleration (1/s). Cycle: yes.
@@ -49,26 +50,47 @@ class StopPlan:
         Before 0 it is the first rate; from the end of the stop on it is 0.
         """
         self._plan_until(elapsed_s)
-        ramp = self._ramp
-        if elapsed_s >= ramp.elapsed_s:
-            return ramp.time_s, 0.0, 0.0
+        if elapsed_s >= self._elapsed_s[-1]:
+            return self._times_s[-1], 0.0, 0.0
         if elapsed_s < 0.0:
-            return self._from_s + elapsed_s * ramp.all_rates[0], ramp.all_rates[0], 0.0
-        piece = bisect_right(ramp.all_elapsed_s, elapsed_s) - 1
-        since, slope = elapsed_s - ramp.all_elapsed_s[piece], ramp.decelerations[piece]
-        rate = ramp.all_rates[piece] - slope * since
-        return ramp.all_times_s[piece] + (ramp.all_rates[piece] + rate) / 2.0 * since, rate, slope
+            return self._times_s[0] + elapsed_s * self._rates[0], self._rates[0], 0.0
+        piece = bisect_right(self._elapsed_s, elapsed_s) - 1
+        since, slope = elapsed_s - self._elapsed_s[piece], self._decelerations[piece]
+        rate = self._rates[piece] - slope * since
+        return self._times_s[piece] + (self._rates[piece] + rate) / 2.0 * since, rate, slope
 
     def _plan_until(self, elapsed_s: float) -> None:
         """Plan the pieces up to ``elapsed_s``, and at least the first."""
-        ramp, end_s = self._ramp, self._trajectory.duration_s
-        while ramp.rate > 0.0 and ramp.time_s < end_s and ramp.elapsed_s <= elapsed_s:
+        end_s = self._trajectory.duration_s
+        while self._moves_before(end_s) and self._elapsed_s[-1] <= elapsed_s:
             if len(self._edges) == 1:
-                edges = ramp.time_s + self._cell_s * np.arange(_CELLS + 1)
+                edges = self._times_s[-1] + self._cell_s * np.arange(_CELLS + 1)
                 self._edges = np.minimum(edges, end_s)
                 self._cell_s = min(2.0 * self._cell_s, _MAX_CELL_S)
             edges, self._edges = self._edges[: _AT_ONCE + 1], self._edges[_AT_ONCE:]
-            ramp.follow(edges.tolist(), *_capacity(self._trajectory, edges, self._acceleration))
+            limit, braking, speed = _capacity(self._trajectory, edges, self._acceleration)
+            for cell, cell_end_s in enumerate(edges[1:].tolist()):
+                if not self._moves_before(cell_end_s):
+                    break
+                spare = limit - braking[cell] * self._rates[-1] ** 2
+                allowed = np.where(spare > 0.0, spare, _MIN_SHARE * limit) / speed[cell]
+                self._slow_down(min(float(allowed.min()), _MAX_DECELERATION), cell_end_s)
+
+    def _moves_before(self, end_s: float) -> bool:
+        return self._rates[-1] > 0.0 and self._times_s[-1] < end_s
+
+    def _slow_down(self, slope: float, end_s: float) -> None:
+        """Add a piece until ``end_s``, or until standstill."""
+        time_s, before = self._times_s[-1], self._rates[-1]
+        rate = max(before**2 - 2.0 * slope * (end_s - time_s), 0.0) ** 0.5
+        if rate > 0.0:
+            took_s = 2.0 * (end_s - time_s) / (before + rate)
+        else:
+            took_s, end_s = before / slope, time_s + before**2 / (2.0 * slope)
+        self._decelerations.append(slope)
+        self._elapsed_s.append(self._elapsed_s[-1] + took_s)
+        self._times_s.append(end_s)
+        self._rates.append(rate)
 
 
 def plan_stop(
@@ -90,41 +112,6 @@ def plan_stop(
     """
     from_s = min(max(from_s, 0.0), trajectory.duration_s)
     return StopPlan(trajectory, from_s, np.minimum(limits.acceleration, _UNLIMITED), rate)
-
-
-class _Ramp:
-    """Pieces found so far, and the end of the last of them."""
-
-    def __init__(self, from_s: float, rate: float) -> None:
-        self.elapsed_s, self.time_s, self.rate = 0.0, from_s, rate
-        self.all_elapsed_s, self.all_times_s, self.all_rates = [0.0], [from_s], [rate]
-        self.decelerations: list[float] = []
-
-    def follow(
-        self, edges: list[float], limit: FloatArray, braking: FloatArray, speed: FloatArray
-    ) -> None:
-        """Add the cells between ``edges``, or those until standstill."""
-        for cell, end_s in enumerate(edges[1:]):
-            if self.rate <= 0.0 or end_s <= self.time_s:
-                return
-            spare = limit - braking[cell] * self.rate**2
-            allowed = np.where(spare > 0.0, spare, _MIN_SHARE * limit) / speed[cell]
-            self._slow_down(min(float(allowed.min()), _MAX_DECELERATION), end_s)
-
-    def _slow_down(self, slope: float, end_s: float) -> None:
-        squared = self.rate**2 - 2.0 * slope * (end_s - self.time_s)
-        rate = max(squared, 0.0) ** 0.5
-        if rate > 0.0:
-            self.elapsed_s += 2.0 * (end_s - self.time_s) / (self.rate + rate)
-            self.time_s = end_s
-        else:
-            self.elapsed_s += self.rate / slope
-            self.time_s += self.rate**2 / (2.0 * slope)
-        self.rate = rate
-        self.decelerations.append(slope)
-        self.all_elapsed_s.append(self.elapsed_s)
-        self.all_times_s.append(self.time_s)
-        self.all_rates.append(rate)
 
 
 def _first_cell(trajectory: Trajectory, from_s: float, acceleration: FloatArray) -> float:

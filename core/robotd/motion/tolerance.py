@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from enum import Enum
 
 import numpy as np
 
@@ -13,13 +12,6 @@ from robotd.motion.joints import JointLimits, TrajectoryRules
 from robotd.motion.rejection import distinct, reject, reject_joints
 
 _UNIT_SUFFIX = {"position": "", "velocity": "/s"}
-
-
-class ToleranceKind(Enum):
-    """Time at which a tolerance is checked; the values are words for texts."""
-
-    PATH = "path tolerance"  # while the trajectory runs
-    GOAL = "goal tolerance"  # after its end
 
 
 @dataclass(frozen=True)
@@ -34,9 +26,9 @@ class JointTolerance:
 
 @dataclass(frozen=True)
 class Violation:
-    """Joint out of tolerance. ``str()`` is a sentence for ``error_string``."""
+    """Joint out of tolerance ``kind``. ``str()`` is a sentence for ``error_string``."""
 
-    kind: ToleranceKind
+    kind: str
     joint: str
     quantity: str
     error: float
@@ -48,7 +40,7 @@ class Violation:
         error, limit = distinct(self.error, self.limit, 3)
         return (
             f"{self.joint} at {self.time_s:.3f} s: {self.quantity} error {error} "
-            f"{self.unit} exceeds {self.kind.value} {limit} {self.unit}"
+            f"{self.unit} exceeds {self.kind} {limit} {self.unit}"
         )
 
 
@@ -56,8 +48,6 @@ class Tolerances:
     """Tolerances of one execution: defaults, overridden by those of a goal. One owner thread.
 
     Args:
-        limits: of the joints.
-        rules: with the defaults.
         path, goal: entries of the goal message.
         goal_time_s: of the goal message; 0: the default, -1: no limit.
 
@@ -66,9 +56,8 @@ class Tolerances:
         goal_time_s: time after the end to get within ``goal``; inf waits without an end.
         notes: a sentence for each entry that is ignored (acceleration), for the result's text.
 
-    Raises:
-        TrajectoryRejected: an unknown or doubled joint, or a value that is not a number or
-            negative and not -1.
+    Raises TrajectoryRejected: an unknown or doubled joint, or a value that is not a number or
+    negative and not -1.
     """
 
     def __init__(
@@ -79,9 +68,9 @@ class Tolerances:
         goal: Iterable[JointTolerance] = (),
         goal_time_s: float = 0.0,
     ) -> None:
-        self.path = JointBounds(ToleranceKind.PATH, limits, rules.path_tolerance, None, path)
+        self.path = JointBounds("path tolerance", limits, rules.path_tolerance, None, path)
         self.goal = JointBounds(
-            ToleranceKind.GOAL, limits, rules.goal_tolerance, rules.stopped_velocity, goal
+            "goal tolerance", limits, rules.goal_tolerance, rules.stopped_velocity, goal
         )
         self.goal_time_s = _resolve(goal_time_s, rules.goal_time_s, "goal time tolerance")
         self.notes = (*self.path.notes, *self.goal.notes)
@@ -101,19 +90,13 @@ class Tolerances:
 class JointBounds:
     """Bounds of one kind, (m,) arrays in rad or m; inf: unlimited.
 
-    Args:
-        kind: for texts.
-        joints: whose names and units count.
-        position, velocity: defaults (m,), inf for no limit; None is no limit at all.
-        entries: of the goal message.
-
-    Raises:
-        TrajectoryRejected: see ``Tolerances``.
+    ``position``, ``velocity``: defaults (m,), inf for no limit; None is no limit at all.
+    Raises TrajectoryRejected: see ``Tolerances``.
     """
 
     def __init__(
         self,
-        kind: ToleranceKind,
+        kind: str,
         joints: JointLimits,
         position: FloatArray,
         velocity: FloatArray | None,
@@ -157,9 +140,9 @@ class JointBounds:
         for entry in entries:
             if entry.name not in self.names or entry.name in given:
                 which = "joint given twice" if entry.name in given else "unknown joint"
-                raise reject_joints(f"{self.kind.value}: {which}: '{entry.name}'")
+                raise reject_joints(f"{self.kind}: {which}: '{entry.name}'")
             given.add(entry.name)
-            joint, label = self.names.index(entry.name), f"{entry.name}: {self.kind.value} of"
+            joint, label = self.names.index(entry.name), f"{entry.name}: {self.kind} of"
             for name, bounds in (("position", self.position), ("velocity", self.velocity)):
                 default = float(bounds[joint])
                 bounds[joint] = _resolve(getattr(entry, name), default, f"{label} {name}")

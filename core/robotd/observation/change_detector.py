@@ -19,9 +19,7 @@ _CODE, _MODE, _OPERATION = (NUMBERS.index(name) for name in ("alarm_code", "mode
 class ChangeDetector:
     """Turns changes between successive frames into events. One thread.
 
-    Args:
-        reasons: the device's reasons of the axes, as ``FrameRing.reasons``.
-        names: of the axes.
+    ``reasons``: the device's reasons of the axes, as ``FrameRing.reasons``.
     """
 
     def __init__(self, reasons: Collection[tuple[int, list[str]]], names: Sequence[str]) -> None:

@@ -68,8 +68,8 @@ def measured_joints(
         frames: shape (n,).
         fingers: as ``Gripper.finger_ends``; empty without a gripper.
 
-    Returns:
-        Three arrays (n, axes + fingers); of the fingers velocity is 0 and effort NaN: not measured.
+    Returns three arrays (n, axes + fingers); of the fingers velocity is 0 and effort NaN: not
+    measured.
     """
     opened, closed = np.array([*fingers.values()], np.float64).reshape(-1, 2).T
     positions = opened + (closed - opened) * (frames["closed_ppm"][:, np.newaxis] * 1e-6)
@@ -85,10 +85,7 @@ def measured_joints(
 class FrameMemory:
     """Frames in shared memory, for readers in this and in other processes.
 
-    Args:
-        fd: file descriptor of the memory; stays with the caller.
-        axes: number of axes of a frame.
-        capacity: number of frames.
+    ``fd``: file descriptor of the memory; stays with the caller.
 
     Attributes:
         memory: number of frames written, then the frames from ``COUNT_BYTES`` on.
@@ -164,12 +161,6 @@ class FrameRing(FrameMemory):
     """Last ``seconds`` of frames, fewer where they exceed the memory limit.
 
     Any thread may read; ``period_writer`` fills it.
-
-    Args:
-        axes: number of axes of a frame.
-        rate_hz: of the control loop.
-        seconds: time to hold.
-        memory_bytes: limit of the frames.
 
     Attributes:
         reasons: latest changes of ``ProcessImage.reason``: ``start_ns`` of the first frame with

@@ -27,9 +27,7 @@ Sample = Change | tuple[int, str, NamedValues]
 class IoSampler:
     """Finds changes of inputs and outputs.
 
-    Args:
-        io: of the robot.
-        now_ns: monotonic time of the robot's clock.
+    ``now_ns``: monotonic time of the robot's clock.
 
     Attributes:
         live: functions that read the inputs and the outputs of a live image; None without one.

@@ -51,8 +51,7 @@ def call_with_timeout(budget_s: float, call: Callable[[], Result], name: str) ->
     In the control loop, which starts and waits for no thread, and while the interpreter ends, when
     none starts any more, the call runs in this thread, unlimited.
 
-    Raises:
-        CallTimeout: after ``budget_s``.
+    Raises CallTimeout: after ``budget_s``.
     """
     if is_control_loop() or sys.is_finalizing():
         return call()

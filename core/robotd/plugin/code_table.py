@@ -48,8 +48,7 @@ class CodeTable:
 def load_code_tables(package: str = "") -> tuple[list[CodeTable], dict[str, str]]:
     """Return the tables of all plugins, and why others failed, by entry point.
 
-    Args:
-        package: only those of this top-level package; "": all.
+    ``package``: only those of this top-level package; "": all.
     """
     tables, failures = [], {}
     for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):

@@ -84,9 +84,7 @@ def _guarded(
     """Wrap ``call``: its errors name ``what``, or the backend that does not support it.
 
     Args:
-        call: method of the plugin's driver.
         what: plugin and method, for errors.
-        backend: for errors.
         signature: of the contract's method, which has a time limit; None: it has none.
         own_s: the limit of a method without a ``timeout_s``.
     """

@@ -151,7 +151,6 @@ class Backend(Plugin):
 
     Attributes:
         name: of the entry point.
-        info: description by the backend.
         capabilities: declared ones, and those of the hooks that it has.
         nodes: ROS nodes that are served with every robot on it.
     """

@@ -50,9 +50,7 @@ class ParameterReader:
 
     A parameter that is wrong is noted, and read as its default; ``done`` raises.
 
-    Args:
-        node: name of the node.
-        descriptor: its section ``ros_parameters.<node>`` holds the defaults that differ.
+    ``descriptor``: its section ``ros_parameters.<node>`` holds the defaults that differ.
     """
 
     def __init__(self, node: str, descriptor: RobotDescriptor) -> None:

@@ -42,7 +42,6 @@ class Harness:
             self.connection,
             self.image,
             SetpointMixer(self.driver, 2, 500.0),
-            500.0,
             clock=self.clock,
         )
         self.connection.start()

@@ -46,25 +46,25 @@ def limited(monkeypatch: pytest.MonkeyPatch) -> Harness:
 
 
 def test_each_value_is_the_smaller_one() -> None:
-    fit = fit_device(arm(1), LimitedAxes(DEVICE), "acme")
-    assert fit.limits == (AxisLimits(-1.0, 3.0, 2.0, 12.0),)
-    assert fit.notes == (
+    limits, notes = fit_device(arm(1), LimitedAxes(DEVICE), "acme")
+    assert limits == [AxisLimits(-1.0, 3.0, 2.0, 12.0)]
+    assert notes == [
         "joint1: lower limit -3 rad exceeds the device's -1 rad",
         "joint1: velocity 3 rad/s exceeds the device's 2 rad/s",
-    )
+    ]
 
 
 def test_an_axis_that_is_no_joint_has_the_limits_of_the_device_alone() -> None:
     descriptor = arm(1, axes=2)
-    fit = fit_device(descriptor, LimitedAxes(DEVICE, DEVICE), "acme")
-    assert fit.limits[1] == DEVICE
-    assert len(fit.notes) == 2
+    limits, notes = fit_device(descriptor, LimitedAxes(DEVICE, DEVICE), "acme")
+    assert limits[1] == DEVICE
+    assert len(notes) == 2
 
 
 def test_a_device_without_limits_changes_nothing() -> None:
-    fit = fit_device(arm(1), FakeAxes(1), "acme")
-    assert fit.limits == (AxisLimits(-3.0, 3.0, 3.0, 12.0),)
-    assert not fit.notes
+    limits, notes = fit_device(arm(1), FakeAxes(1), "acme")
+    assert limits == [AxisLimits(-3.0, 3.0, 3.0, 12.0)]
+    assert not notes
 
 
 def test_ranges_without_a_common_part_are_an_error() -> None:

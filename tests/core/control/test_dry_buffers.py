@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.fakes import FakeAxes
+from tests.fakes import FakeAxes, streaming_axes
 
 from robotd.arrays import FloatArray
 from robotd.control.axis_limits import trajectory_rules
@@ -12,6 +12,7 @@ from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.control.streamed_trajectory import StreamedTrajectory
 from robotd.control.trajectory_execution import PlannedGoal, TrajectoryExecution
 from robotd.descriptor.model import TrajectorySettings
+from robotd.device.motion_limits import MotionLimits
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation, Underrun
 from robotd.motion import (
@@ -59,7 +60,8 @@ def half_a_radian(start_ns: int) -> TrajectoryExecution:
         Tolerances(LIMITS, RULES, (), [JointTolerance("a", -1.0)]),
         RULES.stopped_velocity,
     )
-    return StreamedTrajectory(goal, start_ns, underrun=Underrun.HOLD, buffer_s=BUFFER_S)
+    axes = streaming_axes(Underrun.HOLD, BUFFER_S)
+    return StreamedTrajectory(axes, MotionLimits(), goal, start_ns)
 
 
 def test_the_path_waits_while_the_buffers_are_dry() -> None:

@@ -179,7 +179,6 @@ def test_a_device_that_interpolates_by_itself_rejects_it(harness: Harness) -> No
         robot.groups.only.motion,
         robot.axes,
         robot.descriptor,
-        harness.clock,
         MotionLimits(),
         FakeAxes(3),
     )

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.fakes import streaming_axes
 
 from robotd.control.axis_limits import trajectory_rules
 from robotd.control.completion import Outcome
 from robotd.control.streamed_trajectory import StreamedTrajectory
 from robotd.control.trajectory_execution import PlannedGoal
 from robotd.descriptor.model import TrajectorySettings
+from robotd.device.motion_limits import MotionLimits
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation, Underrun
 from robotd.motion import (
@@ -36,9 +38,15 @@ def half_a_radian(tolerances: Tolerances | None = None) -> PlannedGoal:
     return PlannedGoal(path, np.array([0]), LIMITS, tolerances, stopped)
 
 
+def streamed(
+    goal: PlannedGoal, underrun: Underrun = Underrun.EXTRAPOLATE, buffer_s: float = 0.0
+) -> StreamedTrajectory:
+    return StreamedTrajectory(streaming_axes(underrun, buffer_s), MotionLimits(), goal, 0)
+
+
 @pytest.mark.parametrize("stall_ms", [0, 40, 100, 190])
 def test_a_stall_makes_no_jump_in_the_return_of_the_command(stall_ms: int) -> None:
-    source = StreamedTrajectory(half_a_radian(), 0, underrun=Underrun.HOLD)
+    source = streamed(half_a_radian(), Underrun.HOLD)
     offset, time_ns, positions = np.array([-0.1]), 0, []
     while source._return_command(time_ns, offset):
         time_ns += PERIOD_NS
@@ -58,7 +66,7 @@ def test_a_stall_makes_no_jump_in_the_return_of_the_command(stall_ms: int) -> No
 def test_the_time_of_feedback_is_that_of_the_desired_values_after_a_stall(buffer_s: float) -> None:
     tolerances = Tolerances(LIMITS, RULES, (), [JointTolerance("a", -1.0)])
     goal = half_a_radian(tolerances)
-    execution = StreamedTrajectory(goal, 0, underrun=Underrun.HOLD, buffer_s=buffer_s)
+    execution = streamed(goal, Underrun.HOLD, buffer_s)
     image, time_ns, periods = ProcessImage(1), 0, 0
     image.servo_on[:], image.offline[:], image.operation[:] = True, False, Operation.STREAM
     while not execution.done:
@@ -76,7 +84,7 @@ def test_the_time_of_feedback_is_that_of_the_desired_values_after_a_stall(buffer
 def test_no_return_to_a_joint_that_follows_a_deviating_command() -> None:
     """The WMX engine's commands deviate after an underrun of its buffers."""
     tolerances = Tolerances(LIMITS, RULES, (), [JointTolerance("a", 0.01)], 0.1)
-    execution = StreamedTrajectory(half_a_radian(tolerances), 0)
+    execution = streamed(half_a_radian(tolerances))
     image, time_ns = ProcessImage(1), 0
     image.servo_on[:], image.offline[:], image.operation[:] = True, False, Operation.STREAM
     while not execution.done:

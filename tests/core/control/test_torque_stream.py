@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from tests.core.control.harness import PERIOD_S, Harness, arm
 from tests.fakes import FakeAxes
 
 from robotd.arrays import FloatArray
-from robotd.clock import NANOSECONDS, MonotonicClock
+from robotd.clock import NANOSECONDS
 from robotd.control.completion import Outcome
 from robotd.control.joint_motion import JointMotion
 from robotd.control.joint_source import REST_TIMEOUT_S
@@ -45,6 +46,11 @@ class TorqueAxes(FakeAxes):
         self.image.operation[list(axes)] = Operation.STOPPING
 
 
+def robot_axes(driver: TorqueAxes, speed: SpeedScale) -> Any:
+    stops = StopRequests(driver, AXIS_NAMES)
+    return SimpleNamespace(stops=stops, speed=speed, feedback_period_s=0.0)
+
+
 class Rig:
     """A torque motion of two joints, advanced period by period."""
 
@@ -61,14 +67,12 @@ class Rig:
         stopped = np.array([0.01, 0.01])
         self.motion = TorqueMotion(
             self.axes,
-            StopRequests(self.axes, AXIS_NAMES),
+            robot_axes(self.axes, self.speed),
             AXES,
             limits,
             self.time_ns,
             TIMEOUT_S,
             stopped,
-            self.speed,
-            0.0,
             self.motion_limits,
         )
 
@@ -212,14 +216,13 @@ def streams(harness: Harness, joints: Any) -> TorqueStreams:
     robot = harness.robot
     return TorqueStreams(
         joints,
-        robot.axes,
-        robot.descriptor,
         robot.follower.limits,
         robot.follower.rules,
-        MonotonicClock(),
-        TorqueAxes(),
-        robot.rearming,
         robot.groups.only.motion_limits,
+        robot.axes,
+        robot.rearming,
+        robot.descriptor,
+        TorqueAxes(),
     )
 
 
@@ -299,14 +302,12 @@ def test_a_start_that_takes_longer_than_a_period_is_repeated(harness: Harness) -
         made.append(
             TorqueMotion(
                 torques,
-                StopRequests(torques, AXIS_NAMES),
+                robot_axes(torques, axes.speed),
                 chosen,
                 limits,
                 start_ns,
                 TIMEOUT_S,
                 stopped,
-                axes.speed,
-                0.0,
                 MotionLimits(),
             )
         )

@@ -43,9 +43,7 @@ class Harness:
         self.axes, self.image = HangingAxes(clock), ProcessImage(2)
         self.connection = Connection(FakeDevice(), settings, None, "fake")
         mixer = SetpointMixer(self.axes, 2, 500.0)
-        self.control_loop = ControlLoop(
-            self.axes, self.connection, self.image, mixer, 500.0, clock=clock
-        )
+        self.control_loop = ControlLoop(self.axes, self.connection, self.image, mixer, clock=clock)
         self.reported: list[bool] = []
         self.connection.on_ready(self.reported.append)
 

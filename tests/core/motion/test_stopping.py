@@ -27,7 +27,7 @@ def gentle(acceleration: float) -> Trajectory:
 def duration_of(stop: StopPlan) -> float:
     """Duration of the whole stop."""
     stop.at(np.inf)
-    return stop._ramp.elapsed_s
+    return stop._elapsed_s[-1]
 
 
 def rest_of(trajectory: Trajectory, stop: StopPlan) -> FloatArray:
