@@ -63,10 +63,12 @@ class Interruptions:
 
         def note() -> None:
             nonlocal noted
-            outcome, message = completion.requested or (completion.outcome, completion.message)
-            if outcome in (Outcome.STOPPED, Outcome.FAULT) and not noted:
-                noted = True
-                self.add(axes, message)
+            # A cancelled motion can end with a fault: both count, what was asked for and what came.
+            ends = completion.requested, (completion.outcome, completion.message)
+            for outcome, message in filter(None, ends):
+                if outcome in (Outcome.STOPPED, Outcome.FAULT) and not noted:
+                    noted = True
+                    self.add(axes, message)
 
         completion.on_end = note
 

@@ -55,7 +55,8 @@ class StreamStatistics:
 class JointCommands(StreamCommands):
     """Commands of positions and velocities to some joints. Any thread; nothing blocks.
 
-    ``sent_ns`` is the time of a command on the robot's clock, from which its age counts; None: now.
+    ``sent_ns`` is the time of a command on the robot's clock, from which its age counts; None, or a
+    time to come: now.
 
     Args:
         joints, source, clock: see ``StreamCommands``.

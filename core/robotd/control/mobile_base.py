@@ -122,7 +122,8 @@ class MobileBase:
         Args:
             linear_m_s, angular_rad_s, lateral_m_s: ahead, turning to the left, to the left.
             timeout_s: None: ``command_timeout_s`` of the settings.
-            sent_ns: time of the command on the robot's clock, from which its age counts; None: now.
+            sent_ns: time of the command on the robot's clock, from which its age counts; None, or
+                a time to come: now.
             source: name of the client.
 
         Raises:
@@ -148,8 +149,9 @@ class MobileBase:
         if self._command.stopped:
             raise NotReady("the base is being stopped")
         self._axes.stop_latch.check()
-        now_ns = self._clock.now_ns() if sent_ns is None else sent_ns
-        self._command.set(twist, now_ns, seconds, admission)
+        now_ns = self._clock.now_ns()
+        time_ns = now_ns if sent_ns is None else min(sent_ns, now_ns)
+        self._command.set(twist, time_ns, seconds, admission)
         if not self.moving:
             self._worker.wake()
 

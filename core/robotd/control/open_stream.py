@@ -48,7 +48,9 @@ class StreamCommands:
         """Raise NotReady for a command that no stream is opened for."""
 
     def _time_ns(self, sent_ns: int | None) -> int:
-        return self._clock.now_ns() if sent_ns is None else sent_ns
+        """Return when a command was sent; a later time would put its time-out off."""
+        now_ns = self._clock.now_ns()
+        return now_ns if sent_ns is None else min(sent_ns, now_ns)
 
     def _values(self, what: str, values: Sequence[float]) -> FloatArray:
         """Return one finite value for each joint. Raises InvalidArgument."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
 
@@ -154,28 +154,30 @@ class TrajectoryFollower:
                 return partial(DeviceTrajectory, self._on_device, goal)
             return partial(StreamedTrajectory, self._axes, self._motion_limits, goal)
 
-        try:
-            with self._motion.lock, held(self._clock):
-                if start_ns is not None and len(request.times_s):
-                    delay_s = (start_ns - self._clock.now_ns()) / NANOSECONDS
-                    check_start_delay(delay_s, float(request.times_s[-1]))
-                recent_path = self._recent_path(start_ns or 0)
-                execution = self._motion.start(
-                    planned, start_ns or 0, takeover=self._takeover, ticket=ticket
-                )
-                self._recent.append(execution)
-                execution.begin()
-        except RobotdError as error:
-            data = {"outcome": "rejected", "joints": list(request.joint_names)}
-            text = f"goal rejected: {error}"
-            self._events.add(EventKind.GOAL, SUBJECT, text, level=Level.WARNING, data=data)
-            raise
-        self._note_goal(request, execution)
-        try:
-            yield execution
-        finally:
-            self._motion.release(execution)
-            self._note_result(execution)
+        with ExitStack() as claim:
+            try:
+                with self._motion.lock, held(self._clock):
+                    if start_ns is not None and len(request.times_s):
+                        delay_s = (start_ns - self._clock.now_ns()) / NANOSECONDS
+                        check_start_delay(delay_s, float(request.times_s[-1]))
+                    recent_path = self._recent_path(start_ns or 0)
+                    execution = self._motion.start(
+                        planned, start_ns or 0, takeover=self._takeover, ticket=ticket
+                    )
+                    claim.callback(self._motion.release, execution)
+                    self._recent.append(execution)
+                    execution.begin()
+            except RobotdError as error:
+                data = {"outcome": "rejected", "joints": list(request.joint_names)}
+                text = f"goal rejected: {error}"
+                self._events.add(EventKind.GOAL, SUBJECT, text, level=Level.WARNING, data=data)
+                raise
+            self._note_goal(request, execution)
+            try:
+                yield execution
+            finally:
+                claim.close()
+                self._note_result(execution)
 
     def check(self, request: TrajectoryRequest) -> None:
         """Check a trajectory from rest where the joints are commanded to be; nothing moves.

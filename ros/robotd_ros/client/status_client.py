@@ -15,6 +15,7 @@ from wmx_ros2_message.srv import SetAxis
 
 from robotd.clock import MonotonicClock, wait_until
 from robotd.control.problem import Problem
+from robotd.descriptor.urdf import roll_pitch_yaw
 from robotd.errors import DeviceTimeout, InvalidArgument, unknown_name
 from robotd_ros.client.fleet import RobotIdentity, read_identity
 from robotd_ros.client.operator_client import (
@@ -74,7 +75,7 @@ class AxisReport:
     @property
     def effort(self) -> str:
         """The torque or force for people."""
-        return "-" if self.torque is None else f"{self.torque:+.2f} {EFFORT_UNITS[self.unit]}"
+        return "-" if self.torque is None else f"{self.torque:+z.2f} {EFFORT_UNITS[self.unit]}"
 
 
 @dataclass(frozen=True)
@@ -101,8 +102,8 @@ class ToolReport:
         roll, pitch, yaw = map(math.degrees, self.rotation_rad)
         return [
             f"{self.link} in {self.base}",
-            f"x {x:+.4f}  y {y:+.4f}  z {z:+.4f} m",
-            f"roll {roll:+.2f}  pitch {pitch:+.2f}  yaw {yaw:+.2f}°",
+            f"x {x:+z.4f}  y {y:+z.4f}  z {z:+z.4f} m",
+            f"roll {roll:+z.2f}  pitch {pitch:+z.2f}  yaw {yaw:+z.2f}°",
         ]
 
 
@@ -152,16 +153,12 @@ def tool_reports(message: TFMessage) -> tuple[ToolReport, ...]:
 
 def _tool(message: TransformStamped) -> ToolReport:
     place, turn = message.transform.translation, message.transform.rotation
-    x, y, z, w = turn.x, turn.y, turn.z, turn.w
-    roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-    pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
-    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     return ToolReport(
         message.child_frame_id,
         message.header.frame_id,
         (place.x, place.y, place.z),
-        (roll, pitch, yaw),
-        (x, y, z, w),
+        roll_pitch_yaw(turn.x, turn.y, turn.z, turn.w),
+        (turn.x, turn.y, turn.z, turn.w),
     )
 
 

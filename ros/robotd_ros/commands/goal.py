@@ -105,4 +105,4 @@ class Progress:
 
     def _text(self, joint: str, position: float) -> str:
         is_angle = joint in self._degrees
-        return f"{math.degrees(position):+.1f}°" if is_angle else f"{position:+.3f}"
+        return f"{math.degrees(position):+z.1f}°" if is_angle else f"{position:+z.3f}"

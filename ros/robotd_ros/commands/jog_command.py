@@ -118,4 +118,4 @@ def _jog(
         target = arm.positions[joint] + distance
         # Shows no progress: an increment is short.
         code, reason = carry_out(client, arm, {joint: target}, time_s, lambda *_: None)
-    return tell(code, f"{joint}: {target / scale:+.4f} {'°' if turns else unit}; {reason}")
+    return tell(code, f"{joint}: {target / scale:+z.4f} {'°' if turns else unit}; {reason}")

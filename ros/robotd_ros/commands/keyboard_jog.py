@@ -97,8 +97,8 @@ def jog_view(state: JogState, keys: JogKeys, directions: Sequence[str] = ()) -> 
             str(axis.axis + 1),
             Text(axis.name, style="bold" if chosen else ""),
             Text(servo, style="" if servo == "on" else "yellow"),
-            f"{axis.position:+.4f} {axis.unit}",
-            f"{axis.velocity:+.4f} {axis.unit}/s",
+            f"{axis.position:+z.4f} {axis.unit}",
+            f"{axis.velocity:+z.4f} {axis.unit}/s",
             style="reverse" if chosen else "",
         )
     return Group(

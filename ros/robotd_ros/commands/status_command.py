@@ -112,8 +112,8 @@ def _table(axes: Sequence[AxisReport]) -> list[str]:
                 axis.name,
                 "on" if axis.servo_on else "off",
                 "ALARM" if axis.alarm else "-",
-                f"{axis.position:+.4f} {axis.unit}",
-                f"{axis.velocity:+.4f} {axis.unit}/s",
+                f"{axis.position:+z.4f} {axis.unit}",
+                f"{axis.velocity:+z.4f} {axis.unit}/s",
                 axis.effort,
                 ", ".join(switches) or "-",
             )

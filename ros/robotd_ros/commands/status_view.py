@@ -59,10 +59,10 @@ def _axes(report: LiveReport) -> Table:
             each.name,
             Text("on", style="green") if each.servo_on else Text("off", style="yellow"),
             Text("ALARM", style="bold red") if each.alarm else "-",
-            f"{each.position:+.4f} {each.unit}",
-            f"{each.velocity:+.4f} {each.unit}/s",
+            f"{each.position:+z.4f} {each.unit}",
+            f"{each.velocity:+z.4f} {each.unit}/s",
             each.effort,
-            f"{each.position_command - each.position:+.5f} {each.unit}",
+            f"{each.position_command - each.position:+z.5f} {each.unit}",
         )
     return table
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.preflight import import_ros
-from robotd.descriptor.urdf import transform_numbers
+from robotd.descriptor.urdf import roll_pitch_yaw, transform_numbers
 from robotd.descriptor.urdf.urdf_model import frame
 from robotd.number_argument import parse_number
 from robotd.stop_signals import Interrupt
@@ -106,16 +106,8 @@ def pose_message(values: Mapping[str, float]) -> Any:
 
 def components_of(pose: Any) -> dict[str, float]:
     """Return x, y, z, roll, pitch, yaw of a geometry_msgs/Pose."""
-    turn = pose.orientation
-    x, y, z, w = turn.x, turn.y, turn.z, turn.w
-    sine = max(-1.0, min(1.0, 2.0 * (w * y - z * x)))
-    if abs(sine) > 1.0 - 1e-12:  # roll and yaw turn about the same axis
-        roll, yaw = 0.0, -2.0 * math.copysign(1.0, sine) * math.atan2(x, w)
-    else:
-        roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-        yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    place = pose.position
-    values = (place.x, place.y, place.z, roll, math.asin(sine), yaw)
+    place, turn = pose.position, pose.orientation
+    values = place.x, place.y, place.z, *roll_pitch_yaw(turn.x, turn.y, turn.z, turn.w)
     return dict(zip(COMPONENTS, values, strict=True))
 
 

@@ -11,7 +11,7 @@ from structlog.testing import capture_logs
 from tests.core.control.base_harness import COMMAND_S, BaseHarness, running
 
 from robotd.arrays import FloatArray
-from robotd.clock import MonotonicClock
+from robotd.clock import NANOSECONDS, MonotonicClock
 from robotd.control.axis_limits import twist_limits
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.device.axes import Jog
@@ -386,3 +386,12 @@ def test_the_speed_of_the_operator_keeps_the_arc(harness: BaseHarness) -> None:
         harness.base.command(0.8, 0.4)
         harness.run(COMMAND_S)
     assert harness.twist.linear == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_command_of_a_time_to_come_does_not_put_its_time_out_off(harness: BaseHarness) -> None:
+    in_an_hour_ns = harness.clock.now_ns() + 3600 * NANOSECONDS
+    harness.base.command(0.3, 0.0, sent_ns=in_an_hour_ns)
+    harness.wait(lambda: harness.base.moving)
+    harness.run(3.0)
+    assert not harness.base.moving
+    assert harness.twist == pytest.approx(ZERO_TWIST, abs=1e-6)

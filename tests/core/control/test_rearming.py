@@ -17,6 +17,7 @@ from structlog.testing import capture_logs
 from tests.core.control.harness import PERIOD_S, Harness, arm
 
 from robotd.clock import NANOSECONDS
+from robotd.control.completion import Completion, Outcome
 from robotd.control.joint_stream import JointStream
 from robotd.control.open_stream import StreamClient
 from robotd.control.problem import ProblemKind
@@ -450,3 +451,19 @@ def test_names_of_clients_that_have_gone_are_forgotten() -> None:
         rearming.find(source).admit(moves=True)
         harness.clock._now_ns += NANOSECONDS if number % 50 == 49 else 0  # type: ignore[attr-defined]
     assert len(rearming._known) < 200
+
+
+@pytest.mark.parametrize("asked", [Outcome.CANCELED, Outcome.PREEMPTED])
+def test_a_canceled_motion_that_ends_with_a_fault_interrupts_its_sources(
+    harness: Harness, asked: Outcome
+) -> None:
+    rearming, completion = harness.robot.rearming, Completion()
+    source = CommandSource(rearming, "any", [0], (), timeout_s=0.1, neutral="none")
+    admission = source.admit(moves=True)
+    rearming.interruptions.watch(completion, [0])
+    completion.request(asked, "by the client")
+    assert admission.holds
+    completion.finish(Outcome.FAULT, "it does not come to rest")
+    assert not admission.holds
+    with pytest.raises(NotReady, match="it does not come to rest"):
+        source.admit(moves=True)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from tests.core.control.harness import ACCELERATION, PERIOD_S, Harness, arm
 
+from robotd.clock import NANOSECONDS
 from robotd.control.completion import Outcome
 from robotd.control.joint_stream import JointStream
 from robotd.device.axes import Axes
@@ -348,3 +349,12 @@ def test_a_lost_device_ends_the_stream(robot: Harness) -> None:
         robot.connection.stop_communication()
         robot.until(lambda: not stream.open)
         assert stream.message
+
+
+def test_a_command_of_a_time_to_come_does_not_put_its_time_out_off(robot: Harness) -> None:
+    with robot.robot.stream(timeout_s=0.05) as stream:
+        in_an_hour_ns = robot.robot.clock.now_ns() + 3600 * NANOSECONDS
+        stream.send_velocity([0.3, 0.0, 0.0], sent_ns=in_an_hour_ns)
+        robot.run(0.5)
+        assert stream.statistics.timeouts == 1
+        assert robot.setpoints.velocity[-1] == pytest.approx([0.0] * 3, abs=1e-9)

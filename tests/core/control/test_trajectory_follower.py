@@ -10,6 +10,7 @@ from tests.core.control.harness import ACCELERATION, FAR, HOME, PERIOD_S, Harnes
 from tests.core.motion.helpers import peaks_of
 
 from robotd.control.source_slot import PREEMPTED, SPLICE_LOST
+from robotd.control.streamed_trajectory import StreamedTrajectory
 from robotd.control.trajectory_execution import Outcome
 from robotd.device.state import Operation
 from robotd.errors import NotReady
@@ -406,3 +407,23 @@ def test_default_tolerances_count_from_the_next_goal_on(harness: Harness) -> Non
     harness.follower.set_default_tolerances(unlimited, unlimited, np.inf)
     with harness.goal((0.2, 0.0, 0.0)) as execution:
         assert harness.end(execution).outcome is Outcome.SUCCEEDED
+
+
+def test_joints_are_free_after_a_goal_that_could_not_begin(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No thread, for example: an error that is none of robotd's."""
+
+    def begin(self: StreamedTrajectory) -> None:
+        raise RuntimeError("can't start new thread")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(StreamedTrajectory, "begin", begin)
+        with pytest.raises(RuntimeError, match="thread"), harness.goal(FAR):
+            pass
+    assert [harness.robot.axes.owner(axis) for axis in range(3)] == [""] * 3
+    harness.run(0.5)
+    assert harness.image.position == pytest.approx(HOME, abs=1e-3)
+    with harness.goal(FAR) as execution:
+        harness.end(execution)
+    assert execution.outcome is Outcome.SUCCEEDED
