@@ -30,6 +30,7 @@ class FeatureOption:
         help: one sentence.
         metavar: name of the value in the help; "" for a flag without one.
         type: type of click that parses the value; None for a flag without one.
+        omitted: value of the option where none is given with it; None: one has to be.
     """
 
     flag: str
@@ -37,6 +38,7 @@ class FeatureOption:
     help: str
     metavar: str = ""
     type: Any = None
+    omitted: Any = None
 
 
 @dataclass(frozen=True)

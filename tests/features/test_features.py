@@ -10,13 +10,15 @@ from collections.abc import Iterator
 from importlib.metadata import entry_points
 from pathlib import Path
 
+import click
 import pytest
 from click.testing import CliRunner
 
 from robotd.cli import main
 from robotd.cli.exit_codes import ExitCode
+from robotd.cli.run_command import RunCommand, feature_overrides
 from robotd.clock.simulated import SteppedClock
-from robotd.descriptor import load_robot_descriptor, parse_override
+from robotd.descriptor import Override, load_robot_descriptor, override, parse_override
 from robotd.device.state import ConnectionState
 from robotd.errors import DescriptorError
 from robotd.feature import _loaded, installed_features
@@ -181,3 +183,19 @@ with open_features(robot) as features:
     assert header == "time_s,joint1,joint2,joint3,joint4,joint5,joint6"
     assert len(rows) >= 3
     assert all(len(row.split(",")) == 7 for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "port"),
+    [([], 8080), (["--page-control"], 8080), (["0"], 0), (["81", "--page-control"], 81)],
+)
+def test_a_page_without_a_port_has_its_own_one(arguments: list[str], port: int) -> None:
+    found = list[Override]()
+
+    @click.command(cls=RunCommand)
+    def command() -> None:
+        found.extend(feature_overrides())
+
+    CliRunner().invoke(command, ["--page", *arguments], catch_exceptions=False)
+    assert found[0] == override("page", port)
+    assert len(found) == 1 + ("--page-control" in arguments)

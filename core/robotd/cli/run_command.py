@@ -36,7 +36,7 @@ from robotd.descriptor import (
     parse_override,
 )
 from robotd.errors import InvalidArgument, OperationError, unknown_name
-from robotd.feature import feature_failures, installed_features
+from robotd.feature import FeatureOption, feature_failures, installed_features
 from robotd.feature_host import FeatureHost, open_features
 from robotd.log import lossy
 from robotd.number_argument import NumberRange
@@ -62,20 +62,22 @@ class RunCommand(click.Command):
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         """Return the own options, then those of the features, then ``--help``."""
         *own, last = super().get_params(ctx)
-        features = [
-            click.Option(
-                [option.flag],
-                metavar=option.metavar or None,
-                type=option.type,
-                default=None,
-                help=option.help,
-                expose_value=False,
-                callback=partial(_keep_override, option.key),
-            )
-            for feature in installed_features().values()
-            for option in feature.options
-        ]
-        return [*own, *features, last]
+        options = [each for feature in installed_features().values() for each in feature.options]
+        return [*own, *map(_feature_option, options), last]
+
+
+def _feature_option(option: FeatureOption) -> click.Option:
+    optional = {} if option.omitted is None else {"is_flag": False, "flag_value": option.omitted}
+    return click.Option(
+        [option.flag],
+        metavar=option.metavar or None,
+        type=option.type,
+        default=None,
+        help=option.help,
+        expose_value=False,
+        callback=partial(_keep_override, option.key),
+        **optional,
+    )
 
 
 def _keep_override(key: str, ctx: click.Context, option: click.Parameter, value: Any) -> None:

@@ -37,9 +37,10 @@ FEATURE = Feature(
         FeatureOption(
             "--foxglove",
             "foxglove",
-            "Serve the program Foxglove at ws://127.0.0.1:PORT.",
-            "PORT",
+            "Serve the program Foxglove at ws://127.0.0.1:PORT, by default 8765.",
+            "[PORT]",
             PORT,
+            8765,  # where Foxglove looks for a server
         ),
     ),
     after=("recorder",),

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from robotd.api.features import FeatureHost, Tap
 
 
+DEFAULT_PORT = 8080
+
+
 class PageKeys(Section):
     """Keys at the top of the file."""
 
@@ -42,9 +45,11 @@ FEATURE = Feature(
         FeatureOption(
             "--page",
             "page",
-            "Serve the live page at http://127.0.0.1:PORT; 0: any free port, which the log names.",
-            "PORT",
+            "Serve the live page at http://127.0.0.1:PORT, by default 8080; 0: any free port, which"
+            " the log names.",
+            "[PORT]",
             PORT,
+            DEFAULT_PORT,
         ),
         FeatureOption(
             "--page-control/--no-page-control",

@@ -8,9 +8,9 @@ import click
 
 from robotd.api import OperationError
 from robotd.api.commands import PORT, Interrupt, import_ros, log_options
+from robotd_page.feature import DEFAULT_PORT
 from robotd_ros.commands.robot_client import ROS_EPILOG, robot_client
 
-DEFAULT_PORT = 8080
 TIMEOUT_S = 5.0
 
 
