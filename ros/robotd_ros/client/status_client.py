@@ -15,7 +15,6 @@ from wmx_ros2_message.srv import SetAxis
 
 from robotd.clock import MonotonicClock, wait_until
 from robotd.control.problem import Problem
-from robotd.descriptor.urdf import roll_pitch_yaw
 from robotd.errors import DeviceTimeout, InvalidArgument, unknown_name
 from robotd_ros.client.fleet import RobotIdentity, read_identity
 from robotd_ros.client.operator_client import (
@@ -30,6 +29,7 @@ from robotd_ros.client.operator_client import (
 from robotd_ros.client.ros_client import RosClient
 from robotd_ros.node_registry import IDENTITY, OPERATOR_NODE
 from robotd_ros.qos import LATCHED
+from robotd_ros.rotations import roll_pitch_yaw
 
 GRIPPER = "wmx/set_gripper"
 AXIS_NODE = "wmx_core_motion_node"

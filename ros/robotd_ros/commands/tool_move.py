@@ -13,11 +13,12 @@ import numpy as np
 
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.preflight import import_ros
-from robotd.descriptor.urdf import roll_pitch_yaw, transform_numbers
+from robotd.descriptor.urdf import transform_numbers
 from robotd.descriptor.urdf.urdf_model import frame
 from robotd.number_argument import parse_number
 from robotd.stop_signals import Interrupt
 from robotd_ros.commands.goal import CLEAR_LINE, bar, exit_code
+from robotd_ros.rotations import roll_pitch_yaw
 
 if TYPE_CHECKING:  # it needs rclpy
     from robotd_ros.client.ros_client import RosClient

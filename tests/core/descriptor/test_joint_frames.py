@@ -12,14 +12,7 @@ from pytransform3d.urdf import UrdfTransformManager
 from scipy.spatial.transform import Rotation
 
 from robotd.arrays import FloatArray
-from robotd.descriptor.urdf import (
-    JointFrames,
-    UrdfRobot,
-    parse_urdf,
-    read_urdf,
-    roll_pitch_yaw,
-    transform_numbers,
-)
+from robotd.descriptor.urdf import JointFrames, UrdfRobot, parse_urdf, read_urdf, transform_numbers
 
 HERE = Path(__file__).parents[2]
 FILES = sorted([*HERE.glob("urdf/*.urdf"), *HERE.parent.glob("robots/*/*.urdf")])
@@ -147,17 +140,3 @@ def test_quaternions_of_all_rotations(axis: tuple[int, int, int], angle: float) 
     assert Rotation.from_quat([x, y, z, w]).as_matrix() == pytest.approx(
         rotation.as_matrix(), abs=1e-9
     )
-
-
-@pytest.mark.parametrize("roll", [0.0, 0.3, -2.0])
-@pytest.mark.parametrize("pitch", [0.0, 1.2, np.pi / 2, -np.pi / 2])
-@pytest.mark.parametrize("yaw", [0.0, 0.7, 3.0])
-def test_angles_of_a_quaternion_are_those_of_its_rotation(
-    roll: float, pitch: float, yaw: float
-) -> None:
-    rotation = Rotation.from_euler("xyz", [roll, pitch, yaw])
-    angles = roll_pitch_yaw(*rotation.as_quat())
-    turned = Rotation.from_euler("xyz", angles)
-    assert turned.as_matrix() == pytest.approx(rotation.as_matrix(), abs=1e-6)
-    if abs(pitch) == np.pi / 2:
-        assert angles[0] == 0.0

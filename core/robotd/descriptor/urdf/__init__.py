@@ -1,10 +1,6 @@
 """URDF files: reading with every error at once, and the kinematic tree."""
 
-from robotd.descriptor.urdf.joint_frames import (
-    JointFrames,
-    roll_pitch_yaw,
-    transform_numbers,
-)
+from robotd.descriptor.urdf.joint_frames import JointFrames, transform_numbers
 from robotd.descriptor.urdf.urdf_model import UrdfJoint, UrdfLink, UrdfRobot
 from robotd.descriptor.urdf.urdf_reader import parse_urdf, read_urdf
 from robotd.descriptor.urdf.urdf_text import read_urdf_text, urdf_text
@@ -17,7 +13,6 @@ __all__ = [
     "parse_urdf",
     "read_urdf",
     "read_urdf_text",
-    "roll_pitch_yaw",
     "transform_numbers",
     "urdf_text",
 ]
