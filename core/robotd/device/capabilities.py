@@ -33,7 +33,8 @@ class Capability(StrEnum):
       (``read_register``, ``reset_statistics``, ``start_hot_connect``).
     - OBJECTS: objects of the nodes, SDO, are read and written at run time, by the fieldbus driver
       (``read_object``, ``write_object``).
-    - DEVICE_WATCHDOG: moving axes stop by themselves when setpoints or the process end.
+    - DEVICE_WATCHDOG: moving axes stop by themselves, within a second, when setpoints or the process
+      end.
     - SIMULATED: nothing real moves.
     - CONTACTS: with SIMULATED: links touch each other and objects, so that the axes together do not
       reach all positions within their limits.

@@ -15,8 +15,8 @@ called by any worker thread at any time, several at once; it may block for at mo
 (10 s where it has none), and must not delay the control loop: never hold a lock that ``read`` needs
 while waiting.
 
-Errors: a driver raises ``OperationError``, ``NotReady``, ``Unsupported`` or ``DeviceTimeout``
-with the reason alone; in a method that commands one axis the core adds its name. Any other
+Errors: a driver raises ``InvalidArgument``, ``OperationError``, ``NotReady``, ``Unsupported`` or
+``DeviceTimeout`` with the reason alone; in a method that commands one axis the core adds its name. Any other
 exception is reported as a fault of the plugin.
 """
 
@@ -124,6 +124,8 @@ class AxisDriver(ABC):
 
     Whatever has ended a motion, only a new command begins one: nothing moves when an alarm is
     cleared, a servo is switched on, a mode is changed, a link is back or communication begins.
+    No servo goes on by itself. What is accepted is executed as it was commanded: a device that cannot
+    rejects it, or names its limit in ``device_limits``.
     A command or a fault of one axis leaves the motion of others as it is, unless they share its
     servo switch or the controller's alarm.
     """
@@ -142,8 +144,7 @@ class AxisDriver(ABC):
     def feedback_period_s(self) -> float:
         """Time between two measured values, seconds; 0: new values in each control period.
 
-        With slower feedback ``read`` holds the last values, and ``fresh_ns`` is the time of their
-        arrival. The core takes their age into account: a following error is the difference
+        With slower feedback ``read`` holds the last values, and ``fresh_ns`` stays theirs. The core takes their age into account: a following error is the difference
         from the command of that time, and joint states carry that time.
         """
         return 0.0
@@ -191,6 +192,7 @@ class AxisDriver(ABC):
     def read(self, image: ProcessImage) -> None:
         """Fill every array of ``image`` in place, and ``fresh_ns``. Control-loop thread.
 
+        ``fresh_ns`` is when the values were taken; of their arrival where a bus does not tell.
         Without new values leave ``fresh_ns`` as it is. Values that are not measured are NaN
         (``torque``, for example). ``shift_ns`` lets the control loop follow a clock of the device.
         """

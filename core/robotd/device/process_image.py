@@ -51,7 +51,7 @@ class ProcessImage:
         home_done, home_switch, negative_limit, positive_limit: as the drive reports them.
         motion_complete: the last move or trajectory ran to its end and the axis is idle; False
             while anything is executed.
-        mode, operation: ``CommandMode`` and ``Operation`` as integers.
+        mode, operation: ``CommandMode`` that the drive is in, and ``Operation``, as integers.
         setpoint: (2, n_axes) position and velocity of the last setpoints that were sent.
         values, flags, numbers: the arrays above are the rows of these three blocks, whose order
             is that of ``VALUES``, ``FLAGS`` and ``NUMBERS``. A copy of a block costs no more than
@@ -65,7 +65,7 @@ class ProcessImage:
         controller_alarm, controller_reason: alarm number and text of the whole controller, see
             ``set_controller_alarm``; 0 and "" without one.
         stamp_ns: monotonic time of the last ``read``; 0 before the first.
-        fresh_ns: monotonic time at which the device last received live values; 0 if never.
+        fresh_ns: monotonic time of the last live values, see ``AxisDriver.read``; 0 before any.
         shift_ns: by how much the next period begins later, or earlier where it is negative; written
             by a driver whose device has a clock that the control loop is to follow. 1 % of the
             period at most is applied, once.

@@ -33,6 +33,7 @@ def test_values_are_fresh(harness: Harness) -> None:
 
 
 @pytest.mark.clause("AxisDriver.read/fresh", "AxisDriver.feedback_period_s/held")
+@pytest.mark.clause("AxisDriver.read/taken")
 def test_a_time_stamp_is_that_of_the_arrival(harness: Harness) -> None:
     """Of all values of a feedback period, the newest have just arrived."""
     check_ages(harness)
@@ -67,6 +68,7 @@ def check_ages(harness: Harness) -> None:
 
 
 @pytest.mark.clause("AxisDriver.read/fresh", "AxisDriver.read/measured")
+@pytest.mark.clause("AxisDriver.read/taken")
 def test_values_are_as_old_as_their_time_stamp(harness: Harness, injector: FaultInjector) -> None:
     injector.position(0)
     targets = harness.image.position_command + harness.travel()

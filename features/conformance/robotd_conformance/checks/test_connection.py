@@ -132,6 +132,7 @@ def test_a_start_that_times_out_is_undone(unopened: Harness) -> None:
 
 
 @pytest.mark.clause("DeviceDriver.stop_communication/axes-stop")
+@pytest.mark.clause("AxisDriver/servos")
 def test_servos_are_off_after_communication_stopped(fresh: Harness) -> None:
     fresh.drivers.device.stop_communication(10.0)
     fresh.periods(3)

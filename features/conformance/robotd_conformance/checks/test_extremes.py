@@ -26,6 +26,7 @@ SLOWER = 0.07  # what a speed may be less than asked for
 
 @pytest.mark.needs(Capability.SIMULATED)
 @pytest.mark.clause("AxisDriver.move/starts", "AxisDriver.move/target")
+@pytest.mark.clause("AxisDriver/as-commanded")
 def test_the_finest_moves_are_made(harness: Harness) -> None:
     """A drive has a resolution; a simulation has none that is coarser."""
     sides = np.sign(harness.travel())
@@ -91,6 +92,7 @@ def test_a_gentle_move_is_as_gentle_as_it_was_asked_for(harness: Harness) -> Non
 @pytest.mark.clause("AxisDriver.move/profile", "AxisDriver.move/target")
 @pytest.mark.clause("AxisDriver.device_limits/limits")
 @pytest.mark.parametrize("share", LONG_SHARES)
+@pytest.mark.clause("AxisDriver/as-commanded")
 def test_a_long_move_reaches_its_speed_in_both_directions(harness: Harness, share: float) -> None:
     """A device that clips sooner reports its limits: ``AxisDriver.device_limits``."""
     profiles = [steep(harness, axis, share) for axis in harness.all]

@@ -100,6 +100,7 @@ def test_an_alarm_ends_a_trajectory_with_its_reason(
 
 
 @pytest.mark.clause("AxisDriver.read/alarms", "AxisDriver.clear_alarm/clears")
+@pytest.mark.clause("AxisDriver/servos")
 def test_an_alarm_stays_until_it_is_cleared_and_then_nothing_moves(
     harness: Harness, injector: FaultInjector
 ) -> None:
@@ -171,6 +172,7 @@ def test_a_drive_that_is_lost_is_offline(fresh: Harness) -> None:
 @pytest.mark.clause("FieldbusDriver.start_hot_connect/joins")
 @pytest.mark.needs(Capability.HOT_CONNECT)
 @pytest.mark.parametrize("axis", [0, -1], ids=["first", "last"])
+@pytest.mark.clause("AxisDriver/servos")
 def test_a_drive_that_is_back_stays_off(fresh: Harness, axis: int) -> None:
     injector, axis = fresh.injector, axis % fresh.count
     injector.disconnect(axis)

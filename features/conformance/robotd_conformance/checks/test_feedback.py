@@ -56,6 +56,7 @@ def test_values_arrive_as_often_as_declared(harness: Harness) -> None:
 
 
 @pytest.mark.clause("AxisDriver.read/fresh")
+@pytest.mark.clause("AxisDriver.read/taken")
 def test_a_time_stamp_is_that_of_its_values(harness: Harness) -> None:
     """Values and their time change together: the age of a value is known."""
     values: list[tuple[int, float]] = []

@@ -82,6 +82,7 @@ def check_silence(harness: Harness, bus: FieldbusDriver, number: int, node: int)
 @pytest.mark.needs(Capability.HOT_CONNECT)
 @pytest.mark.clause("FieldbusDriver.start_hot_connect/joins", "FieldbusDriver.status/status")
 @pytest.mark.clause("DeviceDriver.scan_network/summary")
+@pytest.mark.clause("AxisDriver/servos")
 def test_a_hot_connect_takes_in_all_nodes_each_time(fresh: Harness) -> None:
     """The first and the last drive at once, twice; then they are operational without a fault."""
     bus, injector = fieldbus_of(fresh), fresh.injector

@@ -102,6 +102,7 @@ def test_moves_and_velocity_commands_in_turn_have_their_own_ramps(fresh: Harness
 
 @pytest.mark.clause("AxisDriver.move/while-stopping")
 @pytest.mark.parametrize("quick", [False, True], ids=["stop", "quick_stop"])
+@pytest.mark.clause("AxisDriver/as-commanded")
 def test_a_move_during_a_stop_is_rejected_or_made(harness: Harness, quick: bool) -> None:
     driver, start = harness.drivers.axes, harness.image.position_command.copy()
     there = start + harness.travel()

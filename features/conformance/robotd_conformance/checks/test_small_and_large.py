@@ -22,6 +22,7 @@ FAST_RAD_S, STEEP_RAD_S2 = 8.0, 40.0  # where an axis has no limits
 @pytest.mark.clause("AxisDriver.move/overrides")
 @pytest.mark.clause("AxisDriver.move/starts", "AxisDriver.move/target")
 @pytest.mark.parametrize("sign", [1.0, -1.0], ids=["forth", "back"])
+@pytest.mark.clause("AxisDriver/as-commanded")
 def test_small_moves_add_up(harness: Harness, sign: float) -> None:
     start, way = harness.image.position_command.copy(), sign * np.sign(harness.travel())
     for _ in range(STEPS):
