@@ -16,6 +16,7 @@ LOST = "test_lost_nodes.py::test_a_lost_node_is_not_operational_and_says_why"
 HELD = "test_locks.py::test_no_call_holds_up_the_control_loop"
 AT_ONCE = "test_locks.py::test_what_returns_at_once_waits_for_no_servo"
 HOLDS_S = 0.012
+SLOW_SERVO_S = 0.03  # more than a busy computer delays a thread by
 
 
 class ObjectsOfTheLastSecond(Mutant):
@@ -300,6 +301,7 @@ class StopsQueueBehindServos(Mutant):
         def servo(self, axis: int, on: bool, timeout_s: float) -> None:
             with StopsQueueBehindServos.one:
                 super().servo(axis, on, timeout_s)
+                time.sleep(SLOW_SERVO_S)
 
         def stop(self, axes: Sequence[int]) -> None:
             with StopsQueueBehindServos.one:
@@ -316,6 +318,7 @@ class FaultQueuesBehindServos(Mutant):
         def servo(self, axis: int, on: bool, timeout_s: float) -> None:
             with FaultQueuesBehindServos.one:
                 super().servo(axis, on, timeout_s)
+                time.sleep(SLOW_SERVO_S)
 
     class Device(SimDevice):
         def fault(self) -> str:
