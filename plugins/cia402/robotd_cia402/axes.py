@@ -132,6 +132,7 @@ class Cia402Master(AxisDriver, Generic[DriveT]):
     def begin_stream(self, axes: Sequence[int]) -> None:
         for axis in axes:
             self._commands[axis].require_online()
+        idle = [axis for axis in axes if not self.axes[axis].activity.streaming]
         try:
             for axis in axes:
                 self._commands[axis].prepare_stream()
@@ -140,7 +141,7 @@ class Cia402Master(AxisDriver, Generic[DriveT]):
                 self._commands[axis].begin_stream()
         except RobotdError:
             self._streamed_ns = self.clock.now_ns()
-            for axis in axes:
+            for axis in idle:  # the others go on as they were
                 self._commands[axis].end_stream()
                 self._commands[axis].leave_torque()
             raise

@@ -99,6 +99,15 @@ def test_all_problems_come_at_once_in_the_order_of_the_file() -> None:
     assert lines == [2, 3, 4, 4]
 
 
+@pytest.mark.parametrize("digits", ["9" * 300_000, "9" * 300_000 + ".", "." + "9" * 300_000])
+def test_a_long_number_takes_no_longer_than_its_text(digits: str) -> None:
+    """With a choice of parts for each digit it would take hours."""
+    limit = f'<limit lower="0" upper="1" velocity="{digits}x"/>'
+    text = f'<robot name="arm"><joint name="j" type="revolute">{limit}</joint></robot>'
+    with pytest.raises(DescriptorError, match="is not a finite number"):
+        parse_urdf(text.encode(), Path("arm.urdf"))
+
+
 @pytest.mark.parametrize(
     ("text", "problem"),
     [

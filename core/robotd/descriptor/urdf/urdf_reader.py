@@ -28,7 +28,8 @@ from robotd.errors import DescriptorError, did_you_mean
 
 _TYPES = (*MOVING_TYPES, *HELD_TYPES)
 # As urdfdom reads numbers: Python also takes 1_0, and digits of other scripts.
-_NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?\s*", re.ASCII | re.IGNORECASE)
+# A digit belongs to one part only: with "\d+\.?\d*" a long text takes the square of its length.
+_NUMBER = re.compile(r"\s*[+-]?(\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?\s*", re.ASCII | re.IGNORECASE)
 IS_XACRO = (
     "is xacro, not URDF: pass it to 'robotd new-robot --urdf', which expands it, or run"
     " 'xacro FILE > NAME.urdf' and pass the result"
