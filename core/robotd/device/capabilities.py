@@ -33,7 +33,7 @@ class Capability(StrEnum):
       (``read_register``, ``reset_statistics``, ``start_hot_connect``).
     - OBJECTS: objects of the nodes, SDO, are read and written at run time, by the fieldbus driver
       (``read_object``, ``write_object``).
-    - DEVICE_WATCHDOG: moving axes stop by themselves, within a second, when setpoints or the process
+    - DEVICE_WATCHDOG: moving axes stop by themselves within a second when setpoints or the process
       end.
     - SIMULATED: nothing real moves.
     - CONTACTS: with SIMULATED: links touch each other and objects, so that the axes together do not

@@ -16,8 +16,8 @@ called by any worker thread at any time, several at once; it may block for at mo
 while waiting.
 
 Errors: a driver raises ``InvalidArgument``, ``OperationError``, ``NotReady``, ``Unsupported`` or
-``DeviceTimeout`` with the reason alone; in a method that commands one axis the core adds its name. Any other
-exception is reported as a fault of the plugin.
+``DeviceTimeout`` with the reason alone; in a method that commands one axis the core adds its name.
+Any other exception is reported as a fault of the plugin.
 """
 
 from __future__ import annotations
@@ -123,11 +123,10 @@ class AxisDriver(ABC):
     Methods that name a capability are needed only by a backend that declares it.
 
     Whatever has ended a motion, only a new command begins one: nothing moves when an alarm is
-    cleared, a servo is switched on, a mode is changed, a link is back or communication begins.
-    No servo goes on by itself. What is accepted is executed as it was commanded: a device that cannot
-    rejects it, or names its limit in ``device_limits``.
-    A command or a fault of one axis leaves the motion of others as it is, unless they share its
-    servo switch or the controller's alarm.
+    cleared, a servo is switched on, a mode is changed, a link is back or communication begins. No
+    servo goes on by itself. What is accepted is executed as it was commanded: a device that cannot
+    rejects it, or names its limit in ``device_limits``. A command or a fault of one axis leaves the
+    motion of others as it is, unless they share its servo switch or the controller's alarm.
     """
 
     @property
@@ -144,8 +143,9 @@ class AxisDriver(ABC):
     def feedback_period_s(self) -> float:
         """Time between two measured values, seconds; 0: new values in each control period.
 
-        With slower feedback ``read`` holds the last values, and ``fresh_ns`` stays theirs. The core takes their age into account: a following error is the difference
-        from the command of that time, and joint states carry that time.
+        With slower feedback ``read`` holds the last values, and ``fresh_ns`` stays theirs. The core
+        takes their age into account: a following error is the difference from the command of that
+        time, and joint states carry that time.
         """
         return 0.0
 
