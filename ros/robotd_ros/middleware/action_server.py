@@ -62,7 +62,7 @@ _INTERNALS = (
 
 
 class GoalCallbacks(TypedDict):
-    """What an action server calls.
+    """Functions that an action server calls.
 
     Attributes:
         admit: decides about a ``GoalRequest``; its ``goal`` is converted when it is read.

@@ -126,6 +126,7 @@ class Harness:
                 return call(*given, **named)
             except OperationError as error:
                 cause = error.__cause__
+                # As the isolation of faults words it: a driver may have a cause for its own errors.
                 if cause is not None and str(error).endswith(f"{type(cause).__name__}: {cause}"):
                     self.foreign_errors.append(str(error))
                 raise

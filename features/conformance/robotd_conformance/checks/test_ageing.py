@@ -185,10 +185,7 @@ def test_each_silence_has_its_reason(fresh: Harness) -> None:
         fresh.injector.freeze(True)
         fresh.until(lambda: not fresh.robot.connection.ready, "the engine is not ready")
         said.append(device.fault())
-        fresh.injector.freeze(False)
-        if device.state() is not ConnectionState.COMMUNICATING:
-            fresh.robot.connection.start()
-        fresh.until(lambda: fresh.robot.connection.ready, "values arrive again")
+        thaw(fresh)
         fresh.periods(5)
         assert device.fault() == "", "a fault of the past is still reported"
     assert bool(said[0]) is bool(said[1]), f"the fault is {said[0]!r}, the second time {said[1]!r}"
@@ -197,8 +194,8 @@ def test_each_silence_has_its_reason(fresh: Harness) -> None:
 @pytest.mark.clause("AxisDriver.read/fresh")
 def test_a_short_silence_has_no_new_stamps(fresh: Harness) -> None:
     """Shorter than what ends the connection, three times."""
-    image, connection = fresh.image, fresh.robot.connection
-    if (SILENT_PERIODS + 2) * fresh.feedback_s >= connection.settings.stale_after_s:
+    image, settings = fresh.image, fresh.robot.connection.settings
+    if (SILENT_PERIODS + 2) * fresh.feedback_s >= settings.stale_after_s:
         pytest.skip("values count as stale after fewer periods")
     for _ in range(3):
         fresh.injector.freeze(True)
@@ -206,9 +203,15 @@ def test_a_short_silence_has_no_new_stamps(fresh: Harness) -> None:
         last_ns = image.fresh_ns
         fresh.periods(SILENT_PERIODS)
         gained_ns = image.fresh_ns - last_ns
-        fresh.injector.freeze(False)
+        thaw(fresh)
         assert gained_ns == 0, f"values are stamped {gained_ns * 1e-6:.1f} ms later, but none came"
         fresh.periods(2)
-        if fresh.drivers.device.state() is not ConnectionState.COMMUNICATING:
-            connection.start()
-        fresh.until(lambda: connection.ready, "values arrive again")
+
+
+def thaw(harness: Harness) -> None:
+    """Let values arrive again, from a device that may have given its link up meanwhile."""
+    connection = harness.robot.connection
+    harness.injector.freeze(False)
+    if harness.drivers.device.state() is not ConnectionState.COMMUNICATING:
+        connection.start()
+    harness.until(lambda: connection.ready, "values arrive again")

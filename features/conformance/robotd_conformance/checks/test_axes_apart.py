@@ -216,24 +216,24 @@ def test_alarms_of_all_axes_are_cleared_one_by_one(
 def test_a_stream_of_an_axis_that_is_off_begins_for_none(streamed: Harness) -> None:
     if streamed.count < 2 or len(streamed.servo_group(0)) > 1:
         pytest.skip("no axis is off alone")
+    driver = streamed.drivers.axes
     for off in (streamed.count - 1, 0):
-        streamed.drivers.axes.servo(off, False, 5.0)
+        driver.servo(off, False, 5.0)
         streamed.periods(2)
-        with pytest.raises(RobotdError):
-            streamed.drivers.axes.begin_stream(streamed.all)
-        streamed.periods(3)
-        for axis in streamed.all:
-            shown = Operation(int(streamed.image.operation[axis]))
-            assert shown is Operation.IDLE, f"axis {axis} is in {shown.name}, axis {off} is off"
         others = [axis for axis in streamed.all if axis != off]
-        streamed.drivers.axes.begin_stream(others)
-        with pytest.raises(RobotdError):
-            streamed.drivers.axes.begin_stream(streamed.all)
-        streamed.periods(3)
-        for axis in others:
-            shown = Operation(int(streamed.image.operation[axis]))
-            assert shown is Operation.STREAM, f"axis {axis}: {shown.name} after a rejected begin"
-        streamed.drivers.axes.end_stream(others)
+        for streaming in ([], others):
+            if streaming:
+                driver.begin_stream(streaming)
+            with pytest.raises(RobotdError):
+                driver.begin_stream(streamed.all)
+            streamed.periods(3)
+            for axis in streamed.all:
+                shown = Operation(int(streamed.image.operation[axis]))
+                expected = Operation.STREAM if axis in streaming else Operation.IDLE
+                assert shown is expected, (
+                    f"axis {axis} is in {shown.name} after a rejected begin, axis {off} is off"
+                )
+        driver.end_stream(others)
         streamed.rest()
         streamed.enable()
     streamed.move_all(0.2)

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robotd.api import Capability, FaultInjector, ProcessImage, Profile
+from robotd.api import Capability, FaultInjector, ProcessImage
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
+from robotd_conformance.checks.test_small_and_large import steep
 
 LONG_S, LONG_STEPPED_S = 5.0, 20.0  # stepped time costs little
 ACCELERATING_SHARE = 5e-5  # of the torque's range, that its acceleration accounts for
 HELD = 0.2  # share of the samples that may repeat a value, of a computer that stalls
 DECLARED, OFTEN = 100, 0.7  # periods of the feedback, and share of them with new values
 UNDATED = 0.5  # share of the values whose time may wait for a slower drive of the same bus
-FASTEST_RAD_S, STEEPEST_RAD_S2 = 3.0, 12.0  # of an axis without limits
 STEEP, STRONG = 0.9, 0.7  # shares of an axis' limits, and of its largest torque
 CODES = (0x07, 0x2310, 0x8611)
 A_WORD = re.compile(r"[^\W\d_]{3}")
@@ -140,14 +140,10 @@ def test_torque_is_in_newton_metres(harness: Harness, injector: FaultInjector) -
     """At a gentle ramp, and at nearly the steepest one that the limits allow."""
     if np.isnan(harness.image.torque).all():
         pytest.skip(f"the {harness.robot.backend.name} backend measures no torque")
-    steep = []
-    for limits in harness.robot.axes.limits:
-        ramp = STEEP * min(limits.acceleration, STEEPEST_RAD_S2)
-        steep.append(Profile(STEEP * min(limits.velocity, FASTEST_RAD_S), ramp, ramp))
     begin = harness.image.position_command.copy()
     for targets, profiles in (
         (begin + harness.travel(), [harness.profile(axis, 0.5) for axis in harness.all]),
-        (begin, steep),
+        (begin, [steep(harness, axis, STEEP) for axis in harness.all]),
     ):
         shown, exerted = [], []
         harness.move(harness.all, targets, profiles)

@@ -181,20 +181,30 @@ def is_offline(harness: Harness, axis: int) -> bool:
     return bool(harness.image.offline[axis])
 
 
+def lost_frames(harness: Harness) -> int:
+    """Return how many frames of bus 0 are counted as lost, also while the engine is not ready."""
+    status = fieldbus_of(harness).status(0)
+    return status.lost_frames + status.timeouts
+
+
+def lose_frames(harness: Harness, before: int) -> int:
+    """Lose frames, ``before`` are counted; return how many are then, when frames arrive again."""
+    harness.injector.lose_packets(LOST)
+    harness.until(lambda: lost_frames(harness) != before, "lost frames are counted", 2.0)
+    harness.until(lambda: harness.robot.connection.ready, "frames arrive again")
+    return lost_frames(harness)
+
+
 @pytest.mark.clause("FieldbusDriver.status/status", "FieldbusDriver.reset_statistics/zero")
 @pytest.mark.needs(Capability.STATISTICS)
 def test_lost_frames_are_counted_until_a_reset(harness: Harness, injector: FaultInjector) -> None:
-    def lost() -> int:
-        status = harness.robot.fieldbus.status(0)
-        return status.lost_frames + status.timeouts
-
     harness.robot.fieldbus.reset_statistics(0)
     injector.lose_packets(3)
-    harness.until(lambda: lost() >= 1, "lost frames are counted", 2.0)
+    harness.until(lambda: lost_frames(harness) >= 1, "lost frames are counted", 2.0)
     harness.until(lambda: harness.robot.connection.ready, "frames arrive again")
-    assert lost() >= 1, "reading the counters has reset them"
+    assert lost_frames(harness) >= 1, "reading the counters has reset them"
     harness.robot.fieldbus.reset_statistics(0)
-    assert lost() == 0
+    assert lost_frames(harness) == 0
 
 
 @pytest.mark.clause("FieldbusDriver.read_register/memory")
@@ -271,22 +281,15 @@ def test_objects_are_those_of_the_status(harness: Harness) -> None:
 
 @pytest.mark.clause("FieldbusDriver.reset_statistics/zero", "FieldbusDriver.status/status")
 @pytest.mark.needs(Capability.STATISTICS)
-def test_counters_count_again_after_a_reset(harness: Harness, injector: FaultInjector) -> None:
-    def lost() -> int:
-        status = harness.robot.fieldbus.status(0)
-        return status.lost_frames + status.timeouts
-
+def test_counters_count_again_after_a_reset(harness: Harness) -> None:
     for _ in range(2):
         harness.robot.fieldbus.reset_statistics(0)
-        assert lost() == 0
+        assert lost_frames(harness) == 0
         for _ in range(2):
-            before = lost()
-            injector.lose_packets(LOST)
-            harness.until(lambda before=before: lost() > before, "lost frames are counted", 2.0)  # type: ignore[misc]
-            harness.until(lambda: harness.robot.connection.ready, "frames arrive again")
-            counted = lost() - before
+            before = lost_frames(harness)
+            counted = lose_frames(harness, before) - before
             most = LOST * max(1, len(fieldbus_of(harness).status(0).nodes))
-            assert counted <= most, f"{counted} frames counted of {LOST}"
+            assert 0 < counted <= most, f"{counted} frames counted of {LOST}"
 
 
 @pytest.mark.clause("FieldbusDriver.reset_statistics/zero", "FieldbusDriver.status/status")
@@ -294,9 +297,7 @@ def test_counters_count_again_after_a_reset(harness: Harness, injector: FaultInj
 def test_no_counter_is_negative_after_a_restart(fresh: Harness) -> None:
     """Frames are lost, the counters are reset, and communication counts from its start."""
     bus, device = fieldbus_of(fresh), fresh.drivers.device
-    fresh.injector.lose_packets(LOST)
-    fresh.wait_until(lambda: bus.status(0).lost_frames > 0, 2.0)
-    fresh.until(lambda: fresh.robot.connection.ready, "frames arrive again")
+    lose_frames(fresh, lost_frames(fresh))
     bus.reset_statistics(0)
     device.stop_communication(10.0)
     device.start_communication(10.0)
@@ -307,21 +308,15 @@ def test_no_counter_is_negative_after_a_restart(fresh: Harness) -> None:
 
 @pytest.mark.clause("FieldbusDriver.status/status")
 @pytest.mark.needs(Capability.STATISTICS)
-def test_lost_frames_are_counted_beyond_a_byte(harness: Harness, injector: FaultInjector) -> None:
-    def lost() -> int:
-        status = fieldbus_of(harness).status(0)
-        return status.lost_frames + status.timeouts
-
+def test_lost_frames_are_counted_beyond_a_byte(harness: Harness) -> None:
     if not harness.stepped:
         pytest.skip("so many frames are lost too slowly in real time")
     harness.robot.fieldbus.reset_statistics(0)
     before = 0
     while before <= BYTE:
-        injector.lose_packets(LOST)
-        harness.until(lambda before=before: lost() != before, "lost frames are counted", 2.0)  # type: ignore[misc]
-        harness.until(lambda: harness.robot.connection.ready, "frames arrive again")
-        assert lost() > before, f"{lost()} frames are lost, after {before}"
-        before = lost()
+        now = lose_frames(harness, before)
+        assert now > before, f"{now} frames are lost, after {before}"
+        before = now
     harness.robot.fieldbus.reset_statistics(0)
 
 

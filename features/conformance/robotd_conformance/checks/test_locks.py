@@ -321,9 +321,8 @@ def asked_during(harness: Harness, name: str, steps: dict[str, Call]) -> Iterato
     def ask() -> None:
         while not ended.is_set():
             for question, call in (("state", device.state), ("fault", device.fault)):
-                began_s = time.perf_counter()
-                call()
-                waits[question].append(time.perf_counter() - began_s)
+                with timed(waits[question]):
+                    call()
             time.sleep(0.0005)
 
     thread = threading.Thread(target=ask, name="caller")

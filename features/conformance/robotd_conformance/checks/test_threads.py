@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -93,37 +94,21 @@ def test_moves_that_begin_at_once_keep_apart(make_harness: MakeHarness) -> None:
     harness.start()
     driver, home = harness.drivers.axes, harness.image.position_command.copy()
     profiles = [harness.profile(axis, 1.0 - 0.5 * axis / harness.count) for axis in harness.all]
-    for share in (0.3, -0.15, 0.2, 0.0) * 2:
-        targets = home + harness.travel(share)
-        begin, errors = threading.Barrier(harness.count), list[Exception]()
+    begin = threading.Barrier(harness.count)
 
-        def move(
-            axis: int,
-            target: float,
-            begin: threading.Barrier = begin,
-            errors: list[Exception] = errors,
-        ) -> None:
-            try:
-                begin.wait(10.0)
-                driver.move(axis, target, profiles[axis])
-            except Exception as error:  # noqa: BLE001 - the check looks at it
-                errors.append(error)
+    def move(axis: int, target: float) -> None:
+        begin.wait(10.0)
+        driver.move(axis, target, profiles[axis])
 
-        threads = [
-            threading.Thread(target=move, args=(axis, float(targets[axis])), name="caller")
-            for axis in harness.all
-        ]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join(20.0)
-        assert not any(thread.is_alive() for thread in threads), "a move has not come back"
-        assert not errors
-        harness.rest()
-        away = np.abs(harness.image.position - targets)
-        assert away.max() <= SETTLED_RAD, (
-            f"axis {away.argmax()} is {away.max():.4f} rad from its target"
-        )
+    with ThreadPoolExecutor(harness.count) as callers:
+        for share in (0.3, -0.15, 0.2, 0.0) * 2:
+            targets = home + harness.travel(share)
+            list(callers.map(move, harness.all, targets.tolist()))
+            harness.rest()
+            away = np.abs(harness.image.position - targets)
+            assert away.max() <= SETTLED_RAD, (
+                f"axis {away.argmax()} is {away.max():.4f} rad from its target"
+            )
 
 
 @pytest.mark.clause("drivers/threads", "drivers/timeouts")

@@ -299,7 +299,7 @@ class ServoReturnsAfterItsTime(Mutant):
 
 
 class MoveWaitsForItsDrive(Mutant):
-    """What a lost drive has not finished is made when its servo is on again, unless stopped."""
+    """Makes the move that a lost drive has not finished when its servo is on again."""
 
     breaks = ("AxisDriver/resumption", "side effect")
     found_by = "test_resumption.py::test_nothing_moves_after_a_new_connection"
