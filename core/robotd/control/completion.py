@@ -28,20 +28,26 @@ class Completion:
         result: outcome and message for the client, None until they are known: at the end, or
             before it where the motion goes on behind the goal (``announce``).
         known: set with ``result``.
-        requested: outcome and message to end with, None: it runs on. Set before ``outcome``.
         outcome, message: None and "" until it has ended; never change afterwards.
         event: set with ``outcome``.
         on_end: called after an end was requested and when it has ended, in the same thread.
     """
 
     def __init__(self) -> None:
-        self.requested: tuple[Outcome, str] | None = None
+        # One writer each: a request at the moment of a fault cannot hide it.
+        self._wish: tuple[Outcome, str] | None = None  # by any thread
+        self._fault: tuple[Outcome, str] | None = None  # by the control loop
         self.outcome: Outcome | None = None
         self.message = ""
         self.event = threading.Event()
         self.result: tuple[Outcome, str] | None = None
         self.known = threading.Event()
         self.on_end: Callable[[], None] = lambda: None
+
+    @property
+    def requested(self) -> tuple[Outcome, str] | None:
+        """Outcome and message to end with, None: it runs on. Set before ``outcome``."""
+        return self._fault or self._wish
 
     @property
     def done(self) -> bool:
@@ -58,19 +64,20 @@ class Completion:
     @property
     def is_fault(self) -> bool:
         """An end with a fault was requested."""
-        return self.requested is not None and self.requested[0] is Outcome.FAULT
+        ending = self.requested
+        return ending is not None and ending[0] is Outcome.FAULT
 
     def request(self, outcome: Outcome, message: str) -> None:
         """Request the end; no effect after the first request or after the end."""
         if self.requested is None and self.outcome is None:
-            self.requested = (outcome, message)
+            self._wish = (outcome, message)
         self.on_end()
 
     def escalate(self, message: str) -> None:
         """Request the end with a fault, also while it stops for another reason."""
-        if self.requested is not None:
-            message = f"{message} (while stopping: {self.requested[1]})"
-        self.requested = (Outcome.FAULT, message)
+        if (ending := self.requested) is not None:
+            message = f"{message} (while stopping: {ending[1]})"
+        self._fault = (Outcome.FAULT, message)
         self.on_end()
 
     def announce(self, outcome: Outcome, message: str) -> None:
