@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import threading
 import time
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -94,6 +96,29 @@ class Base:
         while time.monotonic() < end:
             self.command(linear, angular)
             time.sleep(min(PERIOD_S, max(0.0, end - time.monotonic())))
+
+    @contextmanager
+    def driving(self, linear: float, angular: float) -> Iterator[None]:
+        """Command on in the block, also while a service answers."""
+        ended = threading.Event()
+
+        def command_on() -> None:
+            while not ended.wait(PERIOD_S):
+                self.command(linear, angular)
+
+        thread = threading.Thread(target=command_on)
+        thread.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            thread.join()
+
+    def stands(self, messages: int = 50) -> bool:
+        """Return whether it is at rest in each of the next messages of the odometry."""
+        first = len(self.odometry)
+        wait_until(lambda: len(self.odometry) >= first + messages, "odometry")
+        return not any(self.moves(each, 1e-9) for each in self.odometry[first:])
 
     def drive_and_rest(self, linear: float, angular: float, seconds: float) -> Leg:
         """Drive, stop, and wait until the base is at rest."""

@@ -208,17 +208,16 @@ def test_without_a_servo_it_stands_and_says_so_once(
     base.rest()
     off = client.call(SetAxis, "/wmx/axis/set_on", index=[1], data=[0])
     assert off.success, off.message
-    base.drive(0.5, 0.0, 0.5)
-    assert abs(base.speed) < 1e-9
-    process.wait_output("right wheel: servo is off")
-    for line in ("the base cannot move", "command rejected"):
-        found = [each for each in process.output.splitlines() if line in each]
-        assert len([each for each in found if "right wheel: servo is off" in each]) <= 1
-    on = client.call(SetAxis, "/wmx/axis/set_on", index=[1], data=[1])
-    assert on.success, on.message
-    base.drive(0.5, 0.0, 0.5)  # the client has not noticed: it has to be released first
-    assert abs(base.speed) < 1e-9
-    process.wait_output("cmd_vel kept commanding while motion was rejected")
+    with base.driving(0.5, 0.0):
+        assert base.stands()
+        process.wait_output("right wheel: servo is off")
+        for line in ("the base cannot move", "command rejected"):
+            found = [each for each in process.output.splitlines() if line in each]
+            assert len([each for each in found if "right wheel: servo is off" in each]) <= 1
+        on = client.call(SetAxis, "/wmx/axis/set_on", index=[1], data=[1])
+        assert on.success, on.message
+        assert base.stands()  # the client has not noticed: it has to be released first
+        process.wait_output("cmd_vel kept commanding while motion was rejected")
     base.rest()
     base.drive(0.5, 0.0, 0.5)
     assert base.speed > 0.1

@@ -152,8 +152,8 @@ class MobileBase:
         now_ns = self._clock.now_ns()
         time_ns = now_ns if sent_ns is None else min(sent_ns, now_ns)
         self._command.set(twist, time_ns, seconds, admission)
-        if not self.moving:
-            self._worker.wake()
+        # Also while it moves: the motion may be at its end, and would not see this command.
+        self._worker.wake()
 
     def reset_odometry(self, pose: Pose = ORIGIN) -> None:
         """Make ``pose`` the current one. Any thread. Raises InvalidArgument: it is not finite."""

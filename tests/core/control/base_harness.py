@@ -88,12 +88,11 @@ class BaseHarness:
     def wait(self, condition: Callable[[], bool]) -> None:
         """Wait for another thread; periods run meanwhile, as it may wait for the image."""
         deadline = time.monotonic() + 5.0
-        time.sleep(1e-4)
         while not condition():
             assert time.monotonic() < deadline
             time.sleep(1e-3)
             if not condition():
-                self.step()
+                self.clock.step()
 
     def close(self) -> None:
         closing = threading.Thread(target=self.base.close)

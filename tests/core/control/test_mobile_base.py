@@ -395,3 +395,20 @@ def test_a_command_of_a_time_to_come_does_not_put_its_time_out_off(harness: Base
     harness.run(3.0)
     assert not harness.base.moving
     assert harness.twist == pytest.approx(ZERO_TWIST, abs=1e-6)
+
+
+def test_a_command_at_the_end_of_a_motion_is_not_lost(harness: BaseHarness) -> None:
+    harness.drive(0.2, 0.0, COMMAND_S)
+    (motion,) = harness.base._slot.active
+    end = motion.completion.on_end
+
+    def command_at_the_end() -> None:
+        end()
+        harness.base.command(0.2, 0.0, timeout_s=5.0)
+
+    motion.completion.on_end = command_at_the_end
+    harness.run(2.0)
+    assert motion.completion.done
+    harness.settle()
+    harness.run(1.0)
+    assert harness.twist.linear > 0.15

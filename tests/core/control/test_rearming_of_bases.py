@@ -66,33 +66,33 @@ STATES: dict[str, State] = {
 
 
 @contextmanager
-def driving(harness: BaseHarness) -> Iterator[None]:
-    """Let the client command on in the block, whatever makes time pass."""
+def driving(harness: BaseHarness, source: str = "cmd_vel") -> Iterator[set[str]]:
+    """Let the client command on in the block, whatever makes time pass; yield its rejections."""
     period, step = round(COMMAND_S / harness.period_s), harness.step
     numbers = itertools.count()
+    rejections: set[str] = set()
 
     def command_and_step() -> None:
         if next(numbers) % period == 0:
-            with suppress(NotReady):
-                harness.base.command(SPEED, 0.0, source="cmd_vel")
+            try:
+                harness.base.command(SPEED, 0.0, source=source)
+            except NotReady as error:
+                rejections.add(str(error))
         step()
 
     harness.clock.step = command_and_step
-    yield
+    yield rejections
     harness.clock.step = step
 
 
 def drive(harness: BaseHarness, seconds: float, source: str = "cmd_vel") -> tuple[float, set[str]]:
     """Command on for ``seconds``; return the highest speed of a wheel, and the rejections."""
-    fastest, rejections = 0.0, set()
-    for _ in range(round(seconds / COMMAND_S)):
-        try:
-            harness.base.command(SPEED, 0.0, source=source)
-        except NotReady as error:
-            rejections.add(str(error))
-        harness.settle()
-        harness.run(COMMAND_S)
-        fastest = max(fastest, float(np.abs(harness.robot.image.velocity).max()))
+    fastest = 0.0
+    with driving(harness, source) as rejections:
+        for _ in range(round(seconds / harness.period_s)):
+            harness.clock.step()
+            harness.settle()
+            fastest = max(fastest, float(np.abs(harness.robot.image.velocity).max()))
     return fastest, rejections
 
 
