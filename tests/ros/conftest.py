@@ -13,9 +13,12 @@ with warnings.catch_warnings():
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from tests.ros.robot_process import Client, RobotProcess, connected
+
+OUTPUT_CHARS = 6000  # the newest of a robot's output, in the report of a failed test
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -33,6 +36,16 @@ def pytest_sessionfinish() -> None:
     """Remove the shared memory of WMX engines, which outlives them."""
     for memory in Path("/dev/shm").glob(f"robotd-test-{os.getpid()}-*"):
         memory.unlink()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
+    """Add what the running robots have printed to the report of a failed test."""
+    report: Any = yield
+    if report.failed:
+        for number, process in enumerate(RobotProcess.running):
+            report.sections.append((f"output of robot {number}", process.output[-OUTPUT_CHARS:]))
+    return report
 
 
 @pytest.fixture(scope="session")

@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import rclpy
 from control_msgs.action import FollowJointTrajectory
@@ -77,8 +77,11 @@ class RobotProcess:
 
     Its time-outs are patient, see ``PATIENCE``, unless ``patient`` is False. With ``terminal``, the
     slave of a pseudo-terminal, it is the leader of a session there, and its output goes there.
-    ``prefix`` are words before its command.
+    ``prefix`` are words before its command. A test that fails reports the output of those that
+    are ``running``.
     """
+
+    running: ClassVar[list[RobotProcess]] = []
 
     def __init__(
         self,
@@ -113,6 +116,8 @@ class RobotProcess:
             stderr=subprocess.STDOUT,
             env=variables,
         )
+        self.running.append(self)
+        self._exit.callback(self.running.remove, self)
 
     @property
     def output(self) -> str:
