@@ -160,7 +160,7 @@ class Robot:
             realtime_priority=descriptor.cycle.realtime_priority,
             clock=clock,
         )
-        self.rearming = Rearming(self.axes)
+        self.rearming = Rearming(self.axes, self.control_loop.period_ns)
         self._look_each_period(rate_hz)
         self._motion_stop = MotionStop(self.axes, mixer, self.io, descriptor.stop_input)
         self.control_loop.every(rate_hz, "stop", self._motion_stop.enforce, first=True)
@@ -381,6 +381,7 @@ class Robot:
     def _look_each_period(self, rate_hz: float) -> None:
         """Add what the control loop looks at in each period, after the setpoints."""
         every, guard = self.control_loop.every, SoftLimitGuard(self.axes, 1.0 / rate_hz)
+        every(rate_hz, "silence", self.rearming.listen, first=True)
         every(rate_hz, "interruptions", self.rearming.interruptions.look)
         every(rate_hz, "travel", guard.look)
         if self.gripper is not None:

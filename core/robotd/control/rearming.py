@@ -14,6 +14,7 @@ from robotd.clock import NANOSECONDS
 from robotd.control.interruptions import Interruption, Interruptions
 from robotd.control.problem import Problem, ProblemKind
 from robotd.device.axes import Axes
+from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode
 from robotd.errors import NotReady
 from robotd.log import get_logger
@@ -27,10 +28,17 @@ Numbers = tuple[int, ...]  # of the newest interruptions that concern a source
 
 
 class Rearming:
-    """Sources of commands of a robot, and the interruptions of its motion. Any thread."""
+    """Sources of commands of a robot, and the interruptions of its motion. Any thread.
 
-    def __init__(self, axes: Axes) -> None:
-        self.interruptions, self.clock = Interruptions(axes), axes.clock
+    Attributes:
+        listened_ns: time in which commands could arrive, in periods of the control loop: while the
+            computer stalls nobody is heard, and that is no silence.
+    """
+
+    def __init__(self, axes: Axes, period_ns: int) -> None:
+        self.interruptions = Interruptions(axes)
+        self.listened_ns = 0
+        self._period_ns = period_ns
         self._known: dict[tuple[str, tuple[int, ...]], CommandSource] = {}
         self._waiting: dict[CommandSource, None] = {}  # in the order of their first interruptions
         self._lock = threading.Lock()
@@ -45,6 +53,10 @@ class Rearming:
             found = self._known.setdefault(key, source)
         found.silence_s = source.silence_s
         return found
+
+    def listen(self, image: ProcessImage) -> None:
+        """Count a period, whatever the state. Control loop."""
+        self.listened_ns += self._period_ns
 
     def problems(self) -> list[Problem]:
         """Return a problem for each source that goes on commanding and is not armed."""
@@ -113,7 +125,7 @@ class CommandSource:
         self._rearming, self._modes, self._neutral = rearming, tuple(modes), neutral
         self._follows_speed = follows_speed
         self._armed_at: Numbers | None = None
-        self._sent_ns: int | None = None  # time of its last command, admitted or not
+        self._heard_ns: int | None = None  # ``listened_ns`` at its last command, admitted or not
         self._rejected = 0  # commands since it was armed
         self._cause = ""
         self._lock = threading.Lock()
@@ -126,8 +138,8 @@ class CommandSource:
     @property
     def is_silent(self) -> bool:
         """It has sent nothing for ``silence_s``."""
-        sent_ns, now_ns = self._sent_ns, self._rearming.clock.now_ns()
-        return sent_ns is None or now_ns - sent_ns > self.silence_s * NANOSECONDS
+        heard_ns, now_ns = self._heard_ns, self._rearming.listened_ns
+        return heard_ns is None or now_ns - heard_ns > self.silence_s * NANOSECONDS
 
     @property
     def is_waiting(self) -> bool:
@@ -167,7 +179,7 @@ class CommandSource:
         Returns the error of a state that rejects motion, and True where only ``neutral`` has
         armed it.
         """
-        was_silent, self._sent_ns = self.is_silent, self._rearming.clock.now_ns()
+        was_silent, self._heard_ns = self.is_silent, self._rearming.listened_ns
         present, follows_speed = self._rearming.interruptions.present, self._follows_speed
         if error := present(self.axes, self._modes, follows_speed=follows_speed):
             self._armed_at = None
