@@ -96,10 +96,10 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
-    """Fail a check during which a driver has raised what is no error of robotd."""
+    """Fail a check during which a call of a driver was wrong, whatever the check expects."""
     result = yield
-    errors = item.config.stash[TARGET].take_foreign_errors()
-    assert not errors, f"{len(errors)} calls failed by no error of robotd, the first: {errors[0]}"
+    calls = item.config.stash[TARGET].take_wrong_calls()
+    assert not calls, f"{len(calls)} calls of drivers were wrong, the first: {calls[0]}"
     assert not item.config.stash[TARGET].stray, item.config.stash[TARGET].stray
     return result
 

@@ -55,6 +55,8 @@ UNDONE_BY: dict[str, tuple[str, int, tuple[Any, ...]]] = {
 }
 """Method of a fault injector → the one that undoes it, its leading arguments, and the last."""
 
+AT_ONCE = {"read", "stream", "state", "fault", "stop", "quick_stop", "read_inputs", "read_outputs"}
+
 WAIT_S = 10.0  # for what a working backend does in far less
 
 
@@ -67,7 +69,8 @@ class Harness:
 
     Attributes:
         robot, drivers: the robot, and the drivers behind it.
-        foreign_errors: what drivers raised that is no error of robotd.
+        wrong_calls: calls of drivers that raised what is no error of robotd, or that waited and
+            have to return at once.
         fault_injector: None where the backend offers none.
         pose: start pose of the run.
         period_s, feedback_s: control period, and time between two measured values.
@@ -88,7 +91,7 @@ class Harness:
         self.stepped = not real_time and uses_context_clock
         self.clock: Clock = SteppedClock() if self.stepped else MonotonicClock()
         self.drivers = backend.drivers(backend.context(descriptor, self.clock))
-        self.foreign_errors: list[str] = []
+        self.wrong_calls: list[str] = []
         self._watch_calls()
         self.robot = Robot(descriptor, backend, self.clock, self.drivers)
         self.fault_injector = self.drivers.make_fault_injector()
@@ -113,23 +116,30 @@ class Harness:
         return self.image.stamp_ns + self.robot.control_loop.period_ns
 
     def _watch_calls(self) -> None:
-        """Note what methods of drivers raise that is no error of robotd."""
+        """Note each call of a driver that is wrong whatever a check expects: ``wrong_calls``."""
         drivers = self.drivers
         for driver in (drivers.device, drivers.axes, drivers.io, drivers.fieldbus):
             for name, member in inspect.getmembers_static(type(driver)):
                 if isinstance(member, staticmethod) and not name.startswith("_"):
-                    setattr(driver, name, self._watched(getattr(driver, name)))
+                    setattr(driver, name, self._watched(name, getattr(driver, name)))
 
-    def _watched(self, call: Callable[..., Any]) -> Callable[..., Any]:
+    def _watched(self, name: str, call: Callable[..., Any]) -> Callable[..., Any]:
+        at_once = self.stepped and name in AT_ONCE
+
         def watched(*given: Any, **named: Any) -> Any:
+            began_ns = self.clock.now_ns() if at_once else 0
             try:
                 return call(*given, **named)
             except OperationError as error:
                 cause = error.__cause__
                 # As the isolation of faults words it: a driver may have a cause for its own errors.
                 if cause is not None and str(error).endswith(f"{type(cause).__name__}: {cause}"):
-                    self.foreign_errors.append(str(error))
+                    self.wrong_calls.append(f"{error}, which is no error of robotd")
                 raise
+            finally:
+                # Simulated time stands unless something waits. In real time: test_cost, test_locks.
+                if at_once and (waited_ns := self.clock.now_ns() - began_ns):
+                    self.wrong_calls.append(f"{name} has waited {waited_ns * 1e-9:g} s")
 
         return watched
 

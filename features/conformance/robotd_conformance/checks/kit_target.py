@@ -66,13 +66,13 @@ class KitTarget:
         began = self.pose.position is not None
         return "" if simulated and began else self.pose.exceeded
 
-    def take_foreign_errors(self) -> list[str]:
-        """Return what drivers have raised since the last call that is no error of robotd."""
-        errors = [error for harness in self._built for error in harness.foreign_errors]
+    def take_wrong_calls(self) -> list[str]:
+        """Return the wrong calls of drivers since the last time, see ``Harness``."""
+        calls = [call for harness in self._built for call in harness.wrong_calls]
         self._built = [self._shared] if self._shared else []
         for harness in self._built:
-            harness.foreign_errors.clear()
-        return errors
+            harness.wrong_calls.clear()
+        return calls
 
     def shared(self) -> Harness:
         """Return the shared harness, replaced when the last check broke it."""

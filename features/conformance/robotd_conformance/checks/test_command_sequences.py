@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robotd.api import Capability, FloatArray, Profile
+from robotd.api import Capability, FloatArray, Profile, RobotdError
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.recorded_motion import jog, judge, mean_velocity, there_and_back
 from robotd_conformance.checks.recording import Recording
@@ -67,6 +67,35 @@ def test_a_target_too_near_to_stop_at_is_reached(harness: Harness) -> None:
         harness.rest()
         assert harness.image.position == pytest.approx(targets, abs=SETTLED_RAD)
         assert harness.image.motion_complete.all()
+
+
+@pytest.mark.clause("AxisDriver/as-commanded")
+@pytest.mark.parametrize("command", ["move", "jog"])
+def test_a_command_into_a_closed_limit_switch_is_made_or_says_why_not(
+    fresh: Harness, command: str
+) -> None:
+    """Rejected, or made, or ended with the drive's reason; never accepted and nothing else."""
+    if command == "jog":
+        if not fresh.can(Capability.VELOCITY_MODE):
+            pytest.skip("there is no velocity mode")
+        fresh.set_velocity_mode()
+    driver, image, way, profile = fresh.drivers.axes, fresh.image, fresh.travel(), fresh.profile(0)
+    switch = "positive_limit" if way[0] > 0.0 else "negative_limit"
+    fresh.injector.press_switch(0, switch, True)
+    fresh.until(lambda: getattr(image, switch)[0], f"the {switch} is shown")
+    start = float(image.position[0])
+    try:
+        if command == "move":
+            driver.move(0, start + float(way[0]), profile)
+        else:
+            driver.jog(0, replace(profile, velocity=np.sign(way[0]) * profile.velocity))
+    except RobotdError:
+        return
+    fresh.wait_until(lambda: abs(image.position[0] - start) > SETTLED_RAD, SHOWN_S + REACTION_S)
+    moved = abs(image.position[0] - start) > SETTLED_RAD
+    driver.stop([0])
+    reason = image.reason[0] or image.fault(0)
+    assert moved or reason, f"a {command} was accepted, nothing moves, and no reason is shown"
 
 
 @pytest.mark.clause("AxisDriver.stop/starts", "AxisDriver.quick_stop/starts")

@@ -96,6 +96,25 @@ def test_each_load_is_in_force_also_after_communication_stopped(
         assert_changed(turned, dumps(disabled), [], "communication that was stopped and started")
 
 
+@pytest.mark.clause("DeviceDriver.load_parameters/kept", "DeviceDriver.close/disconnects")
+def test_a_file_is_in_force_until_the_device_is_closed(disabled: Harness, tmp_path: Path) -> None:
+    """A device that is opened again has what it had before any file, in each of two rounds."""
+    require_files(disabled)
+    device, own = disabled.drivers.device, _parameters(disabled)
+    ramps = {axis: 21.5 + axis for axis in disabled.all}
+    turned = {axis: -int(own["AxisPolarity"][axis]) for axis in disabled.all}
+    path = write(own, tmp_path / "file.xml", QuickStopDec=ramps, AxisPolarity=turned)
+    device.close()
+    device.open()
+    before = dumps(disabled)
+    for _ in range(2):
+        device.load_parameters(path)
+        assert_changed(before, dumps(disabled), disabled.all, "the file")
+        device.close()
+        device.open()
+        assert_changed(before, dumps(disabled), [], "a device that was closed and opened again")
+
+
 @pytest.mark.clause("DeviceDriver.load_parameters/applies", "DeviceDriver.load_parameters/live")
 @pytest.mark.clause("DeviceDriver.load_parameters/named")
 def test_a_load_that_one_axis_forbids_changes_no_other(rescalable: Harness, tmp_path: Path) -> None:
@@ -129,7 +148,9 @@ def test_a_load_that_one_axis_forbids_changes_no_other(rescalable: Harness, tmp_
 def test_a_wrong_value_of_the_last_axis_changes_no_axis(disabled: Harness, tmp_path: Path) -> None:
     require_files(disabled)
     device, ramps = disabled.drivers.device, {axis: 2.5 + axis for axis in disabled.all}
-    path = write(_parameters(disabled), tmp_path / "wrong.xml", QuickStopDec=ramps)
+    own = _parameters(disabled)
+    turned = {axis: -int(own["AxisPolarity"][axis]) for axis in disabled.all}
+    path = write(own, tmp_path / "wrong.xml", QuickStopDec=ramps, AxisPolarity=turned)
     text, mark = path.read_text(encoding="utf-8"), f">{ramps[disabled.count - 1]:.6f}<"
     assert mark in text
     path.write_text(text.replace(mark, ">fast<"), encoding="utf-8")

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 from threading import RLock
 
 import numpy as np
@@ -14,6 +16,7 @@ from tests.features.conformance.runs.mutants.plugin import Mutant, ReadAnew
 from robotd.api import (
     BusStatus,
     ConnectionState,
+    DescriptorError,
     DeviceTimeout,
     FloatArray,
     LateSetpoint,
@@ -388,7 +391,7 @@ class CountersFromTheLastReset(Mutant):
 class RejectedMovesRaiseNumbers(Mutant):
     breaks = ("drivers/errors", "raises")
     found_by = "test_enable.py::test_a_disabled_axis_refuses_to_move"
-    says = "calls failed by no error of robotd"
+    says = "no error of robotd"
 
     class Axes(SimAxes):
         def move(self, axis: int, target: float, profile: Profile) -> None:
@@ -396,3 +399,76 @@ class RejectedMovesRaiseNumbers(Mutant):
                 super().move(axis, target, profile)
             except (NotReady, OperationError):
                 raise RuntimeError("error 0x1A02") from None
+
+
+class StateWaitsOnceTheLinkIsLost(Mutant):
+    """It asks the device, which does not answer."""
+
+    breaks = ("DeviceDriver.state/blocks", "blocks")
+    found_by = "test_reopening.py::test_a_lost_link_is_shown_and_resumed"
+    says = "state has waited 0.8 s"
+
+    class Device(SimDevice):
+        def start_communication(self, timeout_s: float) -> None:
+            super().start_communication(timeout_s)
+            self.__dict__["communicated"] = True
+
+        def state(self) -> ConnectionState:
+            state, clock = super().state(), self.simulation.clock
+            if self.__dict__.get("communicated") and state is not ConnectionState.COMMUNICATING:
+                clock.sleep_until_ns(clock.now_ns() + 800_000_000)
+            return state
+
+
+class WrongFilesTurnAxes(Mutant):
+    """The polarity is read and applied by itself, before the rest is."""
+
+    breaks = ("DeviceDriver.load_parameters/wrong-file", "ignored")
+    found_by = "test_parameters.py::test_a_wrong_value_of_the_last_axis_changes_no_axis"
+    says = "a file with a wrong value"
+
+    class Device(SimDevice):
+        def load_parameters(self, path: Path) -> str:
+            simulation = self.simulation
+            try:
+                return super().load_parameters(path)
+            except DescriptorError:
+                text = path.read_text(encoding="utf-8")
+                found = re.findall(r"<AxisPolarity>(-?1)<", text)[: simulation.axes]
+                polarity = {axis: int(value) for axis, value in enumerate(found)}
+                changed = simulation.parameters.with_values({"AxisPolarity": polarity})
+                with simulation.world.lock:
+                    simulation.apply(changed)
+                raise
+
+
+class ParametersSurvive(Mutant):
+    breaks = ("DeviceDriver.load_parameters/kept", "survives close")
+    found_by = "test_parameters.py::test_a_file_is_in_force_until_the_device_is_closed"
+    says = "closed and opened again"
+
+    class Device(SimDevice):
+        def close(self) -> None:
+            simulation = self.simulation
+            parameters = simulation.parameters
+            super().close()
+            with simulation.world.lock:
+                simulation.apply(parameters)
+
+
+class ClosedSwitchesSwallowCommands(Mutant):
+    breaks = ("AxisDriver/as-commanded", "ignored")
+    found_by = (
+        "test_command_sequences.py"
+        "::test_a_command_into_a_closed_limit_switch_is_made_or_says_why_not"
+    )
+    says = "was accepted, nothing moves"
+
+    class Axes(SimAxes):
+        def move(self, axis: int, target: float, profile: Profile) -> None:
+            with suppress(OperationError):
+                super().move(axis, target, profile)
+
+        def jog(self, axis: int, profile: Profile) -> None:
+            with suppress(OperationError):
+                super().jog(axis, profile)
