@@ -248,6 +248,31 @@ def test_a_request_to_end_between_two_servos_leaves_the_second_off(harness: Harn
     assert not harness.simulation.states.servo_on.any()
 
 
+def test_a_servo_that_enables_when_its_robot_is_deactivated_goes_off(harness: Harness) -> None:
+    harness.robot.start(enable=False)
+    driver: Any = harness.robot.axes._driver
+    servo, latch = driver.servo, harness.robot.axes.stop_latch
+
+    def interrupted(axis: int, on: bool, timeout_s: float) -> None:
+        servo(axis, on, timeout_s)
+        latch.inactive, latch.servos_allowed = "inactive", False
+
+    driver.servo = interrupted
+    with pytest.raises(NotReady, match="the robot is inactive"):
+        harness.robot.axes.servo(0, True)
+    assert not harness.simulation.states.servo_on.any()
+
+
+def test_disabling_sees_a_servo_that_has_just_gone_on(harness: Harness) -> None:
+    harness.robot.start(enable=False)
+    harness.clock.detach()  # no period of the control loop: the image does not show it yet
+    harness.robot.axes._driver.servo(0, True, 1.0)
+    harness.clock.attach(harness.robot.control_loop.period_ns, harness.robot.control_loop.period)
+    assert not harness.image.servo_on[0]
+    harness.robot.servos.disable()
+    assert not harness.simulation.states.servo_on.any()
+
+
 def test_no_motion_starts_after_a_request_to_end(harness: Harness) -> None:
     harness.up()
     harness.robot.connection.abort_start()

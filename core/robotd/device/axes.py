@@ -221,9 +221,11 @@ class Axes:
                         if not self.image.servo_on[other]:
                             self._check_axis(other)
                     self._driver.servo(axis, True, timeout_s)
-                    if connection.ending:  # the request came while the drive was enabling
+                    # A request to end, or to be inactive, may have come while the drive enabled.
+                    if connection.ending or not self.stop_latch.servos_allowed:
                         self._driver.servo(axis, False, timeout_s)
                         connection.require_alive()
+                        self.stop_latch.check_servos()
         self._wait_for(lambda: bool((self.image.servo_on[list(group)] == on).all()))
 
     @noted
@@ -352,6 +354,12 @@ class Axes:
         if not wait_until(lambda: not self._moving(axes), timeout_s, self.clock):
             names = ", ".join(self.names[axis] for axis in self._moving(axes))
             raise DeviceTimeout(f"{names}: not at rest after {timeout_s} s")
+
+    def wait_for_servos(self) -> None:
+        """Wait for a servo that is being switched on, and until the image shows it."""
+        with self.connection.scaling_lock:
+            switched_ns = self.clock.now_ns()
+        self._wait_for_newer(switched_ns)
 
     def wait_for_motion(self) -> None:
         """Wait for an image that shows the last move or jog, if it was accepted."""
