@@ -208,7 +208,7 @@ def read_shafts(harness: Harness, injector: FaultInjector) -> FloatArray:
 
 @pytest.mark.clause("AxisDriver.read/states")
 @pytest.mark.clause("DeviceDriver.state/lost-link", "DeviceDriver.start_communication/resumes")
-@pytest.mark.clause("DeviceDriver.start_communication/nothing-moves")
+@pytest.mark.clause("DeviceDriver.start_communication/nothing-moves", "DeviceDriver.state/blocks")
 def test_a_lost_link_is_shown_and_resumed(fresh: Harness) -> None:
     connection, device = fresh.robot.connection, fresh.drivers.device
     fresh.move_all()
