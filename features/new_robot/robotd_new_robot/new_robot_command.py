@@ -277,6 +277,7 @@ def _urdf_text(options: Mapping[str, Any]) -> tuple[str, Path]:
         text = read_urdf_text(path)
         if is_xacro(xml_root(text, path)):
             expanded = expand_xacro(path, options["xacro_arguments"], options["meshes"])
+            path = path.with_name(f"{path.name}, expanded")  # lines are not those of the file
             text = urdf_text(expanded, path)
         return text, path
     with robot_client(options["timeout_s"]) as client:

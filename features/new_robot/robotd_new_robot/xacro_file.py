@@ -13,7 +13,7 @@ from robotd.api.models import package_folders
 
 
 def expand_xacro(path: Path, arguments: Mapping[str, str], folders: Sequence[Path]) -> str:
-    """Return the URDF of a xacro file.
+    """Return the URDF of a xacro file, in the lines of the command ``xacro``.
 
     ``$(find PACKAGE)`` is looked up in ``AMENT_PREFIX_PATH``, beside the file and in ``folders``.
 
@@ -46,7 +46,8 @@ def expand_xacro(path: Path, arguments: Mapping[str, str], folders: Sequence[Pat
     # xacro's own search needs ROS; it has no option for another one.
     try:
         with patch.object(substitution, "_eval_find", find):
-            text: str = xacro.process_file(str(path), mappings=dict(arguments)).toxml()
+            document = xacro.process_file(str(path), mappings=dict(arguments))
+            text: str = document.toprettyxml(indent="  ")
     except Exception as error:  # noqa: BLE001 - its parser, evaluator and macros raise any kind
         cause = getattr(error, "exc", None)  # xacro's texts repeat it
         reason = str(cause if isinstance(cause, OSError) else error) or type(error).__name__

@@ -32,7 +32,7 @@ def eds_report(path: Path, node: int, stream_mode: StreamMode) -> Iterator[str]:
         axis = {"stream_mode": stream_mode, "eds": path.absolute()}
         yield from _drive(_planned(path, axis, node), dictionary)
     else:
-        yield from _module(dictionary)
+        yield from _module(dictionary, profile)
     yield from _values(values)
 
 
@@ -98,13 +98,14 @@ def _pdo(pdo: Pdo, dictionary: ObjectDictionary) -> str:
     return f"{pdo.name}, COB-ID 0x{pdo.cob_id:03X}, {sent}: {objects}"
 
 
-def _module(dictionary: ObjectDictionary) -> Iterator[str]:
+def _module(dictionary: ObjectDictionary, profile: int) -> Iterator[str]:
     for index, key in _IO.items():
         count = _default(dictionary, index)
         if index in dictionary:
             yield f"{describe(dictionary, index, 1)}: {key}: {min(count, 8)}"
     if not any(index in dictionary for index in _IO):
-        yield "neither a drive (0x6040) nor a module with digital I/O (0x6000, 0x6200)"
+        what = f"device type 0x1000 is CiA {profile}, that of a drive is CiA {_DRIVE}"
+        yield f"neither a drive nor a module with digital I/O (0x6000, 0x6200): {what}"
 
 
 def _values(values: list[DcfValue]) -> Iterator[str]:

@@ -60,6 +60,22 @@ class EsiClock:
 
 
 @dataclass(frozen=True)
+class EsiSlot:
+    """One slot of a modular device.
+
+    Attributes:
+        module: that it has by default; None where nothing is plugged in.
+        index_step, pdo_step: by which indexes of objects, and of PDOs, differ from those of the
+            slot before.
+    """
+
+    name: str
+    module: int | None
+    index_step: int = 0
+    pdo_step: int = 0
+
+
+@dataclass(frozen=True)
 class EsiModule:
     """One module of a modular device."""
 
@@ -78,7 +94,7 @@ class EsiDevice:
         profiles: numbers of its profiles, such as 402.
         can_assign, can_map: the assignment, and the contents of PDOs, can be written.
         clocks: operation modes, the default first.
-        slots: name and default module of each slot, "" and None where nothing is plugged in.
+        slots: in which modules are plugged; none of most devices.
         names: of objects, by index and subindex.
     """
 
@@ -94,8 +110,7 @@ class EsiDevice:
     pdos: tuple[EsiPdo, ...]
     clocks: tuple[EsiClock, ...]
     names: Names
-    slots: tuple[tuple[str, int | None], ...] = ()
-    slot_steps: tuple[int, int] = (0, 0)  # of indexes of objects, and of PDOs
+    slots: tuple[EsiSlot, ...] = ()
     modules: tuple[EsiModule, ...] = field(default=(), repr=False)
 
     def object_name(self, index: int, sub: int) -> str:
@@ -112,11 +127,11 @@ def with_modules(device: EsiDevice, modules: Mapping[int, EsiModule]) -> EsiDevi
     pdos, names = list(device.pdos), dict(device.names)
     plugged: list[EsiModule] = []
     parts = len(names)
-    for slot, (_, ident) in enumerate(device.slots):
-        if ident is None or (module := modules.get(ident)) is None:
+    for number, slot in enumerate(device.slots):
+        if slot.module is None or (module := modules.get(slot.module)) is None:
             continue
         plugged.append(module)
-        index_step, pdo_step = (slot * step for step in device.slot_steps)
+        index_step, pdo_step = number * slot.index_step, number * slot.pdo_step
         parts += len(module.names) + sum(len(pdo.entries) for pdo in module.pdos)
         if parts > MAX_PARTS:
             what = f"more than {MAX_PARTS:_} objects in the modules of {device.name[:MAX_SHOWN]!r}"

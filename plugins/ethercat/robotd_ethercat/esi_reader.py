@@ -5,10 +5,11 @@ Values that no device needs to be recognised are read leniently: real files brea
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from io import BytesIO
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Any, NoReturn
 
 from lxml import etree
@@ -22,6 +23,7 @@ from robotd_ethercat.esi_device import (
     EsiEntry,
     EsiModule,
     EsiPdo,
+    EsiSlot,
     with_modules,
 )
 from robotd_ethercat.mapping import Assignment
@@ -41,31 +43,10 @@ def read_esi(path: Path, wanted: Collection[tuple[int, int]] | None = None) -> l
     Args:
         wanted: (vendor, product) of the devices that are read; None: all.
     """
-    data = read_limited(path, MAX_BYTES)
-    if b"<!DOCTYPE" in data:
-        raise DescriptorError("a DOCTYPE is not allowed", path=path)
     reader = _Reader(path, wanted)
-    events = etree.iterparse(
-        BytesIO(data),
-        tag=("Vendor", "Device", "Module"),
-        resolve_entities=False,
-        load_dtd=False,
-        no_network=True,
-        huge_tree=False,
-        remove_comments=True,
-        remove_pis=True,
-    )
-    try:
-        for _, element in events:
-            reader.take(element)
-    except etree.XMLSyntaxError as error:
-        what = f"not valid XML: {error.msg}"
-        raise DescriptorError(what, path=path, line=error.lineno or None) from None
-    root: Any = events.root
-    if root.getroottree().docinfo.doctype:
-        raise DescriptorError("a DOCTYPE is not allowed", path=path)
-    if root.tag != "EtherCATInfo":
-        raise DescriptorError(f"is no ESI: the root is {str(root.tag)[:MAX_SHOWN]!r}", path=path)
+    reader.read(path, "EtherCATInfo")
+    for file in reader.module_files():
+        reader.read(file, "EtherCATModule")
     return list(reader.devices())
 
 
@@ -75,13 +56,61 @@ class _Reader:
     def __init__(self, path: Path, wanted: Collection[tuple[int, int]] | None) -> None:
         self._path, self._wanted = path, wanted
         self._vendor, self._vendor_name = 0, ""
+        self._references: list[str] = []
         self._devices: list[EsiDevice] = []
         self._modules: dict[int, EsiModule] = {}
+
+    def read(self, path: Path, tag: str) -> None:
+        """Take the elements of a file with the root ``tag``. Raises DescriptorError."""
+        self._path = path
+        data = read_limited(path, MAX_BYTES)
+        if b"<!DOCTYPE" in data:
+            raise DescriptorError("a DOCTYPE is not allowed", path=path)
+        events = etree.iterparse(
+            BytesIO(data),
+            tag=("InfoReference", "Vendor", "Device", "Module"),
+            resolve_entities=False,
+            load_dtd=False,
+            no_network=True,
+            huge_tree=False,
+            remove_comments=True,
+            remove_pis=True,
+        )
+        try:
+            for _, element in events:
+                self.take(element)
+        except etree.XMLSyntaxError as error:
+            what = f"not valid XML: {error.msg}"
+            raise DescriptorError(what, path=path, line=error.lineno or None) from None
+        root: Any = events.root
+        if root.getroottree().docinfo.doctype:
+            raise DescriptorError("a DOCTYPE is not allowed", path=path)
+        if root.tag != tag:
+            what = f"is no ESI: the root is {str(root.tag)[:MAX_SHOWN]!r}, not {tag!r}"
+            raise DescriptorError(what, path=path)
+
+    def module_files(self) -> list[Path]:
+        """Return the files with modules that the ESI refers to, where a device has slots.
+
+        They are in the folder of the ESI or below, or with their name beside it.
+        """
+        if not any(device.slots for device in self._devices):
+            return []
+        folder = self._path.parent
+        found: dict[Path, None] = {}
+        for reference in self._references:
+            parts = PureWindowsPath(reference).parts  # they have backslashes, rarely slashes
+            places = (folder.joinpath(*parts), folder / parts[-1]) if parts else ()
+            if ".." not in parts and (file := next(filter(os.path.isfile, places), None)):
+                found[file] = None
+        return list(found)
 
     def take(self, element: Any) -> None:
         parent = element.getparent()
         place = None if parent is None else parent.tag
         match element.tag, place:
+            case "InfoReference", "EtherCATInfo":
+                self._references.append(_text(element))
             case "Vendor", "EtherCATInfo":
                 self._vendor = self._number(element, "Id")
                 self._vendor_name = _name(element)
@@ -103,10 +132,10 @@ class _Reader:
 
     def _device(self, element: Any, product: int) -> EsiDevice:
         kind = element.find("Type")
-        profiles = [self._number(profile, "ProfileNo") for profile in element.findall("Profile")]
         coe = element.find("Mailbox/CoE")
         slots = element.find("Slots")
-        steps = ("SlotIndexIncrement", "SlotPdoIncrement")
+        places = ("Profile/ProfileNo", "Profile/ChannelInfo/ProfileNo")
+        profiles = [self._value(each) for place in places for each in element.iterfind(place)]
         return EsiDevice(
             path=self._path,
             vendor=self._vendor,
@@ -121,7 +150,6 @@ class _Reader:
             clocks=tuple(self._clock(mode) for mode in element.iterfind("Dc/OpMode")),
             names=self._names(element),
             slots=tuple(self._slots(slots)) if slots is not None else (),
-            slot_steps=(self._attribute(slots, steps[0]), self._attribute(slots, steps[1])),
         )
 
     def _module(self, element: Any) -> EsiModule:
@@ -161,20 +189,24 @@ class _Reader:
         number = int(shift) if re.fullmatch(r"-?[0-9]{1,12}", shift) else 0
         return EsiClock(_name(element), self._number(element, "AssignActivate"), number)
 
-    def _slots(self, element: Any) -> Iterator[tuple[str, int | None]]:
-        """Yield name and default module of each slot."""
+    def _slots(self, element: Any) -> Iterator[EsiSlot]:
         count = 0
         for slot in element.iterfind("Slot"):
             idents = slot.findall("ModuleIdent")
             chosen = [one for one in idents if _is_true(one.get("Default"))] or idents
             least = self._attribute(slot, "MinInstances")
             most = max(1, self._attribute(slot, "MaxInstances"), least)
+            steps = [
+                self._attribute(slot if slot.get(step) else element, step)
+                for step in ("SlotIndexIncrement", "SlotPdoIncrement")
+            ]
             count += most
             if count > MAX_SLOTS:
                 self._refuse(slot, f"more than {MAX_SLOTS} slots")
             for place in range(most):
                 plugged = place < least and chosen
-                yield _name(slot), self._value(chosen[0]) if plugged else None
+                module = self._value(chosen[0]) if plugged else None
+                yield EsiSlot(_name(slot), module, *steps)
 
     def _names(self, element: Any) -> dict[tuple[int, int], str]:
         """Return the names of objects, of the dictionary inside the file."""

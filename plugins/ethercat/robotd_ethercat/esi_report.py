@@ -29,10 +29,13 @@ def is_drive(device: EsiDevice) -> bool:
 
 def detail_lines(device: EsiDevice) -> Iterator[str]:
     """Yield slots, PDOs, clock modes, and the choice of robotd for a drive."""
-    for number, (name, ident) in enumerate(device.slots):
-        module = next((one for one in device.modules if one.ident == ident), None)
-        plugged = module.name if module else "empty" if ident is None else f"0x{ident:X}"
-        yield f"slot {number}{f' ({name})' if name else ''}: {plugged}"
+    names = {module.ident: module.name for module in device.modules}
+    for number, slot in enumerate(device.slots):
+        plugged = "empty"
+        if slot.module is not None:
+            unknown = f"module 0x{slot.module:X}, which is not in the ESI: its PDOs are unknown"
+            plugged = names.get(slot.module, unknown)
+        yield f"slot {number}{f' ({slot.name})' if slot.name else ''}: {plugged}"
     for pdo in device.pdos:
         yield from _pdo_lines(pdo)
     for clock in device.clocks:

@@ -242,6 +242,11 @@ def test_xacro_is_expanded_with_the_packages_beside_it(robotd: Robotd, tmp_path:
     result = robotd("new-robot", "it", *options, "--xacro-arg", "reach:=0.8")
     assert result.exit_code == 0, result.output
     assert load_robot_descriptor(tmp_path / "it").joints[0].upper == 1.6
+    urdf = (tmp_path / "it" / "it.urdf").read_text(encoding="utf-8")
+    assert '    <limit effort="1" lower="-1" upper="1.6" velocity="1"/>' in urdf.splitlines()
+    result = robotd("new-robot", "other", *options, "--xacro-arg", "reach:=-2")
+    line = 1 + urdf[: urdf.index("<joint")].count("\n")
+    assert f"it.urdf.xacro, expanded:{line}: a: lower limit -1 is not below" in result.stderr
     (tmp_path / "it.urdf.xacro").write_text(XACRO.replace("parts", "none"), encoding="utf-8")
     result = robotd("new-robot", "other", *options)
     assert result.exit_code == ExitCode.CONFIGURATION

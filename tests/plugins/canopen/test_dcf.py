@@ -134,7 +134,7 @@ def test_the_report_of_a_module_and_of_another_device(tmp_path: Path) -> None:
     other = tmp_path / "other.eds"
     other.write_text("[1000]\nDataType=7\nDefaultValue=0x196\n", encoding="utf-8")
     result = CliRunner().invoke(main, ["canopen", "eds", str(other)])
-    assert "neither a drive" in result.output
+    assert "device type 0x1000 is CiA 406, that of a drive is CiA 402" in result.output
 
 
 def test_the_report_of_a_drive_with_constant_rpdos_and_few_objects() -> None:

@@ -79,7 +79,63 @@ def test_modules_are_moved_to_their_slots() -> None:
     assert [pdo.index for pdo in twin.pdos] == [0x1600, 0x1A00, 0x1610, 0x1A10]
     assert [entry.index for entry in twin.pdos[2].entries] == [0x6840, 0x6860, 0x687A]
     assert twin.object_name(0x6840, 0) == "Controlword"
-    assert twin.slots == (("Axis 0", 0x119800), ("Axis 1", 0x119800), ("Option", None))
+    assert [(slot.name, slot.module) for slot in twin.slots] == [
+        ("Axis 0", 0x119800),
+        ("Axis 1", 0x119800),
+        ("Option", None),
+    ]
+
+
+def test_profiles_of_channels(tmp_path: Path) -> None:
+    channel = "<ChannelInfo><ProfileNo>402</ProfileNo><AddInfo>2</AddInfo></ChannelInfo>"
+    path = changed(tmp_path, MODULAR, **{"<ProfileNo>402</ProfileNo>": channel})
+    assert read_esi(path)[0].profiles == (5001, 402)
+
+
+def test_the_steps_of_a_slot_precede_those_of_all_slots(tmp_path: Path) -> None:
+    own = 'MinInstances="1" SlotPdoIncrement="#x20" SlotIndexIncrement="256"'
+    [twin] = read_esi(changed(tmp_path, MODULAR, **{'MinInstances="1"': own}))
+    assert [pdo.index for pdo in twin.pdos] == [0x1600, 0x1A00, 0x1620, 0x1A20]
+    assert [entry.index for entry in twin.pdos[2].entries] == [0x6140, 0x6160, 0x617A]
+
+
+@pytest.mark.parametrize("folder", ["Twin Modules", "."])
+def test_modules_of_another_file(tmp_path: Path, folder: str) -> None:
+    """The ESI refers to it in the manner of Windows; it may be copied beside it."""
+    text = MODULAR.read_text(encoding="utf-8")
+    device, _, modules = text.partition("<Modules>")
+    reference = r"<EtherCATInfo><InfoReference>Twin Modules\Axes.xml</InfoReference>"
+    esi = tmp_path / "twin.xml"
+    device = device.replace("<EtherCATInfo>", reference)
+    esi.write_text(f"{device}</Descriptions></EtherCATInfo>", encoding="utf-8")
+    lines = run("esi", esi)
+    assert (
+        "slot 0 (Axis 0): module 0x119800, which is not in the ESI: its PDOs are unknown" in lines
+    )
+
+    other = tmp_path / folder / "Axes.xml"
+    other.parent.mkdir(exist_ok=True)
+    modules = modules.replace("</Descriptions></EtherCATInfo>", "").partition("</Modules>")[0]
+    other.write_text(
+        f"<EtherCATModule><Vendor><Id>7</Id></Vendor><Modules>{modules}</Modules></EtherCATModule>",
+        encoding="utf-8",
+    )
+    [twin] = read_esi(esi)
+    [whole] = read_esi(MODULAR)
+    assert (twin.path, twin.vendor) == (esi, whole.vendor)
+    assert (twin.pdos, twin.names, twin.modules) == (whole.pdos, whole.names, whole.modules)
+
+    other.write_text("<EtherCATModule><Modules>", encoding="utf-8")
+    with pytest.raises(DescriptorError, match=r"Axes\.xml:1: not valid XML"):
+        read_esi(esi)
+
+
+def test_a_reference_out_of_the_folder_is_not_followed(tmp_path: Path) -> None:
+    reference = r"<EtherCATInfo><InfoReference>..\secret.xml</InfoReference>"
+    (tmp_path / "secret.xml").write_text("no XML", encoding="utf-8")
+    (tmp_path / "esi").mkdir()
+    path = changed(tmp_path / "esi", MODULAR, **{"<EtherCATInfo>": reference})
+    assert len(read_esi(path)) == 1
 
 
 def test_pdos_of_a_drive_whose_default_lacks_objects() -> None:
