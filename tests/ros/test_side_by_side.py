@@ -130,8 +130,12 @@ def test_a_command_reaches_its_own_robot_only(client: Client) -> None:
     twist = Twist()
     twist.linear.x = 0.3
     commands = client.publisher(Twist, "/cmd_vel")
-    commands.publish(twist)
-    client.next(base, lambda each: each.pose.pose.position.x > 0.01)
+
+    def moves() -> bool:
+        commands.publish(twist)  # best effort: one may be lost
+        return bool(base[-1].pose.pose.position.x > 0.01)
+
+    wait_until(moves, "the base moves")
     assert first_joint(client.next(left)) == pytest.approx(0.2, abs=1e-3)
 
 
