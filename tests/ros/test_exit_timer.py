@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -17,7 +19,7 @@ import ctypes, sys
 
 class Finder:
     def find_spec(self, name, path=None, target=None):
-        if name == "robotd_ros.serve":
+        if name == "{module}":
             sys.meta_path.remove(self)
             from rclpy.node import Node
             Node.destroy_node = lambda node: ctypes.PyDLL(None).sleep(3600)
@@ -41,7 +43,7 @@ backends: {sim: {fail_open: 1000}}
 def hang(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A ``sitecustomize`` that makes the destruction of every node hang in native code."""
     file = tmp_path / "sitecustomize.py"
-    file.write_text(HANG.format(without="pass"))
+    file.write_text(HANG.format(module="robotd_ros.serve", without="pass"))
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     return file
 
@@ -66,7 +68,7 @@ def test_the_status_of_a_failed_start_is_kept(tmp_path: Path) -> None:
 
 
 def test_without_the_timer_only_sigkill_ends_the_process(hang: Path) -> None:
-    hang.write_text(HANG.format(without=WITHOUT_TIMER))
+    hang.write_text(HANG.format(module="robotd_ros.serve", without=WITHOUT_TIMER))
     with RobotProcess() as process:
         process.wait_ready()
         process.process.send_signal(signal.SIGTERM)
@@ -76,3 +78,29 @@ def test_without_the_timer_only_sigkill_ends_the_process(hang: Path) -> None:
             with pytest.raises(subprocess.TimeoutExpired):
                 process.process.wait(6.0)
         process.process.kill()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "text"),
+    [
+        (("speed", "50"), 0, "50 %"),
+        (("move", "joint1=99"), 1, "position 99 rad exceeds"),
+        (("output", "nothing", "on"), 1, "nothing"),
+    ],
+    ids=["success", "rejected goal", "rejected call"],
+)
+def test_a_command_has_printed_all_and_keeps_its_status(
+    cr3a: RobotProcess, hang: Path, arguments: tuple[str, ...], status: int, text: str
+) -> None:
+    hang.write_text(HANG.format(module="robotd_ros.client.ros_client", without="pass"))
+    command = subprocess.run(
+        [sys.executable, "-m", "robotd", *arguments],
+        env=os.environ
+        | {"ROS_DOMAIN_ID": str(cr3a.domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"},
+        capture_output=True,
+        text=True,
+        timeout=60.0,
+        check=False,
+    )
+    assert command.returncode == status, command.stderr
+    assert text in command.stdout + command.stderr

@@ -19,6 +19,7 @@ from robotd.cli.plugin_commands import plugin_command, plugin_commands
 from robotd.errors import RobotdError
 
 ROS_ARGS = "--ros-args"
+STATUS = "exit status"  # in the ``meta`` of the context, for what is closed at the end
 DEFAULT = "run"
 LONGEST_SUMMARY = 400  # characters
 UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EIO)  # full disk or quota, lost terminal
@@ -86,14 +87,16 @@ class RobotdGroup(click.Group):
         """Run a command; the ``ExitCode`` that it returns, if any, is the exit status."""
         try:
             status = super().invoke(ctx)
-        except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
+        except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError) as error:
+            ctx.meta[STATUS] = getattr(error, "exit_code", ExitCode.FAILED)
             raise  # click ends quietly when the reader of the output is gone
         except KeyboardInterrupt:
-            ctx.exit(ExitCode.INTERRUPTED)
+            status = ExitCode.INTERRUPTED
         except Exception as error:  # noqa: BLE001 - reported as one line, never as a traceback
             _report(error, debug=ctx.meta.get("log_level") == "debug")
-            ctx.exit(exit_code(error))
+            status = exit_code(error)
         if isinstance(status, ExitCode):
+            ctx.meta[STATUS] = status
             ctx.exit(status)
 
     def _is_option_of_run(self, ctx: click.Context, word: str) -> bool:

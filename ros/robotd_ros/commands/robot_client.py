@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import wraps
+from functools import partial, wraps
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from robotd.cli.exit_codes import ExitCode, Rejected, RosUnavailable
-from robotd.cli.group import ros_args
+from robotd.cli.group import STATUS, ros_args
 from robotd.cli.options import Command, log_options
 from robotd.cli.preflight import import_ros
 from robotd.errors import DeviceTimeout, OperationError
@@ -19,6 +19,7 @@ from robotd.number_argument import NumberRange
 if TYPE_CHECKING:  # it needs rclpy
     from robotd_ros.client.ros_client import RosClient
 
+CLOSE_S = 3  # of node, executor and middleware: a tenth of a second where they do not hang
 ROS_EPILOG = "What follows --ros-args goes to ROS; give the same remaps as to the robot."
 
 
@@ -40,6 +41,8 @@ def client_options(command: Command) -> Command:
 def robot_client(timeout_s: float, *, searches: bool = False) -> Iterator[RosClient]:
     """Open a client of the running robot, with the ROS arguments of the command.
 
+    It is closed at the end of the command, when everything is printed: that may hang.
+
     Raises RosUnavailable without ROS, Rejected with the robot's reason.
     """
     client = import_ros("robotd_ros.client.ros_client").RosClient(
@@ -49,13 +52,20 @@ def robot_client(timeout_s: float, *, searches: bool = False) -> Iterator[RosCli
         client.start()
     except OperationError as error:
         raise RosUnavailable(str(error)) from error
+    context = click.get_current_context().find_root()
+    context.call_on_close(partial(_close, client, context))
     try:
         yield client
     except DeviceTimeout as error:
         raise DeviceTimeout(f"{error}{_running_robots(client)}") from error
     except OperationError as error:
         raise Rejected(str(error)) from error
-    finally:
+
+
+def _close(client: RosClient, context: click.Context) -> None:
+    """Close the client; where the middleware hangs, end with the status of the command."""
+    middleware = import_ros("robotd_ros.middleware")
+    with middleware.exit_where_it_hangs(CLOSE_S, int(context.meta.get(STATUS, ExitCode.OK))):
         client.close()
 
 

@@ -8,7 +8,7 @@ import robotd_ros.middleware.type_support  # noqa: F401 - before the first messa
 from robotd_ros.middleware.action_server import worker_action_server
 from robotd_ros.middleware.cdr import HotPublisher
 from robotd_ros.middleware.executor import EventsExecutor, destroy_node, spin_once, wake
-from robotd_ros.middleware.exit_timer import exit_after
+from robotd_ros.middleware.exit_timer import exit_after, exit_where_it_hangs
 from robotd_ros.middleware.fastdds_profiles import discovery_server, see_whole_graph, use_profiles
 from robotd_ros.middleware.log_files import log_file_arguments
 from robotd_ros.middleware.message_info import with_message_info
@@ -41,6 +41,7 @@ __all__ = [
     "destroy_node",
     "discovery_server",
     "exit_after",
+    "exit_where_it_hangs",
     "log_file_arguments",
     "overrides_of",
     "remove_leftovers",

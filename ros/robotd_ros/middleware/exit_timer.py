@@ -14,7 +14,8 @@ from __future__ import annotations
 import ctypes
 import sys
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 
 _SIGEV_THREAD = 2  # signal.h
 
@@ -58,12 +59,28 @@ def exit_after(seconds: int, status: int) -> bool:
     Returns:
         False where the C library has no such timer; then nothing limits the end of the process.
     """
+    return _started(seconds, status) is not None
+
+
+@contextmanager
+def exit_where_it_hangs(seconds: int, status: int) -> Iterator[None]:
+    """As ``exit_after``, unless the block ends before."""
+    timer = _started(seconds, status)
+    try:
+        yield
+    finally:
+        if timer is not None:
+            ctypes.CDLL(None).timer_delete(timer)
+
+
+def _started(seconds: int, status: int) -> ctypes.c_void_p | None:
+    """Return a timer that runs; None where there is none."""
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
             stream.flush()
     libc = ctypes.CDLL(None)
     if not hasattr(libc, "timer_create"):
-        return False
+        return None
     event = _Event(
         value=_Value(number=status),
         notify=_SIGEV_THREAD,
@@ -72,6 +89,6 @@ def exit_after(seconds: int, status: int) -> bool:
     timer = ctypes.c_void_p()
     clock = ctypes.c_int(time.CLOCK_MONOTONIC)
     if libc.timer_create(clock, ctypes.byref(event), ctypes.byref(timer)):
-        return False
+        return None
     setting = _Setting(value=_Time(seconds=seconds))
-    return libc.timer_settime(timer, 0, ctypes.byref(setting), None) == 0
+    return None if libc.timer_settime(timer, 0, ctypes.byref(setting), None) else timer
