@@ -33,6 +33,7 @@ CERTAIN = 5.0  # so many times the limit need no further attempt
 HELD_S, HELD_PERIODS = 0.004, 1.5  # the longer one: a read that takes longer was held up
 AT_ONCE_S, AT_ONCE_SHARE = 0.0015, 0.4  # or of a servo's time: a longer call has waited for it
 ROUNDS = 7
+BEGUN_S = 0.001  # after which a thread that was about to call a driver is in the call
 
 
 @dataclass
@@ -264,6 +265,7 @@ class Switching:
         for _ in range(ROUNDS):
             self._enabling.clear()
             assert self._enabling.wait(20.0), "a servo is not switched any more"
+            time.sleep(BEGUN_S)
             with timed(durations):
                 call()
         return median(durations)
