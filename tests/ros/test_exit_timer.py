@@ -83,7 +83,7 @@ def test_without_the_timer_only_sigkill_ends_the_process(hang: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "status", "text"),
     [
-        (("speed", "50"), 0, "50 %"),
+        (("speed", "100"), 0, "100 %"),
         (("move", "joint1=99"), 1, "position 99 rad exceeds"),
         (("output", "nothing", "on"), 1, "nothing"),
     ],
