@@ -84,6 +84,8 @@ class Gripper:
         self._measured = measured
         self.is_measured = measured is not None
         self._fingers: FloatArray = self.multipliers * self.open_m
+        self._moving = np.flatnonzero(self.multipliers)
+        self._shares = 1.0 / (self.multipliers[self._moving] * len(self._moving))
         # Where the fingers were last in motion, and when.
         self._still_m, self._still_ns = math.inf, 0
 
@@ -233,8 +235,7 @@ class Gripper:
 
     def _follow_fingers(self, now_ns: int) -> None:
         """Derive the position of the gripper from its fingers, and note when they moved last."""
-        moving = self.multipliers != 0.0
-        position_m = float(np.mean(self._fingers[moving] / self.multipliers[moving]))
+        position_m = float(self._fingers[self._moving] @ self._shares)
         if not math.isfinite(position_m):
             return
         self.closed = (position_m - self.open_m) / (self.closed_m - self.open_m)

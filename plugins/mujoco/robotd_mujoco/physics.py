@@ -82,6 +82,7 @@ class Physics:
         self._period_ticks = max(1.0, 1.0 / robot.cycle.rate_hz / options.step_s)
         self._qpos = np.array([drive.qpos for drive in self.drives])
         self._dof = np.array([drive.dof for drive in self.drives])
+        self._fingers = np.array([finger.qpos for finger in self.robot_model.fingers], int)
         self._position = np.array([drive.position for drive in self.drives])
         self._velocity = np.array([drive.velocity for drive in self.drives])
         self._gains = self.model.actuator_gainprm.copy(), self.model.actuator_biasprm.copy()
@@ -310,7 +311,7 @@ class Physics:
 
     def fingers(self) -> FloatArray:
         """Return the positions of the fingers (fingers,)."""
-        return self.data.qpos[[finger.qpos for finger in self.robot_model.fingers]]
+        return self.data.qpos[self._fingers]
 
     def held_object(self) -> str:
         """Return the name of an object that all fingers touch; "" without one."""
@@ -334,7 +335,7 @@ class Physics:
         end = gripper.closed_m if closed else gripper.open_m
         travel_s = gripper.travel_time_s or FINGER_TRAVEL_S
         way = steps * self.options.step_s / travel_s * abs(gripper.closed_m - gripper.open_m)
-        self._gripper_m += float(np.clip(end - self._gripper_m, -way, way))
+        self._gripper_m += min(max(end - self._gripper_m, -way), way)
         for finger in self.robot_model.fingers:
             self.data.ctrl[finger.motor] = finger.factor * self._gripper_m
 

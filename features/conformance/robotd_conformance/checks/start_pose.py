@@ -98,7 +98,6 @@ class StartPose:
             return
         away = np.abs(image.position - self.position)
         np.fmax(self.farthest, away, out=self.farthest)
-        axis = int(np.nan_to_num(away).argmax())
         lower, upper = self._room
         outside = (image.position < lower - START_RAD) | (image.position > upper + START_RAD)
         if self._ranges and outside.any() and not self.exceeded:
@@ -107,7 +106,8 @@ class StartPose:
                 f"{self._names[axis]} is at {image.position[axis]:.3f} {self._units[axis]}; its"
                 f" --range is {lower[axis]:g} to {upper[axis]:g} {self._units[axis]}"
             )
-        if away[axis] > self.max_excursion and not self.exceeded:
+        if (away > self.max_excursion).any() and not self.exceeded:
+            axis = int(np.nanargmax(away))
             unit = self._units[axis]
             self.exceeded = (
                 f"{self._names[axis]} is {away[axis]:.3f} {unit} from its start pose;"
