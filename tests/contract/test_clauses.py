@@ -13,10 +13,18 @@ from tests.features.conformance.runs.kit import CHECKS
 from tests.features.conformance.runs.mutants import all_mutants
 
 from robotd.device import drivers
+from robotd.device.fault_injector import FaultInjector
+from robotd.device.process_image import ProcessImage
 from robotd_conformance.checks import clauses as kit
 
 CLAUSES, FAULTS, NOTES = kit.load()
-CONTRACTS = (drivers.DeviceDriver, drivers.AxisDriver, drivers.IoDriver, drivers.FieldbusDriver)
+CONTRACTS = (
+    drivers.DeviceDriver,
+    drivers.AxisDriver,
+    drivers.IoDriver,
+    drivers.FieldbusDriver,
+    FaultInjector,
+)
 
 
 def docstrings() -> dict[str, str]:
@@ -25,8 +33,10 @@ def docstrings() -> dict[str, str]:
     for contract in CONTRACTS:
         found[contract.__name__] = contract.__doc__
         for name, member in vars(contract).items():
-            if not name.startswith("_") and (text := inspect.getdoc(member)):
+            described = isinstance(member, FunctionType | property)
+            if described and not name.startswith("_") and (text := inspect.getdoc(member)):
                 found[f"{contract.__name__}.{name}"] = text
+    found["AxisDriver.read"] += f" {ProcessImage.__doc__}"  # what it fills
     return {name: re.sub(r"\s+", " ", text or "") for name, text in found.items()}
 
 

@@ -120,12 +120,13 @@ class MujocoDevice(DeviceDriver):
     def open(self, path: str = "", name: str = "") -> None:
         """There is one robot, whatever its path or name."""
         with self.physics.lock:
-            self.physics.is_open = True
+            self.physics.is_open, self.physics.lost_because = True, ""
 
     def close(self) -> None:
         with self.physics.lock:
             self.physics.silence()
             self.physics.is_open = self.physics.frozen = False
+            self.physics.lost_because = ""
 
     def start_communication(self, timeout_s: float) -> None:
         with self.physics.lock:
@@ -133,6 +134,7 @@ class MujocoDevice(DeviceDriver):
                 raise NotReady("communication cannot start: no device is open")
             self.physics.advance()
             self.physics.talking, self.physics.frozen = True, False
+            self.physics.lost_because = ""
 
     def stop_communication(self, timeout_s: float) -> None:
         with self.physics.lock:
@@ -145,7 +147,7 @@ class MujocoDevice(DeviceDriver):
         return ConnectionState.RUNNING if self.physics.is_open else ConnectionState.IDLE
 
     def fault(self) -> str:
-        return "the simulated link is silent" if self.physics.frozen else ""
+        return "the simulated link is silent" if self.physics.frozen else self.physics.lost_because
 
     def scan_network(self) -> str:
         with self.physics.lock:

@@ -78,9 +78,12 @@ class MujocoFaultInjector(FaultInjector):
 
     def drop_communication(self) -> None:
         with self._physics.lock:
+            if self._physics.talking:
+                self._physics.lost_because = "communication has ended by itself"
             self._physics.silence()
 
     def stop_engine(self) -> None:
         with self._physics.lock:
             self._physics.silence()
             self._physics.is_open = False
+            self._physics.lost_because = "the simulation has ended by itself"

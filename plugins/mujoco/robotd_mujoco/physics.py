@@ -51,6 +51,7 @@ class Physics:
         robot_model: model, and where things are in it.
         model, data: of MuJoCo.
         is_open, talking, frozen: state of the connection; frozen: no further values arrive.
+        lost_because: what ended it, until it is opened or communicates again; "": nothing.
         servo_on, connected, alarm_code, reason: of each drive.
         encoder_offset: (n_axes,) measured minus true position.
         inputs, outputs: I/O images.
@@ -68,6 +69,7 @@ class Physics:
         self.data = mujoco.MjData(self.model)
         self.axes = len(self.drives)
         self.is_open = self.talking = self.frozen = False
+        self.lost_because = ""
         self.servo_on = np.zeros(self.axes, bool)
         self.connected = np.ones(self.axes, bool)
         self.alarm_code = np.zeros(self.axes, np.int64)

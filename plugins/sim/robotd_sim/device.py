@@ -42,11 +42,12 @@ class SimDevice(DeviceDriver):
                     f"device locked by the option fail_open ({simulation.failures_left} more times)"
                 )
                 raise ConnectError("the simulated device cannot be opened", {"engine": reason})
-            simulation.engine = ConnectionState.RUNNING
+            simulation.engine, simulation.lost_because = ConnectionState.RUNNING, ""
 
     def close(self) -> None:
         with self.simulation.world.lock:
             self.simulation.world.advance()
+            self.simulation.lost_because = ""
             if self.simulation.engine is not ConnectionState.IDLE:
                 self.simulation.reset()
 
@@ -57,6 +58,7 @@ class SimDevice(DeviceDriver):
             if simulation.engine is ConnectionState.IDLE:
                 raise NotReady("communication cannot start: no device is open")
             if simulation.engine is ConnectionState.RUNNING:
+                simulation.lost_because = ""
                 simulation.request_communication()
         if not self._wait_for(ConnectionState.COMMUNICATING, timeout_s):
             raise DeviceTimeout(f"communication did not start within {timeout_s:g} s")
@@ -87,7 +89,7 @@ class SimDevice(DeviceDriver):
         return simulation.engine
 
     def fault(self) -> str:
-        return NO_FRAMES if self.simulation.network.frozen else ""
+        return NO_FRAMES if self.simulation.network.frozen else self.simulation.lost_because
 
     def scan_network(self) -> str:
         simulation = self.simulation

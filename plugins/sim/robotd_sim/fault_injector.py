@@ -95,6 +95,8 @@ class SimFaultInjector(FaultInjector):
     def drop_communication(self) -> None:
         with self._now() as simulation:
             simulation.network.packet_loss += 1
+            if simulation.communicating:
+                simulation.lost_because = "communication has ended by itself"
             simulation.silence()
 
     def stop_engine(self) -> None:
@@ -102,6 +104,7 @@ class SimFaultInjector(FaultInjector):
         with self._now() as simulation:
             if simulation.engine is not ConnectionState.IDLE:
                 simulation.reset()
+                simulation.lost_because = "the engine has ended by itself"
 
     @contextmanager
     def _now(self) -> Iterator[Simulation]:

@@ -96,6 +96,7 @@ class Simulation:
         self.states = AxisStates(self.axes)
         self.engine = ConnectionState.IDLE
         self.failures_left = options.fail_open
+        self.lost_because = ""  # what ended the connection, until it is made again
         self.all_connected = True
         self._starts = 0  # number of the present request for communication
         self._defaults = self.parameters = self._engine_defaults()

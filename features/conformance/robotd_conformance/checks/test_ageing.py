@@ -110,6 +110,7 @@ def test_values_follow_the_motion(harness: Harness) -> None:
         assert len(changed) > 3, "the position stands still while the axis moves"
 
 
+@pytest.mark.clause("FaultInjector.freeze/frozen")
 @pytest.mark.clause("AxisDriver.read/fresh")
 def test_a_dead_bus_does_not_look_alive(fresh: Harness) -> None:
     injector, connection = fresh.injector, fresh.robot.connection

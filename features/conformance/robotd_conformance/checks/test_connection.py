@@ -221,22 +221,6 @@ def test_a_load_changes_no_scale_of_a_live_axis(harness: Harness, tmp_path: Path
     assert harness.image.servo_on.all()
 
 
-@pytest.mark.clause("DeviceDriver.load_parameters/wrong-file")
-@pytest.mark.needs(Capability.PARAMETERS_FILE)
-def test_a_parameter_file_without_axes_of_the_robot_is_rejected(
-    disabled: Harness, tmp_path: Path
-) -> None:
-    path = tmp_path / "parameters.xml"
-    write_wmx_parameters(_parameters(disabled), path)
-    text, last = path.read_text(encoding="utf-8"), disabled.count - 1
-    start, end = text.index(f'<AxisParameters Axis="{last}"'), text.index("</Parameters>")
-    path.write_text(text[:start] + text[end:], encoding="utf-8")
-    before = [disabled.robot.connection.dump_parameters(axis) for axis in disabled.all]
-    with pytest.raises(RobotdError, match=f"axis {last}"):
-        disabled.robot.connection.load_parameters(path)
-    assert [disabled.robot.connection.dump_parameters(axis) for axis in disabled.all] == before
-
-
 def _parameters(harness: Harness) -> WmxParameters:
     """The robot's own, or the vendor's defaults for one that has none."""
     path = harness.robot.descriptor.parameters_file

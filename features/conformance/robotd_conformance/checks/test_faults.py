@@ -26,6 +26,7 @@ def test_an_alarm_is_shown_with_its_code(harness: Harness) -> None:
     assert not np.delete(harness.image.alarm_code, group).any()
 
 
+@pytest.mark.clause("AxisDriver.read/reason")
 @pytest.mark.clause("AxisDriver.read/alarms")
 def test_the_reason_of_an_alarm_comes_and_goes_with_it(harness: Harness) -> None:
     assert not any(harness.image.reason), "a reason without an alarm"
@@ -37,6 +38,7 @@ def test_the_reason_of_an_alarm_comes_and_goes_with_it(harness: Harness) -> None
     harness.until(lambda: not harness.image.reason[0], "the reason goes with the alarm", 1.0)
 
 
+@pytest.mark.clause("AxisDriver.read/controller")
 @pytest.mark.clause("AxisDriver.read/alarms")
 @pytest.mark.needs(Capability.CONTROLLER_ALARM)
 def test_an_alarm_of_the_controller_is_one_alarm(harness: Harness, injector: FaultInjector) -> None:
@@ -99,6 +101,7 @@ def test_an_alarm_ends_a_trajectory_with_its_reason(
         assert harness.robot.joint_names[0] in execution.message
 
 
+@pytest.mark.clause("FaultInjector.trip/until")
 @pytest.mark.clause("AxisDriver.read/alarms", "AxisDriver.clear_alarm/clears")
 @pytest.mark.clause("AxisDriver/servos")
 def test_an_alarm_stays_until_it_is_cleared_and_then_nothing_moves(

@@ -76,7 +76,8 @@ def test_a_time_stamp_is_that_of_its_values(harness: Harness) -> None:
     assert held <= HELD, f"{held:.0%} of the time stamps are newer than their values"
 
 
-@pytest.mark.clause("AxisDriver.read/measured", "AxisDriver.read/commands", "backend/injector")
+@pytest.mark.clause("AxisDriver.read/measured", "AxisDriver.read/commands")
+@pytest.mark.clause("FaultInjector.position/shaft", "FaultInjector.block/held")
 def test_a_blocked_axis_is_measured_where_it_is(fresh: Harness) -> None:
     injector = fresh.injector
     start = fresh.image.position.copy()
@@ -98,6 +99,7 @@ def test_a_blocked_axis_is_measured_where_it_is(fresh: Harness) -> None:
     assert np.abs(real - shaft).max() <= SETTLED_RAD, "the fault injector shows the command"
 
 
+@pytest.mark.clause("FaultInjector.jump_encoder/jumps")
 @pytest.mark.clause("AxisDriver.read/measured")
 def test_a_jump_of_the_encoder_is_seen(disabled: Harness) -> None:
     injector = disabled.injector
@@ -135,6 +137,7 @@ def test_torque_pushes_the_way_the_axis_accelerates_or_is_not_known(harness: Har
         )
 
 
+@pytest.mark.clause("FaultInjector.torque/torque")
 @pytest.mark.clause("AxisDriver.read/torque")
 def test_torque_is_in_newton_metres(harness: Harness, injector: FaultInjector) -> None:
     """At a gentle ramp, and at nearly the steepest one that the limits allow."""

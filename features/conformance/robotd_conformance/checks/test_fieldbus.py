@@ -154,6 +154,7 @@ def test_the_nodes_have_as_many_axes_as_the_bus(harness: Harness) -> None:
         assert len(set(places)) in (1, len(places)), "two nodes are at one place"
 
 
+@pytest.mark.clause("FaultInjector.disconnect/silent")
 @pytest.mark.clause("FieldbusDriver.status/status")
 def test_the_lost_node_is_the_one_that_was_lost(make_harness: MakeHarness) -> None:
     lost = []
@@ -195,6 +196,7 @@ def lose_frames(harness: Harness, before: int) -> int:
     return lost_frames(harness)
 
 
+@pytest.mark.clause("FaultInjector.lose_packets/lost")
 @pytest.mark.clause("FieldbusDriver.status/status", "FieldbusDriver.reset_statistics/zero")
 @pytest.mark.needs(Capability.STATISTICS)
 def test_lost_frames_are_counted_until_a_reset(harness: Harness, injector: FaultInjector) -> None:

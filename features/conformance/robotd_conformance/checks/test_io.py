@@ -5,7 +5,6 @@ The checks write the last three bytes of the output image and put back what was 
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator
 from functools import partial
 from statistics import median
@@ -102,23 +101,6 @@ def test_the_other_outputs_stay_as_they_are(harness: Harness, io: IoDriver) -> N
     assert io.read_outputs(0, io.output_bytes)[:first] == before[:first]
 
 
-@pytest.mark.clause("IoDriver.write_output_bit/bit")
-def test_bits_written_by_several_threads_are_all_there(harness: Harness, io: IoDriver) -> None:
-    byte = io.output_bytes - 1
-    io.write_outputs(byte, bytes([0]))
-
-    def toggle(bit: int) -> None:
-        for round_ in range(21):
-            io.write_output_bit(byte, bit, round_ % 2 == 0)
-
-    threads = [threading.Thread(target=toggle, args=(bit,)) for bit in range(8)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join(20.0)
-    outputs(harness, io, bytes([0xFF]), byte)
-
-
 @pytest.mark.clause("IoDriver.read_outputs/blocks", "IoDriver.read_inputs/blocks")
 def test_reading_does_not_block(harness: Harness, io: IoDriver) -> None:
     for read, size in ((io.read_outputs, io.output_bytes), (io.read_inputs, io.input_bytes)):
@@ -154,6 +136,7 @@ def test_addresses_outside_are_rejected(harness: Harness, io: IoDriver) -> None:
             call()
 
 
+@pytest.mark.clause("FaultInjector.output_bit/lamp")
 @pytest.mark.clause("IoDriver.write_outputs/bytes")
 def test_outputs_are_at_the_terminals(
     harness: Harness, io: IoDriver, injector: FaultInjector
@@ -172,6 +155,7 @@ def places(io: IoDriver) -> list[int]:
     return sorted({0, 1, 2, 3, 4, 7, 8, 16, last // 2, last} & set(range(last + 1)))
 
 
+@pytest.mark.clause("FaultInjector.set_input_bit/sensor")
 @pytest.mark.clause("IoDriver.read_inputs/bytes", "IoDriver.live/images")
 def test_each_input_is_at_its_address(
     harness: Harness, io: IoDriver, injector: FaultInjector
@@ -274,3 +258,23 @@ def test_nothing_is_written_while_no_device_is_open(unopened: Harness) -> None:
 
 def shows(injector: FaultInjector, byte: int, bit: int, level: bool) -> bool:
     return injector.output_bit(byte, bit) is level
+
+
+@pytest.mark.clause("FaultInjector.stick_output_bit/sticks", "FaultInjector.output_bit/lamp")
+def test_a_stuck_output_obeys_again_when_it_is_released(
+    harness: Harness, io: IoDriver, injector: FaultInjector
+) -> None:
+    """On and off, twice, with another output beside it that obeys meanwhile."""
+    byte = io.output_bytes - 1
+    for stuck in (True, False) * 2:
+        io.write_outputs(byte, bytes([0x00 if stuck else 0xFF]))
+        injector.stick_output_bit(byte, 5, stuck)
+        for level in (not stuck, stuck, not stuck):
+            for bit in (5, 2):
+                io.write_output_bit(byte, bit, level)
+            harness.until(partial(shows, injector, byte, 2, level), "the output beside it obeys")
+            harness.until(partial(shows, injector, byte, 5, stuck), "an output sticks")
+        injector.stick_output_bit(byte, 5, None)
+        for level in (stuck, not stuck):
+            io.write_output_bit(byte, 5, level)
+            harness.until(partial(shows, injector, byte, 5, level), "it obeys again")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -161,6 +162,29 @@ def test_a_wrong_value_of_the_last_axis_changes_no_axis(disabled: Harness, tmp_p
     path.write_text(text, encoding="utf-8")
     device.load_parameters(path)
     assert_changed(before, dumps(disabled), disabled.all, "the file with the value mended")
+
+
+@pytest.mark.clause("DeviceDriver.load_parameters/wrong-file")
+@pytest.mark.clause("DeviceDriver.load_parameters/applies")
+def test_a_file_without_axes_of_the_robot_changes_no_axis(
+    disabled: Harness, tmp_path: Path
+) -> None:
+    """The last axes are missing; what the file says of the others is new."""
+    require_files(disabled)
+    device, own, path = disabled.drivers.device, _parameters(disabled), tmp_path / "short.xml"
+    lacking = disabled.all[-2:] if disabled.count > 2 else disabled.all[-1:]
+    ramps = {axis: 2.5 + axis for axis in disabled.all}
+    turned = {axis: -int(own["AxisPolarity"][axis]) for axis in disabled.all}
+    text = write(own, path, QuickStopDec=ramps, AxisPolarity=turned).read_text(encoding="utf-8")
+    start, end = text.index(f'<AxisParameters Axis="{lacking[0]}"'), text.index("</Parameters>")
+    path.write_text(text[:start] + text[end:], encoding="utf-8")
+    before = dumps(disabled)
+    with pytest.raises(DescriptorError) as rejected:
+        device.load_parameters(path)
+    said = str(rejected.value).replace(str(path), "")
+    for axis in {lacking[0], lacking[-1]}:
+        assert re.search(rf"\b{axis}\b", said), f"axis {axis} is missing, not named in: {said}"
+    assert_changed(before, dumps(disabled), [], f"a file without axes {lacking}")
 
 
 @pytest.mark.clause("DeviceDriver.load_parameters/note")

@@ -11,6 +11,7 @@ from robotd.api import (
     Capability,
     CommandMode,
     ConnectionState,
+    DeviceDriver,
     FaultInjector,
     FloatArray,
     Operation,
@@ -206,6 +207,15 @@ def read_shafts(harness: Harness, injector: FaultInjector) -> FloatArray:
     return np.array([injector.position(axis) for axis in harness.all])
 
 
+def assert_fault_named(harness: Harness) -> None:
+    """A lost device has a reason, unless its driver knows none and has no ``fault`` of its own."""
+    device: DeviceDriver = vars(harness.drivers.device)["wrapped"]
+    if type(device).fault is not DeviceDriver.fault:
+        harness.until(lambda: bool(device.fault()), "fault() says why the device is lost", 1.0)
+
+
+@pytest.mark.clause("DeviceDriver.fault/reason")
+@pytest.mark.clause("FaultInjector.drop_communication/broken")
 @pytest.mark.clause("AxisDriver.read/states")
 @pytest.mark.clause("DeviceDriver.state/lost-link", "DeviceDriver.start_communication/resumes")
 @pytest.mark.clause("DeviceDriver.start_communication/nothing-moves", "DeviceDriver.state/blocks")
@@ -218,6 +228,7 @@ def test_a_lost_link_is_shown_and_resumed(fresh: Harness) -> None:
     limit_s = connection.settings.stale_after_s + 2 * fresh.feedback_s
     fresh.until(lambda: device.state() in lost, "the lost link is shown", limit_s)
     fresh.until(lambda: not connection.ready, "the engine is not ready", limit_s)
+    assert_fault_named(fresh)
     fresh.pass_time(COASTS_S)
     stood = read_shafts(fresh, fresh.injector)
     fresh.until(
@@ -240,6 +251,7 @@ def test_a_lost_link_is_shown_and_resumed(fresh: Harness) -> None:
     fresh.return_to_start()
 
 
+@pytest.mark.clause("FaultInjector.stop_engine/dies", "DeviceDriver.fault/reason")
 @pytest.mark.clause("DeviceDriver.state/lost-link", "DeviceDriver.open/connects")
 def test_a_device_that_died_can_be_opened_again(fresh: Harness) -> None:
     connection, device = fresh.robot.connection, fresh.drivers.device
@@ -247,6 +259,7 @@ def test_a_device_that_died_can_be_opened_again(fresh: Harness) -> None:
     lost = (ConnectionState.UNKNOWN, ConnectionState.RUNNING, ConnectionState.IDLE)
     fresh.until(lambda: device.state() in lost, "the end of the device is shown", 1.0)
     fresh.until(lambda: not connection.ready, "the engine is not ready", 2.0)
+    assert_fault_named(fresh)
     connection.close()
     fresh.start()
     targets = fresh.move_all(0.2)

@@ -23,6 +23,7 @@ def shows(harness: Harness, switch: str, axis: int, closed: bool) -> bool:
     return bool(getattr(harness.image, switch)[axis]) is closed
 
 
+@pytest.mark.clause("FaultInjector.press_switch/switch")
 @pytest.mark.clause("AxisDriver.read/switches")
 @pytest.mark.parametrize("switch", SWITCHES)
 def test_a_closed_switch_is_shown_alone_until_it_is_released(

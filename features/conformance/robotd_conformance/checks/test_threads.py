@@ -13,6 +13,7 @@ import pytest
 from robotd.api import Capability, Operation, OperationError
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness, MakeHarness
 from robotd_conformance.checks.stopwatch import timed
+from robotd_conformance.checks.test_io import io_of, outputs
 
 SECONDS = 1.0
 BLOCKED_S = 0.02  # a read that takes longer was held up
@@ -109,6 +110,26 @@ def test_moves_that_begin_at_once_keep_apart(make_harness: MakeHarness) -> None:
             assert away.max() <= SETTLED_RAD, (
                 f"axis {away.argmax()} is {away.max():.4f} rad from its target"
             )
+
+
+@pytest.mark.clause("IoDriver.write_output_bit/bit", "drivers/threads")
+def test_bits_written_at_once_are_all_there(make_harness: MakeHarness) -> None:
+    """The bits of a byte, each by a thread of its own, all at the same moment."""
+    harness = make_harness(real_time=True)
+    io = io_of(harness)
+    harness.start()
+    byte, begin = io.output_bytes - 1, threading.Barrier(8)
+    before = io.read_outputs(byte, 1)
+
+    def write(bit: int, value: bool) -> None:
+        begin.wait(10.0)
+        io.write_output_bit(byte, bit, value)
+
+    with ThreadPoolExecutor(8) as callers:
+        for value in (True, False) * 5:
+            list(callers.map(write, range(8), [value] * 8))
+            outputs(harness, io, bytes([0xFF if value else 0x00]), byte)
+    io.write_outputs(byte, before)
 
 
 @pytest.mark.clause("drivers/threads", "drivers/timeouts")

@@ -64,6 +64,7 @@ def test_a_stream_moves_its_own_axes_alone(streamed: Harness) -> None:
     assert streamed.image.position == pytest.approx(expected, abs=SETTLED_RAD)
 
 
+@pytest.mark.clause("FaultInjector.position/shaft")
 @pytest.mark.clause("AxisDriver.read/measured")
 def test_the_measured_position_is_that_of_the_shaft(
     harness: Harness, injector: FaultInjector

@@ -24,8 +24,8 @@ MOVES_S = 0.5
 WATCHDOG_S, GONE_S = 1.0, 2.5  # longest reaction of a device, and time until it is looked at
 
 
-@pytest.mark.clause("backend/watchdog")
-def test_an_axis_stops_when_setpoints_stay_away(streamed: Harness) -> None:
+def starve(streamed: Harness) -> None:
+    """Stream half a second of a motion, then nothing until the axes stand."""
     start = streamed.image.position_command.copy()
     speeds = streamed.speeds(0.3)
     began_ns = streamed.clock.now_ns()
@@ -39,9 +39,28 @@ def test_an_axis_stops_when_setpoints_stay_away(streamed: Harness) -> None:
     claim = streamed.robot.axes.claimed("conformance", streamed.all)
     with claim, streamed.each_period(setpoint):
         streamed.pass_time(1.5)
-        with streamed.recording() as recording:
-            streamed.pass_time(0.3)
+
+
+@pytest.mark.clause("backend/watchdog")
+def test_an_axis_stops_when_setpoints_stay_away(streamed: Harness) -> None:
+    starve(streamed)
+    with streamed.recording() as recording:
+        streamed.pass_time(0.3)
     assert np.ptp(recording.position, 0).max() <= SETTLED_RAD, "it went on without setpoints"
+
+
+@pytest.mark.clause("AxisDriver.read/reason")
+def test_the_reason_of_a_stop_ends_with_the_next_command(streamed: Harness) -> None:
+    """The device has stopped the axes because setpoints stayed away; an alarm stays as it is."""
+    starve(streamed)
+    image = streamed.image
+    streamed.drivers.axes.end_stream(streamed.all)
+    streamed.pass_time(0.1)
+    if image.amp_alarm.any() or not image.servo_on.all():
+        pytest.skip("the device reports an alarm when setpoints stay away")
+    streamed.move(streamed.all, image.position_command + streamed.travel(0.1))
+    streamed.rest()
+    assert not any(image.reason), "the reason of a past stop is still shown after a move"
 
 
 @pytest.mark.clause("backend/watchdog")

@@ -59,7 +59,7 @@ class RescalesLiveAxes(Mutant):
 
 class DefaultsForAbsentAxes(Mutant):
     breaks = ("DeviceDriver.load_parameters/wrong-file", "ignored")
-    found_by = "test_connection.py::test_a_parameter_file_without_axes_of_the_robot_is_rejected"
+    found_by = "test_parameters.py::test_a_file_without_axes_of_the_robot_changes_no_axis"
     says = "DID NOT RAISE"
 
     class Device(SimDevice):

@@ -370,7 +370,7 @@ class DumpingStopsTheAxis(Mutant):
 
 class WrongFileIsAValueError(Mutant):
     breaks = ("DeviceDriver.load_parameters/wrong-file", "raises")
-    found_by = "test_connection.py::test_a_parameter_file_without_axes_of_the_robot_is_rejected"
+    found_by = "test_parameters.py::test_a_file_without_axes_of_the_robot_changes_no_axis"
 
     class Device(SimDevice):
         def load_parameters(self, path: Path) -> str:

@@ -117,7 +117,7 @@ class TorqueZero(Mutant):
 
 
 class InjectorEchoes(Mutant):
-    breaks = ("backend/injector", "wrong value")
+    breaks = ("FaultInjector.position/shaft", "wrong value")
     found_by = "test_feedback.py::test_a_blocked_axis_is_measured_where_it_is"
 
     class Injector(SimFaultInjector):
@@ -315,7 +315,7 @@ class VelocityLags(Mutant):
 
 
 class InjectorBlocksNothing(Mutant):
-    breaks = ("backend/injector", "wrong value")
+    breaks = ("FaultInjector.block/held", "ignored")
     found_by = "test_feedback.py::test_a_blocked_axis_is_measured_where_it_is"
 
     class Injector(SimFaultInjector):

@@ -26,7 +26,8 @@ from robotd.api import (
     ProcessImage,
     Profile,
 )
-from robotd_sim import SimAxes, SimDevice, SimFieldbus
+from robotd_sim import SimAxes, SimDevice, SimFaultInjector, SimFieldbus
+from robotd_wmx_parameters import read_wmx_parameters
 
 SHORT_NS = 20_000_000
 MISSING = "test_fieldbus.py::test_an_object_that_the_node_does_not_have_is_an_error_without_effect"
@@ -472,3 +473,75 @@ class ClosedSwitchesSwallowCommands(Mutant):
         def jog(self, axis: int, profile: Profile) -> None:
             with suppress(OperationError):
                 super().jog(axis, profile)
+
+
+class NeverSaysWhyItIsSilent(Mutant):
+    breaks = ("DeviceDriver.fault/reason", "ignored")
+    found_by = "test_reopening.py::test_a_lost_link_is_shown_and_resumed"
+    says = "says why the device is lost"
+
+    class Device(SimDevice):
+        def fault(self) -> str:
+            return ""
+
+
+class ReasonStaysUntilAnAlarmIsCleared(Mutant):
+    breaks = ("AxisDriver.read/reason", "stale")
+    found_by = "test_watchdog.py::test_the_reason_of_a_stop_ends_with_the_next_command"
+
+    class Axes(SimAxes):
+        def read(self, image: ProcessImage) -> None:
+            super().read(image)
+            kept = self.__dict__.setdefault("kept", [""] * image.axes)
+            for axis, reason in enumerate(image.reason):
+                image.reason[axis] = kept[axis] = reason or kept[axis]
+
+        def clear_alarm(self, axis: int, timeout_s: float) -> None:
+            super().clear_alarm(axis, timeout_s)
+            self.__dict__["kept"][axis] = ""
+
+
+class ShortFilesAreAppliedAsFarAsTheyGo(Mutant):
+    breaks = ("DeviceDriver.load_parameters/applies", "side effect")
+    found_by = "test_parameters.py::test_a_file_without_axes_of_the_robot_changes_no_axis"
+    says = "a file without axes"
+
+    class Device(SimDevice):
+        def load_parameters(self, path: Path) -> str:
+            try:
+                return super().load_parameters(path)
+            except DescriptorError:
+                simulation, found = self.simulation, read_wmx_parameters(path)
+                stated = set(range(simulation.axes)) - {*found.absent_axes(simulation.axes)}
+                values = {
+                    name: {axis: column[axis].item() for axis in stated}
+                    for name, column in found.columns.items()
+                }
+                with simulation.world.lock:
+                    simulation.load(simulation.parameters.with_values(values))
+                raise
+
+
+class NamesOneAxisThatAFileLacks(Mutant):
+    breaks = ("DeviceDriver.load_parameters/wrong-file", "last axis")
+    found_by = "test_parameters.py::test_a_file_without_axes_of_the_robot_changes_no_axis"
+    says = "is missing, not named"
+
+    class Device(SimDevice):
+        def load_parameters(self, path: Path) -> str:
+            try:
+                return super().load_parameters(path)
+            except DescriptorError as error:
+                if lacking := read_wmx_parameters(path).absent_axes(self.simulation.axes):
+                    raise DescriptorError(f"axis {lacking[0]} is not in it", path=path) from error
+                raise
+
+
+class StuckOutputsAreNeverReleased(Mutant):
+    breaks = ("FaultInjector.stick_output_bit/sticks", "side effect")
+    found_by = "test_io.py::test_a_stuck_output_obeys_again_when_it_is_released"
+
+    class Injector(SimFaultInjector):
+        def stick_output_bit(self, byte: int, bit: int, value: bool | None) -> None:
+            if value is not None:
+                super().stick_output_bit(byte, bit, value)

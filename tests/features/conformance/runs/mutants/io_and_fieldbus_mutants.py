@@ -32,7 +32,7 @@ class BitsGetLost(Mutant):
     """Read, change, write, without a lock."""
 
     breaks = ("IoDriver.write_output_bit/bit", "side effect")
-    found_by = "test_io.py::test_bits_written_by_several_threads_are_all_there"
+    found_by = "test_threads.py::test_bits_written_at_once_are_all_there"
     says = "outputs from byte"
 
     class Io(SimIo):
