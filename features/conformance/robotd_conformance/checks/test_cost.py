@@ -122,6 +122,7 @@ def test_state_does_not_block(harness: Harness) -> None:
 
 
 @pytest.mark.clause("AxisDriver.read/fills")
+@pytest.mark.clause("AxisDriver.read/in-place")
 def test_read_fills_the_arrays_that_it_is_given(harness: Harness) -> None:
     image = harness.image
     arrays = {name: value for name, value in vars(image).items() if isinstance(value, np.ndarray)}

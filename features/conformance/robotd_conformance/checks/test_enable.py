@@ -53,7 +53,7 @@ def test_enabling_after_a_move_by_hand_does_not_jump(
     assert jump.max() <= SETTLED_RAD, "the command was not set to the measured position"
 
 
-@pytest.mark.clause("AxisDriver.read/measured")
+@pytest.mark.clause("AxisDriver.read/measured", "FaultInjector.move_by_hand/stays")
 def test_a_move_by_hand_is_seen(harness: Harness, injector: FaultInjector) -> None:
     harness.disable()
     harness.rest()

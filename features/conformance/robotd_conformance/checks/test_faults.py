@@ -62,6 +62,7 @@ def test_an_alarm_of_the_controller_is_one_alarm(harness: Harness, injector: Fau
 
 @pytest.mark.clause("AxisDriver.read/states")
 @pytest.mark.clause("AxisDriver.read/alarms")
+@pytest.mark.clause("AxisDriver.read/complete")
 def test_an_alarm_ends_the_motion_of_its_axis_alone(
     harness: Harness, injector: FaultInjector
 ) -> None:
@@ -101,7 +102,6 @@ def test_an_alarm_ends_a_trajectory_with_its_reason(
         assert harness.robot.joint_names[0] in execution.message
 
 
-@pytest.mark.clause("FaultInjector.trip/until")
 @pytest.mark.clause("AxisDriver.read/alarms", "AxisDriver.clear_alarm/clears")
 @pytest.mark.clause("AxisDriver/servos")
 def test_an_alarm_stays_until_it_is_cleared_and_then_nothing_moves(

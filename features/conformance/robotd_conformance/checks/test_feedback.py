@@ -176,6 +176,7 @@ def test_a_code_is_shown_in_full_with_a_reason(harness: Harness, code: int) -> N
 
 
 @pytest.mark.clause("AxisDriver.read/alarms")
+@pytest.mark.clause("FaultInjector.trip/until")
 def test_the_code_is_that_of_the_present_alarm(harness: Harness) -> None:
     for code in CODES:
         harness.trip(code)

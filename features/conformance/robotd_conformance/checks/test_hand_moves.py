@@ -51,7 +51,6 @@ def test_a_small_move_by_hand_is_kept_at_enabling(
     require_smooth_begin(harness)
 
 
-@pytest.mark.clause("FaultInjector.move_by_hand/stays")
 @pytest.mark.clause("AxisDriver.servo/no-jump", "AxisDriver.move/starts")
 @pytest.mark.parametrize("close", [False, True], ids=["stopped", "closed"])
 def test_a_move_by_hand_between_two_connections_is_kept_at_enabling(

@@ -79,7 +79,6 @@ def check_silence(harness: Harness, bus: FieldbusDriver, number: int, node: int)
                 bus.read_object(number, node, index, 0)
 
 
-@pytest.mark.clause("FaultInjector.reconnect/back")
 @pytest.mark.needs(Capability.HOT_CONNECT)
 @pytest.mark.clause("FieldbusDriver.start_hot_connect/joins", "FieldbusDriver.status/status")
 @pytest.mark.clause("DeviceDriver.scan_network/summary")

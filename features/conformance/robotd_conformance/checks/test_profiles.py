@@ -59,6 +59,7 @@ def test_a_move_ends_at_its_target_without_overshoot(harness: Harness) -> None:
 
 
 @pytest.mark.clause("AxisDriver.read/states")
+@pytest.mark.clause("AxisDriver.read/complete")
 def test_a_move_shows_what_it_does(harness: Harness) -> None:
     harness.move_all()
     harness.until(

@@ -107,6 +107,7 @@ def look_at_rest(harness: Harness) -> None:
 
 
 @pytest.mark.clause("AxisDriver.read/commands", "AxisDriver.read/states")
+@pytest.mark.clause("AxisDriver.read/complete")
 def test_each_read_of_a_move_agrees_with_itself(harness: Harness) -> None:
     start, driver = harness.image.position_command.copy(), harness.drivers.axes
     there = start + harness.travel()
@@ -129,6 +130,7 @@ def test_each_read_of_a_move_agrees_with_itself(harness: Harness) -> None:
 
 @pytest.mark.needs(Capability.VELOCITY_MODE)
 @pytest.mark.clause("AxisDriver.read/commands", "AxisDriver.read/states")
+@pytest.mark.clause("AxisDriver.read/complete")
 def test_each_read_of_a_velocity_command_agrees_with_itself(fresh: Harness) -> None:
     speeds, targets = fresh.speeds(JOG_SHARE), fresh.image.position_command + fresh.travel(0.2)
     ends: dict[str, Callable[[], None]] = {
@@ -155,6 +157,7 @@ def test_each_read_of_a_velocity_command_agrees_with_itself(fresh: Harness) -> N
 
 
 @pytest.mark.clause("AxisDriver.read/commands", "AxisDriver.read/states")
+@pytest.mark.clause("AxisDriver.read/complete")
 def test_each_read_of_a_stream_agrees_with_itself(streamed: Harness) -> None:
     """In position mode, beginning after a move that is complete."""
     targets = streamed.image.position_command + streamed.travel(0.2)

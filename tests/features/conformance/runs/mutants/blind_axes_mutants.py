@@ -55,7 +55,7 @@ class OverridesKeepTheVelocity(Mutant):
 
 
 class CompleteTooEarly(Mutant):
-    breaks = ("AxisDriver.read/states", "wrong value")
+    breaks = ("AxisDriver.read/complete", "wrong value")
     found_by = "test_profiles.py::test_a_move_shows_what_it_does"
 
     class Axes(ReadAnew):

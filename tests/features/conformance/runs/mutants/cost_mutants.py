@@ -44,7 +44,7 @@ class NowAndThenBlockingRead(Mutant):
 
 
 class NewArrays(Mutant):
-    breaks = ("AxisDriver.read/fills", "wrong value")
+    breaks = ("AxisDriver.read/in-place", "side effect")
     found_by = "test_cost.py::test_read_fills_the_arrays_that_it_is_given"
     says = "arrays"
 

@@ -283,7 +283,7 @@ class CommandedVelocityMissing(Mutant):
 
 
 class AlwaysComplete(Mutant):
-    breaks = ("AxisDriver.read/states", "wrong value")
+    breaks = ("AxisDriver.read/complete", "wrong value")
     found_by = "test_profiles.py::test_a_move_shows_what_it_does"
 
     class Axes(ReadAnew):
@@ -293,7 +293,7 @@ class AlwaysComplete(Mutant):
 
 
 class NeverComplete(Mutant):
-    breaks = ("AxisDriver.read/states", "wrong value")
+    breaks = ("AxisDriver.read/complete", "wrong value")
     found_by = "test_profiles.py::test_a_move_shows_what_it_does"
 
     class Axes(ReadAnew):

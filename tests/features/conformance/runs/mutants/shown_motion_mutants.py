@@ -19,7 +19,7 @@ LONG = "test_extremes.py::test_a_long_move_reaches_its_speed_in_both_directions"
 class CompleteUntilTheNextMove(Mutant):
     """A velocity command leaves it as it was."""
 
-    breaks = ("AxisDriver.read/states", "stale")
+    breaks = ("AxisDriver.read/complete", "stale")
     found_by = JOG
     says = "motion_complete while it executes"
 
@@ -33,7 +33,7 @@ class CompleteUntilTheNextMove(Mutant):
 
 
 class CompleteInStreams(Mutant):
-    breaks = ("AxisDriver.read/states", "wrong value")
+    breaks = ("AxisDriver.read/complete", "wrong value")
     found_by = STREAM
     says = "motion_complete while it executes"
 
@@ -44,7 +44,7 @@ class CompleteInStreams(Mutant):
 
 
 class CompleteWhenItSlowsDown(Mutant):
-    breaks = ("AxisDriver.read/states", "wrong value")
+    breaks = ("AxisDriver.read/complete", "wrong value")
     found_by = MOVE
     says = "motion_complete while it executes"
 

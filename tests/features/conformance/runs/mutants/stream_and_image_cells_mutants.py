@@ -348,7 +348,7 @@ class ServoStateLate(Mutant):
 
 
 class CompleteIsOfAllAxes(Mutant):
-    breaks = ("AxisDriver.read/states", "wrong axis")
+    breaks = ("AxisDriver.read/complete", "wrong axis")
     found_by = "test_faults.py::test_an_alarm_ends_the_motion_of_its_axis_alone"
 
     class Axes(ReadAnew):
