@@ -49,6 +49,10 @@ class Daemon:
         report = json.loads(self.call("status", "--json", "--timeout", "20"))
         return float(report["axes"][axis]["position"])
 
+    def sees(self, axis: int, position: float) -> None:
+        """Wait until it reports the axis at ``position``."""
+        eventually(lambda: self.position(axis) == pytest.approx(position, abs=1e-4))
+
     def wait_ready(self) -> None:
         assert self.process.stdout
         lines = []
@@ -80,12 +84,12 @@ def test_two_daemons_and_a_program_see_each_others_motion(tmp_path: Path) -> Non
         daemon(guest_file) as guest,
     ):
         owner.call("move", "joint1=0.2", "--time", "0.5", "--timeout", "20")
-        assert guest.position(0) == pytest.approx(0.2, abs=1e-4)
+        guest.sees(0, 0.2)
         guest.call("move", "joint1=0.1", "--time", "0.5", "--timeout", "20")
-        assert owner.position(0) == pytest.approx(0.1, abs=1e-4)
+        owner.sees(0, 0.1)
         assert float(run(program, f"{SDK}/", "4", "0.25")) == pytest.approx(0.25)
-        assert owner.position(4) == pytest.approx(0.25, abs=1e-4)
-        assert guest.position(4) == pytest.approx(0.25, abs=1e-4)
+        owner.sees(4, 0.25)
+        guest.sees(4, 0.25)
 
 
 def test_a_program_on_the_same_engine_moves_our_axis_and_we_see_it(tmp_path: Path) -> None:
