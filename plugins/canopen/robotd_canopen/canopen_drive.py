@@ -76,7 +76,12 @@ class CanopenDrive(DriveAccess):
         return self._feedback.answered(self._number)
 
     def put(self, values: Sequence[int]) -> None:
-        """Send the RPDOs of this SYNC, to take effect with the next one."""
+        """Send the RPDOs of this SYNC, to take effect with the next one.
+
+        Also to a lost node that has kept its configuration: it may receive, and has to stop.
+        """
+        if not self.node.configured:
+            return
         values = (*values, 0)
         mode = values[_MODE]
         for rpdo in self._rpdos:

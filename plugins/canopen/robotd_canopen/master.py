@@ -249,8 +249,7 @@ class Master(Cia402Master[CanopenDrive]):
             return
         self._transmitted = True
         for axis in self.axes:
-            if axis.drive.node.online:
-                axis.transmit(self.period_s, self.sync.periods)
+            axis.transmit(self.period_s, self.sync.periods)
 
     def _leave_all(self, state: ConnectionState) -> None:
         self._state = state

@@ -57,7 +57,8 @@ class Axis(Generic[DriveT]):
 
         ``periods`` have passed since the frame before; the drive's own profiles have advanced.
         """
-        setpoint, scaling, powered = self.setpoint, self.scaling, self.report.powered
+        setpoint, scaling = self.setpoint, self.scaling
+        powered = self.report.powered or not self.report.known
         if not (powered and self.activity.streaming):
             self.estimate.advance(periods * period_s)
             self._advance(period_s)
@@ -88,7 +89,9 @@ class Axis(Generic[DriveT]):
         report, activity = self.report, self.activity
         report.update()
         if not report.known:
-            if not activity.is_idle:
+            # A lost drive may receive all the same: a ramp of ours goes on to its end.
+            ramp = self.mode.requested.is_ours and self.setpoint.velocity != 0.0
+            if not (ramp and activity.operation is Operation.STOPPING):
                 self.hold()
         else:
             if not report.powered:
@@ -178,7 +181,7 @@ class Axis(Generic[DriveT]):
             operation = self.activity.operation
         if operation is Operation.IDLE:
             self.estimate.rest(setpoint.position)
-        if not self.report.powered:
+        if self.report.known and not self.report.powered:
             setpoint.stand_at(self.report.position)
         elif self.mode.requested.is_cyclic_position and operation is Operation.STOPPING:
             if not setpoint.waits:  # the path goes to it; the stop begins there

@@ -36,6 +36,7 @@ def sent(mode: OperationMode, *mappings: list[str], **keys: Any) -> list[int]:
     robot = RobotDescriptor.model_validate({"schema": 1, "name": "test", "axes": 2})
     axis, bus = Master(robot, layout, FakeClock()).axes[0], SentFrames()
     axis.drive._bus = bus  # type: ignore[assignment]
+    axis.drive.node.configured = True
     axis.drive.put([mode if index == MODE else 0 for index in OUTPUTS])
     return [(cob_id - 0x100) // 0x100 for cob_id in bus.cob_ids]
 

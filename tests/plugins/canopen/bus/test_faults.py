@@ -10,8 +10,8 @@ from tests.plugins.canopen.bus.harness import Harness, broken
 from tests.rearming_checks import check_recovery
 
 from robotd.control.trajectory_execution import Outcome
-from robotd.device.axes import Move
-from robotd.device.state import ConnectionState
+from robotd.device.axes import Jog, Move
+from robotd.device.state import CommandMode, ConnectionState
 from robotd.errors import ConnectError, DeviceTimeout, NotReady, RobotdError
 from robotd.motion.profile import Profile
 from robotd_canopen.frame import Frame
@@ -213,3 +213,34 @@ def test_a_client_that_commands_on_moves_nothing_after_the_recovery(
             lambda: harness.inject(f"1 {fault}"),
             lambda: harness.inject("1 heal"),
         )
+
+
+@pytest.mark.parametrize("velocity_mode", ["pv", "csv"])
+def test_a_lost_drive_that_receives_stops_its_jog(open_rig: OpenRig, velocity_mode: str) -> None:
+    with open_rig(SMALL, axis_defaults=WINDOW | {"velocity_mode": velocity_mode}) as harness:
+        harness.robot.axes.set_command_mode(1, CommandMode.VELOCITY)
+        harness.robot.axes.jog([Jog(1, Profile(0.3, 5.0, 5.0))])
+        check_lost_drive_stops(harness)
+
+
+def test_a_lost_drive_that_receives_stops_its_move(open_rig: OpenRig) -> None:
+    with open_rig(SMALL) as harness:
+        harness.robot.axes.move([Move(1, 2.8, Profile(0.3, 5.0, 5.0))])
+        check_lost_drive_stops(harness)
+
+
+def check_lost_drive_stops(harness: Harness) -> None:
+    """Nothing that axis 1 sends arrives, in motion; it must stop, and stay where it is."""
+    harness.until(lambda: harness.image.velocity[1] > 0.29)
+    harness.inject("2 drop 1.0")
+    harness.until(lambda: harness.image.offline[1])
+    harness.until(lambda: speed(harness) == 0.0, 5.0)
+    assert not harness.image.operation[1]
+    harness.inject("2 heal")
+    harness.until(lambda: not harness.image.offline[1])
+    assert speed(harness) == 0.0
+
+
+def speed(harness: Harness) -> float:
+    """Return the commanded velocity inside the drive of axis 1, which no frame shows."""
+    return harness.network._machine.command(1)[1]
