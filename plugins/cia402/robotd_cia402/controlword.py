@@ -6,6 +6,7 @@ machine (``PowerStage``) and bits whose meaning depends on the mode (``ModeContr
 
 from __future__ import annotations
 
+import threading
 from enum import Enum, IntFlag, auto
 
 from robotd.api import CommandMode
@@ -164,22 +165,25 @@ class ModeControl:
         self.command_mode = CommandMode.POSITION
         self.bits = self._frames = self._low_frames = 0
         self.phase = Phase.DONE
+        self._lock = threading.Lock()  # between a stop and the handshake that it ends
 
     def begin_target(self) -> None:
         """Worker: hand a new target over; the control loop does it, frame by frame.
 
         An axis that is halted remains so until the target is acknowledged.
         """
-        in_mode = self.requested is OperationMode.PROFILE_POSITION
-        halted = self.bits & Control.HALT if in_mode else 0
-        self.bits = int(Control.CHANGE_IMMEDIATELY | halted)
-        self._enter(Phase.ENTERING)
-        self.requested = OperationMode.PROFILE_POSITION
+        with self._lock:
+            in_mode = self.requested is OperationMode.PROFILE_POSITION
+            halted = self.bits & Control.HALT if in_mode else 0
+            self.bits = int(Control.CHANGE_IMMEDIATELY | halted)
+            self._enter(Phase.ENTERING)
+            self.requested = OperationMode.PROFILE_POSITION
 
     def cancel_target(self) -> None:
-        """Halt a profile position move, whatever its handshake has reached."""
-        self.bits = int(Control.HALT)
-        self._enter(Phase.DONE)
+        """Any thread: halt a profile position move, whatever its handshake has reached."""
+        with self._lock:
+            self.bits = int(Control.HALT)
+            self._enter(Phase.DONE)
 
     def advance_target(self, statusword: int, displayed_mode: int, period_s: float) -> bool:
         """Control loop: one frame of the handshake; True if another phase begins with it.
@@ -187,6 +191,10 @@ class ModeControl:
         The target is sent from when on the drive displays the mode. It comes some frames before
         the bit: a drive may read the controlword of a frame first.
         """
+        with self._lock:
+            return self._advance_target(statusword, displayed_mode, period_s)
+
+    def _advance_target(self, statusword: int, displayed_mode: int, period_s: float) -> bool:
         before = self.phase
         if before in (Phase.DONE, Phase.FAILED):
             return False

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+from typing import Any
 
 import pytest
 from structlog.testing import capture_logs
@@ -21,7 +22,7 @@ from robotd.api import (
     RobotdError,
     wait_until,
 )
-from robotd_cia402.controlword import DriveState
+from robotd_cia402.controlword import DriveState, Phase
 from robotd_cia402.device import switch_off
 from robotd_cia402.drive_setup import interpolation_period, set_up
 from robotd_cia402.modes import OperationMode
@@ -91,6 +92,36 @@ def test_a_stop_brakes_a_move_before_its_target(on: LoopedDrive) -> None:
     on.commands.stop()
     idle(on)
     assert 0.2 < on.drive.position < 1.0
+    assert not on.axis.activity.complete
+
+
+@pytest.mark.parametrize("phase", [Phase.ENTERING, Phase.ASKING, Phase.RELEASING])
+def test_a_stop_in_the_middle_of_a_frame_of_the_handshake_counts(
+    on: LoopedDrive, phase: Phase
+) -> None:
+    """The control loop has read the phase and not yet written the bits."""
+    mode, stopping = on.axis.mode, threading.Thread(target=on.commands.stop)
+
+    class Word(int):
+        def __and__(self, bits: int) -> int:
+            if mode.phase is phase and stopping.ident is None:
+                stopping.start()
+                stopping.join(0.1)  # it waits for the end of the frame
+            return int(self) & bits
+
+    advance = mode.advance_target
+
+    def raced(word: int, *rest: Any) -> bool:
+        ended = advance(Word(word), *rest)
+        if stopping.ident is not None:
+            stopping.join(5.0)
+        return ended
+
+    mode.advance_target = raced  # type: ignore[method-assign]
+    on.commands.move(2.0, FAST)
+    idle(on)
+    on.run(0.5)
+    assert on.drive.position < 0.1
     assert not on.axis.activity.complete
 
 
