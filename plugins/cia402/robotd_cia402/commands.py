@@ -372,7 +372,7 @@ class Commands:
             raise self._error(DeviceTimeout, text)
         if axis.mode.requested is OperationMode.PROFILE_POSITION:
             axis.mode.bits |= Control.HALT
-        axis.power.control = int(Control.ENABLE_OPERATION)
+        axis.power.leave_quick_stop()
         late = "the drive remains in quick stop"
         self._require(lambda: report.state is DriveState.OPERATION_ENABLED, _STEP_S, late)
 

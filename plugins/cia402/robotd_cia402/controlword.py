@@ -106,36 +106,48 @@ class PowerStage:
     """
 
     def __init__(self) -> None:
+        self._lock = threading.Lock()  # a switch-off is final: what comes with it has no effect
         self.reset()
 
     def reset(self) -> None:
         """Worker: off, with nothing remembered."""
-        self.requested, self.lost = False, ""
-        self.control = Control.DISABLE_VOLTAGE.value
+        with self._lock:
+            self.requested, self.lost = False, ""
+            self.control = Control.DISABLE_VOLTAGE.value
 
     def release(self, state: DriveState) -> None:
         """Worker: switch the power stage off, to ready to switch on.
 
         From a quick stop only switch on disabled can be reached (transition 12).
         """
-        stopped = self.control == Control.QUICK_STOP or state is DriveState.QUICK_STOP_ACTIVE
-        self.requested = False
-        self.control = (Control.DISABLE_VOLTAGE if stopped else Control.SHUTDOWN).value
+        with self._lock:
+            stopped = self.control == Control.QUICK_STOP or state is DriveState.QUICK_STOP_ACTIVE
+            self.requested = False
+            self.control = (Control.DISABLE_VOLTAGE if stopped else Control.SHUTDOWN).value
 
     def quick_stop(self) -> None:
         """Any thread: quick stop, unless the power stage is being switched off."""
-        if self.requested:
-            self.control = Control.QUICK_STOP.value
+        self._command(Control.QUICK_STOP)
+
+    def leave_quick_stop(self) -> None:
+        """Worker: operation enabled again, unless the power stage is being switched off."""
+        self._command(Control.ENABLE_OPERATION)
+
+    def _command(self, control: Control) -> None:
+        with self._lock:
+            if self.requested:
+                self.control = control.value
 
     def note_off(self, statusword: int, state: DriveState) -> bool:
         """Control loop: do not switch on again a drive that switched itself off.
 
         Returns True at the moment at which it did.
         """
-        if not self.requested:
-            return False
-        self.requested = False
-        self.control = Control.DISABLE_VOLTAGE.value
+        with self._lock:
+            if not self.requested:
+                return False
+            self.requested = False
+            self.control = Control.DISABLE_VOLTAGE.value
         self.lost = f"statusword 0x{statusword:04X} ({state.value})"
         return True
 

@@ -227,6 +227,37 @@ def test_servo_on_leaves_a_quick_stop_of_a_stream_without_a_step(on: LoopedDrive
     assert on.drive.position == pytest.approx(rest, abs=1e-4)
 
 
+def test_a_servo_that_is_switched_off_while_a_quick_stop_begins_goes_off(on: LoopedDrive) -> None:
+    """The quick stop has read that the servo is meant to be on."""
+    power = on.axis.power
+    release = threading.Thread(target=power.release, args=[on.axis.report.state])
+
+    class Requested:
+        def __bool__(self) -> bool:
+            release.start()
+            release.join(0.1)  # it waits for the end of the quick stop
+            return True
+
+    on.commands.move(2.0, FAST)
+    on.run(0.2)
+    power.requested = Requested()  # type: ignore[assignment]
+    on.commands.quick_stop()
+    release.join(5.0)
+    on.run(0.5)
+    assert not on.axis.report.powered
+
+
+def test_a_quick_stop_that_ends_with_the_servo_off_is_not_left(on: LoopedDrive) -> None:
+    on.commands.move(2.0, FAST)
+    on.run(0.2)
+    on.commands.quick_stop()
+    idle(on)
+    on.axis.power.release(on.axis.report.state)  # asked for; the drive has not followed yet
+    with pytest.raises(RobotdError):
+        on.commands.move(2.0, FAST)
+    assert not on.axis.report.powered
+
+
 def test_a_move_waits_for_the_end_of_a_quick_stop(on: LoopedDrive) -> None:
     on.commands.move(3.0, Profile(velocity=2.0, acceleration=20.0, deceleration=20.0))
     on.run(0.5)
