@@ -125,9 +125,12 @@ class Feedback:
         return bool(self._seen[slot] == _NEVER or mode == OperationMode.HOMING)
 
     def take(self) -> None:
-        """Control loop: take the values received so far."""
-        self.values = self._arrived[:-1].T.tolist()  # numpy elements cost more to read
+        """Control loop: take the values received so far.
+
+        Their age is taken first: a frame that comes between is newer than it seems, not older.
+        """
         self.seen[:] = self._seen
+        self.values = self._arrived[:-1].T.tolist()  # numpy elements cost more to read
 
     def forget(self, axis: int) -> None:
         """Discard the values of a drive that is configured again, and frames until ``accept``."""

@@ -182,6 +182,25 @@ def test_values_read_by_sdo_are_older_than_a_tpdo(
     assert event_driven.position(0) == expected
 
 
+def test_a_first_position_is_not_known_before_it_is_taken() -> None:
+    """The frame comes while the control loop takes the values."""
+    drives = Drives()
+    feedback = drives.feedback
+
+    class Arrived(np.ndarray):
+        def tolist(self) -> Any:
+            before = super().tolist()
+            drives.answer(0, 5000)
+            return before
+
+    feedback._arrived = feedback._arrived.view(Arrived)
+    drives.sync()
+    assert not feedback.complete(0)
+    drives.sync()
+    assert feedback.complete(0)
+    assert drives.position(0) == 5000
+
+
 @given(st.lists(st.integers(-(2**31), 2**31 - 1).filter(lambda count: abs(count) > REACH)))
 def test_garbage_between_two_positions_changes_nothing(garbage: list[int]) -> None:
     drives = Drives()
