@@ -21,6 +21,7 @@ class BringUp:
 
     Args:
         bus_name: for error paths.
+        release: called with each node that starts, right before it is online, or is given up.
         allow_partial: go on without the nodes that fail, unless all do.
     """
 
@@ -29,10 +30,11 @@ class BringUp:
         layout: NetworkLayout,
         axes: Sequence[Axis[CanopenDrive]],
         bus_name: str,
+        release: Callable[[Node], None],
         *,
         allow_partial: bool,
     ) -> None:
-        self._layout, self._axes = layout, axes
+        self._layout, self._axes, self._release = layout, axes, release
         self._bus_name, self._allow_partial = bus_name, allow_partial
         self._count = len(layout.node_ids)
 
@@ -60,7 +62,7 @@ class BringUp:
 
     def _each(self, nodes: Iterable[Node], message: str, step: Callable[[Node], None]) -> None:
         work = list(nodes)
-        failed: set[int] = set()
+        failed: list[Node] = []
 
         def attempt(node: Node) -> None:
             try:
@@ -69,7 +71,7 @@ class BringUp:
             except Exception as error:  # noqa: BLE001 - a node that fails is one of several
                 known = isinstance(error, RobotdError)
                 node.fault = str(error) if known else f"{type(error).__name__}: {error}"
-                failed.add(node.number)
+                failed.append(node)
 
         if work:
             with ThreadPoolExecutor(len(work), thread_name_prefix="canopen-start") as pool:
@@ -77,14 +79,15 @@ class BringUp:
         if not failed:
             return
         failures = {}
-        for node in work:
-            if node.number in failed:
-                path = f"{self._bus_name} → {node.name}"  # the texts of SDO begin with it, too
-                failures[f"canopen → {path}"] = node.fault.replace(f"{path}: ", "")
+        for node in sorted(failed, key=work.index):
+            path = f"{self._bus_name} → {node.name}"  # the texts of SDO begin with it, too
+            failures[f"canopen → {path}"] = node.fault.replace(f"{path}: ", "")
         if not self._allow_partial or len(failures) == self._count:
             raise ConnectError(message, failures)
         for path, reason in failures.items():
             log.warning("node skipped", node=path, reason=reason)
+        for node in failed:
+            self._release(node)
 
     def _start(self, node: Node) -> None:
         if not node.identity or node.fault:
@@ -99,6 +102,7 @@ class BringUp:
             node.start()
             for axis in axes:
                 axis.drive.query()
+        self._release(node)
         node.enter()
 
     def _report_left_out(self, node: Node, axes: Sequence[Axis[CanopenDrive]]) -> None:

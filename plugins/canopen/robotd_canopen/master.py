@@ -128,7 +128,11 @@ class Master(Cia402Master[CanopenDrive]):
             self.bus, self.nodes, self.axes, self.feedback, options.heartbeat_timeout_s, period_s
         )
         self._bring_up = BringUp(
-            layout, self.axes, self.bus.name, allow_partial=options.allow_partial
+            layout,
+            self.axes,
+            self.bus.name,
+            self.supervision.release,
+            allow_partial=options.allow_partial,
         )
         self._state = ConnectionState.IDLE
         self._read_ns = 0
@@ -179,7 +183,6 @@ class Master(Cia402Master[CanopenDrive]):
         self.io.forget(waiting)
         self._bring_up.start(waiting, timeout_s)  # where it fails, some nodes may have started
         self.io.start()
-        self.supervision.begin()
         self.sync.begin()
         self._state = ConnectionState.COMMUNICATING
 

@@ -58,8 +58,15 @@ class Supervision:
         """Lost nodes that have not answered since. Any thread."""
         return [node for node in list(self.lost.values()) if node.number not in self._reset]
 
+    def release(self, node: Node) -> None:
+        """Worker: a node that is not online is lost no more: it has started, or is given up."""
+        self.lost.pop(node.number, None)
+        self.doubled.pop(node.number, None)
+        self._reset.discard(node.number)
+        self._outage.forget(node)
+
     def begin(self) -> None:
-        """Worker: start with no node lost; communication has been started."""
+        """Worker: no node is lost; communication has ended."""
         self.lost.clear()
         self.doubled.clear()
         self._reset.clear()
@@ -176,10 +183,14 @@ class OutageLog:
 
     def lost(self, nodes: list[Node]) -> None:
         """Note nodes lost in one period, with their causes; the core reports a lost device."""
-        for returned in self._returned.values():
-            for node in nodes:
-                returned.pop(node.number, None)
+        for node in nodes:
+            self.forget(node)
         log.debug("nodes lost, all axes stop", reason=causes(nodes))
+
+    def forget(self, node: Node) -> None:
+        """Do not report the return of a node. Any thread."""
+        for returned in self._returned.values():
+            returned.pop(node.number, None)
 
     def came_back(self, node: Node, how: Return) -> None:
         """Note the return of a node; reported with those that follow soon."""
@@ -197,9 +208,9 @@ class OutageLog:
         if not complete and self._quiet_ns < _SETTLE_NS:
             return
         for how, nodes in self._returned.items():
-            if nodes:
+            if names := [node.name for node in list(nodes.values())]:
                 write = log.debug if how is Return.RESUMED else log.warning
-                write(how.value, nodes=", ".join(node.name for node in nodes.values()))
+                write(how.value, nodes=", ".join(names))
                 nodes.clear()
 
     def clear(self) -> None:

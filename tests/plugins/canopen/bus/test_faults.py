@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+from typing import Any
+
 import numpy as np
 import pytest
 from tests.plugins.canopen.bus.conftest import SMALL, OpenRig
@@ -108,6 +111,29 @@ def test_a_reset_ends_the_emergency_before_it(open_rig: OpenRig) -> None:
         recover(harness)
         assert harness.device_state().details["EMCY in force"] == "none"
         assert harness.device_state().nodes[1].fault == ""
+
+
+def test_a_drive_that_is_lost_while_another_one_starts(open_rig: OpenRig) -> None:
+    with open_rig(SMALL) as harness:
+        bring_up = harness.master._bring_up
+        start = bring_up.start
+
+        def start_and_lose(*arguments: Any) -> None:
+            start(*arguments)
+            harness.inject("3 drop 1.0")
+            harness.until(lambda: harness.image.offline[2])
+
+        broken(harness, "2 reboot")
+        bring_up.start = start_and_lose  # type: ignore[method-assign]
+        with suppress(RobotdError):
+            harness.robot.connection.start_communication()
+        bring_up.start = start  # type: ignore[method-assign]
+        assert "node 3" in harness.device.fault()
+        assert harness.device.state() is ConnectionState.UNKNOWN
+        harness.inject("3 heal")
+        harness.until(lambda: harness.device.state() is ConnectionState.COMMUNICATING)
+        assert not harness.image.offline.any()
+        recover(harness)
 
 
 def test_a_wrong_identity_after_a_reset(open_rig: OpenRig) -> None:
