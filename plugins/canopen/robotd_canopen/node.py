@@ -155,7 +155,7 @@ class Node(FieldbusNode):
 
     def configure(self, pdos: Sequence[Pdo]) -> None:
         """Pre-operational, heartbeats, start-up objects, PDOs."""
-        self.configured = False
+        self.configured = self._has_booted = False
         self.command(NmtCommand.PRE_OPERATIONAL)
         with _step("heartbeat"):
             self._write_heartbeat()
@@ -175,7 +175,9 @@ class Node(FieldbusNode):
 
     def start(self) -> None:
         """Start the node and wait for a heartbeat in state OPERATIONAL. Raises OperationError."""
-        self.state, self._has_booted, self._silence_ns = NmtState.UNKNOWN, False, 0
+        if self._has_booted:
+            raise OperationError(f"NMT start: {RESET}")
+        self.state, self._silence_ns = NmtState.UNKNOWN, 0
         self.forget_emergency_before(self._boot_ns)
         self.command(NmtCommand.START)
         if not wait_until(lambda: self.state is NmtState.OPERATIONAL, _START_S, self.clock):

@@ -51,6 +51,29 @@ def test_a_node_that_does_not_start_says_what_it_knows(
             harness.robot.connection.start_communication()
 
 
+def test_a_drive_that_resets_while_it_is_configured_does_not_start(
+    open_rig: OpenRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It would send its own PDOs, and sends heartbeats by default."""
+    with open_rig(SMALL, enable=False) as harness:
+        harness.robot.connection.stop_communication()
+        drive, node = harness.drive(2), harness.master.nodes[2]
+        start, booted_ns = node.start, node._boot_ns
+
+        def reset_before() -> None:
+            harness.inject("2 reboot")
+            harness.network.call(lambda: drive.values.update({(0x1017, 0): 100}))
+            harness.until(lambda: node._boot_ns != booted_ns)
+            start()
+
+        with monkeypatch.context() as patch:
+            patch.setattr(node, "start", reset_before)
+            with pytest.raises(ConnectError, match=r"elbow \(node 2\): NMT start: it was reset"):
+                harness.robot.connection.start_communication()
+        harness.robot.connection.start_communication()
+        assert harness.robot.connection.ready
+
+
 def test_a_wrong_identity_is_rejected(open_rig: OpenRig) -> None:
     identity = {"vendor_id": 0x1234}
     defaults = {"counts_per_rad": 1e5, "identity": identity}
