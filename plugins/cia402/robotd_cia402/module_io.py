@@ -46,14 +46,14 @@ class ModuleIo(IoDriver, Generic[NodeT, OptionsT]):
         return bytes(self.outputs[byte : byte + length])
 
     def write_outputs(self, byte: int, data: bytes) -> None:
-        modules = self._online_modules(byte, len(data))
         with self._lock:
+            modules = self._online_modules(byte, len(data))
             self.outputs[byte : byte + len(data)] = data
             self._send(modules)
 
     def write_output_bit(self, byte: int, bit: int, value: bool) -> None:
-        modules = self._online_modules(byte, 1)
         with self._lock:
+            modules = self._online_modules(byte, 1)
             self.outputs[byte] = self.outputs[byte] & ~(1 << bit) | (int(value) << bit)
             self._send(modules)
 

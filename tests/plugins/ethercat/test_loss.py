@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import pytest
 from tests.plugins.ethercat.harness import Harness
 
 from robotd.device.state import ConnectionState, Operation
+from robotd.errors import NotReady
 from robotd_ethercat.al_status import AlState
 from robotd_ethercat.slave import RESET
 from robotd_ethercat.soem import SlaveState
@@ -197,6 +199,25 @@ def test_outputs_of_a_lost_module_stay_off_when_it_is_back(harness: Harness) -> 
         harness.robot.step(2)
     assert harness.slave(2).state is AlState.OP
     assert harness.slave(2).output == b"\x00\x00"
+
+
+def test_a_write_to_a_module_that_is_lost_meanwhile_is_rejected(harness: Harness) -> None:
+    """It would be switched on when it is back."""
+    io, lock = harness.master.io, harness.master.io._lock
+
+    @contextmanager
+    def lost_before() -> Iterator[None]:
+        io._lock = lock
+        harness.slave(2).state = AlState.SAFE_OP
+        harness.robot.step(6)
+        harness.master.supervision.check()
+        with lock:
+            yield
+
+    io._lock = lost_before()  # type: ignore[assignment]
+    with pytest.raises(NotReady, match="slave 2"):
+        io.write_outputs(0, b"\x05")
+    assert io.read_outputs(0, 1) == b"\x00"
 
 
 def trip(harness: Harness, number: int) -> None:
