@@ -84,8 +84,9 @@ class Setpoint:
         self.acceleration = self.deceleration = ramp
 
     def stand_at(self, position: float) -> None:
-        """Stand at ``position``, without a velocity to reach."""
-        self.position, self.velocity, self.target_velocity = position, 0.0, 0.0
+        """Stand at ``position``, without a velocity to reach and without a torque."""
+        self.position = position
+        self.velocity = self.target_velocity = self.torque = 0.0
 
     def brake(self, period_s: float) -> None:
         """Control loop: one period of a stop in a cyclic position mode."""

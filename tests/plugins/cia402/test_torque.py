@@ -13,6 +13,7 @@ from robotd.api import CommandMode, NotReady, Operation
 from robotd_cia402.controlword import DriveState
 from robotd_cia402.modes import OperationMode
 from robotd_cia402.object_numbers import MODE, OUTPUTS, TARGET_POSITION, TARGET_TORQUE
+from robotd_cia402.simulated.drive import State
 
 # The model of a motor, see ``Motors.push``.
 INERTIA, VISCOUS, COULOMB = 0.5, 1.0, 2.0
@@ -131,6 +132,33 @@ def test_operation_is_never_enabled_with_a_torque(axes: LoopedAxes) -> None:
         axes.looped.run(PERIOD_S)
         velocities.append(float(axes.looped.image.velocity[0]))
     assert max(map(abs, velocities)) < 1e-3
+
+
+def test_no_torque_remains_in_a_drive_that_switches_itself_off(axes: LoopedAxes) -> None:
+    """It may change its mode late, and a CAN bus has no torque in the frames of other modes."""
+    looped = axes.looped
+    put, requested = looped.objects.put, [int(OperationMode.CYCLIC_TORQUE)] * 20
+    before, positions = [0], list[float]()
+
+    def put_as_can(values: Sequence[int]) -> None:
+        positions.append(looped.drive.position)
+        requested.append(values[OUTPUTS.index(MODE)])
+        if requested[-1] == OperationMode.CYCLIC_TORQUE:
+            before[0] = values[OUTPUTS.index(TARGET_TORQUE)]
+        late = list(values)
+        late[OUTPUTS.index(MODE)], late[OUTPUTS.index(TARGET_TORQUE)] = requested.pop(0), before[0]
+        put(late)
+
+    axes.begin_stream([0])
+    looped.objects.put = put_as_can  # type: ignore[method-assign]
+    drive(axes, 8.0, 0.2)
+    looped.drive._leave_power(State.SWITCH_ON_DISABLED)  # safe torque off
+    looped.run(1.0)
+    positions.clear()
+    axes.servo(0, on=True, timeout_s=1.0)
+    looped.run(0.2)
+    assert looped.axis.report.powered
+    assert max(positions) - min(positions) < 1e-3
 
 
 def test_a_drive_without_the_target_torque_says_so(axes: LoopedAxes) -> None:
