@@ -96,6 +96,8 @@ class Axis(Generic[DriveT]):
         else:
             if not report.powered:
                 self._note_off()
+            elif report.state is DriveState.QUICK_STOP_ACTIVE:
+                self._join_quick_stop()
             if activity.operation in _WATCHED:
                 self._watch_operation()
             self._fill_values(image)
@@ -208,6 +210,14 @@ class Axis(Generic[DriveT]):
         if not self.activity.is_idle:
             self.hold()
             self.activity.complete = False
+
+    def _join_quick_stop(self) -> None:
+        """Stop in a quick stop that the drive has begun: what comes after it would be a jump."""
+        if self.activity.operation not in (Operation.IDLE, Operation.STOPPING):
+            node = self.drive.node.label
+            log.error("the drive has begun a quick stop", node=node, axis=self.number)
+            self.brake(self.options.quick_stop_deceleration_rad_s2)
+            self.power.quick_stop()
 
     def _watch_operation(self) -> None:
         reached = self.report.statusword & Status.TARGET_REACHED

@@ -27,6 +27,7 @@ from robotd_cia402.device import switch_off
 from robotd_cia402.drive_setup import interpolation_period, set_up
 from robotd_cia402.modes import OperationMode
 from robotd_cia402.object_numbers import DEMAND, INPUTS, MODE, MODE_DISPLAY, POSITION
+from robotd_cia402.simulated.drive import State
 from robotd_cia402.simulated.mode_motion import Mode
 
 FAST = Profile(velocity=1.0, acceleration=5.0, deceleration=5.0)
@@ -256,6 +257,31 @@ def test_a_quick_stop_that_ends_with_the_servo_off_is_not_left(on: LoopedDrive) 
     with pytest.raises(RobotdError):
         on.commands.move(2.0, FAST)
     assert not on.axis.report.powered
+
+
+@pytest.mark.parametrize("motion", ["stream", "jog", "move"])
+def test_a_quick_stop_of_the_drive_itself_ends_the_motion(on: LoopedDrive, motion: str) -> None:
+    """It is left when its cause has ended, for "enable operation" stays in the controlword."""
+    if motion == "stream":
+        on.commands.prepare_stream()
+        on.commands.begin_stream()
+    elif motion == "jog":
+        on.commands.jog(FAST)
+    else:
+        on.commands.move(2.0, FAST)
+    enter = on.drive._enter
+    for step in range(200):
+        if on.axis.activity.streaming:
+            on.axis.follow(0.004 * step, 1.0)
+        if step == 100:
+            enter(State.QUICK_STOP_ACTIVE)
+            on.drive._enter = lambda state: None  # type: ignore[method-assign]
+        if step == 150:
+            on.drive._enter = enter  # type: ignore[method-assign]
+        on.run(0.004)
+    assert on.drive.position < 0.5
+    assert peak_velocity(on, 100) < 0.01
+    assert on.axis.activity.is_idle
 
 
 def test_a_move_waits_for_the_end_of_a_quick_stop(on: LoopedDrive) -> None:
