@@ -189,8 +189,10 @@ class Master(Cia402Master[CanopenDrive]):
     def end(self) -> None:
         online = [node for node in self.nodes.values() if node.online]
         self._leave_all(ConnectionState.RUNNING)  # missing heartbeats are expected from now on
+        powered = {axis.drive.node.number for axis in self.axes if axis.report.powered}
         for node in online:
-            _try(node, partial(node.watch_master, watch=False))
+            if node.number not in powered:  # else its servo did not go off: let it stop by itself
+                _try(node, partial(node.watch_master, watch=False))
             _try(node, partial(node.command, NmtCommand.PRE_OPERATIONAL))
 
     def read(self, image: ProcessImage) -> None:

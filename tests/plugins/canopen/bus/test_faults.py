@@ -19,6 +19,7 @@ from robotd.errors import ConnectError, DeviceTimeout, NotReady, RobotdError
 from robotd.motion.profile import Profile
 from robotd_canopen.frame import Frame
 from robotd_canopen.node import NmtCommand
+from robotd_cia402.simulated.drive import State
 
 WINDOW = {"startup": [{"object": "0x6065", "value": 2000}], "counts_per_rad": 1e5}
 
@@ -196,6 +197,18 @@ def test_the_drives_stop_when_the_daemon_is_gone(open_rig: OpenRig) -> None:
         drives = [harness.drive(node).drives[0] for node in range(1, 7)]
         harness.until(lambda: all(drive.get(0x603F) == 0x8130 for drive in drives))
         harness.master.end()  # nobody is left who could stop it in order
+
+
+def test_a_drive_that_cannot_be_switched_off_stops_by_itself(open_rig: OpenRig) -> None:
+    """Without the control loop no frame reaches it."""
+    with open_rig(SMALL, axis_defaults=WINDOW) as harness:
+        harness.robot.axes.set_command_mode(1, CommandMode.VELOCITY)
+        harness.robot.axes.jog([Jog(1, Profile(0.3, 5.0, 5.0))])
+        harness.until(lambda: harness.image.velocity[1] > 0.29)
+        harness.robot.control_loop.stop()
+        harness.device.stop_communication(0.1)
+        drive = harness.drive(2).drives[0]
+        harness.until(lambda: drive.state is State.FAULT, 10.0)
 
 
 def test_a_pause_of_the_computer_loses_no_drive(open_rig: OpenRig) -> None:
