@@ -43,49 +43,58 @@ class Commands:
     def enable(self, timeout_s: float) -> None:
         """Enable operation, with the command at the measured position.
 
-        An axis that is on is left as it is, and taken out of a quick stop.
+        An axis that is on is left as it is, and taken out of a quick stop. Nothing is switched on
+        after ``timeout_s``, or after a ``disable`` that came meanwhile.
         """
-        axis, report = self._axis, self._report
+        axis, report, releases = self._axis, self._report, self._axis.power.releases
+        deadline_ns = self._clock.now_ns() + round(timeout_s * NANOSECONDS)
+
+        def left_s() -> float:
+            return max(0.0, (deadline_ns - self._clock.now_ns()) / NANOSECONDS)
+
+        def step(control: Control, *, done: bool = False) -> None:
+            if not axis.power.switch_on(control, releases, done=done):
+                raise self._error(OperationError, "switched off before the servo was on")
+
         with axis.lock:
             self.require_online()
             if axis.power.requested and report.powered:
                 self._recover()
                 return
-            deadline_ns = self._clock.now_ns() + round(timeout_s * NANOSECONDS)
-            if not self._wait(lambda: report.known, timeout_s):
+            if not self._wait(lambda: report.known, left_s()):
                 reason = axis.drive.node.fault or axis.drive.awaited
                 raise self._error(NotReady, f"its position is not known: {reason}")
             late = f"the last servo-off has not ended within {timeout_s:g} s"
-            self._require(lambda: not report.powered, timeout_s, late)
+            self._require(lambda: not report.powered, left_s(), late)
             axis.mode.bits = 0
             axis.power.lost = ""
             axis.mode.requested = self._rest_mode()
             try:
                 while (state := report.state) is not DriveState.OPERATION_ENABLED:
                     self._require_no_alarm()
-                    axis.power.control = int(TOWARDS_ENABLED.get(state, Control.DISABLE_VOLTAGE))
-                    left_s = (deadline_ns - self._clock.now_ns()) / NANOSECONDS
-                    left = partial(lambda old: report.state is not old, state)
-                    if left_s <= 0 or not self._wait(left, left_s):
+                    step(TOWARDS_ENABLED.get(state, Control.DISABLE_VOLTAGE))
+                    left = partial(self._has_left, state, releases)
+                    if not left_s() or not self._wait(left, left_s()):
                         text = f"the servo did not go on within {timeout_s:g} s, {self._status()}"
                         raise self._error(DeviceTimeout, text)
                 self._enter(axis.mode.requested)
+                step(Control.ENABLE_OPERATION, done=True)
             except RobotdError:
                 axis.power.control = int(Control.DISABLE_VOLTAGE)
                 raise
-            axis.power.requested = True
+
+    def _has_left(self, state: DriveState, releases: int) -> bool:
+        return self._report.state is not state or self._axis.power.releases != releases
 
     def disable(self, timeout_s: float) -> None:
-        """Switch the power stage off; a homing ends by it.
+        """Switch the power stage off at once, whatever another command waits for.
 
-        A command that is being started begins no motion.
+        A command that is being started begins no motion, and a homing ends.
         """
         axis, report = self._axis, self._report
         axis.activity.stops += 1
-        if axis.activity.operation is Operation.HOMING:  # it holds the lock
-            axis.power.release(report.state)
+        axis.power.release(report.state)
         with axis.lock:
-            axis.power.release(report.state)
             axis.mode.bits = 0
             self.require_online()
             late = f"the servo did not go off within {timeout_s:g} s"
@@ -233,6 +242,7 @@ class Commands:
                 ramp = axis.scaling.ramp_units(options.homing_acceleration_rad_s2)
                 drive.set_value(0x609A, 0, ramp)
                 braking_s = max(speeds) / options.homing_acceleration_rad_s2
+            self._require_no_stop(stops)
             try:
                 self._enter(OperationMode.HOMING)
                 self._run_homing(timeout_s, stops)

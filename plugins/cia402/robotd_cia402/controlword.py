@@ -103,9 +103,11 @@ class PowerStage:
         control: bits of the controlword that belong to the state machine.
         requested: the servo is meant to be on.
         lost: why the servo went off by itself; "" if it did not.
+        releases: number of times that it was switched off.
     """
 
     def __init__(self) -> None:
+        self.releases = 0
         self._lock = threading.Lock()  # a switch-off is final: what comes with it has no effect
         self.reset()
 
@@ -114,9 +116,22 @@ class PowerStage:
         with self._lock:
             self.requested, self.lost = False, ""
             self.control = Control.DISABLE_VOLTAGE.value
+            self.releases += 1
+
+    def switch_on(self, control: Control, releases: int, *, done: bool = False) -> bool:
+        """Worker: one step of switching on; False, with no effect, after a switch-off.
+
+        Args:
+            releases: when switching on began.
+            done: operation is enabled, so the servo is meant to be on.
+        """
+        with self._lock:
+            if self.releases == releases:
+                self.control, self.requested = control.value, done
+            return self.releases == releases
 
     def release(self, state: DriveState) -> None:
-        """Worker: switch the power stage off, to ready to switch on.
+        """Any thread: switch the power stage off, to ready to switch on.
 
         From a quick stop only switch on disabled can be reached (transition 12).
         """
@@ -124,6 +139,7 @@ class PowerStage:
             stopped = self.control == Control.QUICK_STOP or state is DriveState.QUICK_STOP_ACTIVE
             self.requested = False
             self.control = (Control.DISABLE_VOLTAGE if stopped else Control.SHUTDOWN).value
+            self.releases += 1
 
     def quick_stop(self) -> None:
         """Any thread: quick stop, unless the power stage is being switched off."""

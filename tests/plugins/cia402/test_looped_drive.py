@@ -377,6 +377,67 @@ def test_servo_off_ends_a_homing() -> None:
     assert looped.clock.now_ns() < 10e9
 
 
+def test_servo_off_does_not_wait_for_the_answers_to_another_command(on: LoopedDrive) -> None:
+    write, powered = on.objects.write, list[bool]()
+    off = threading.Thread(target=on.commands.disable, args=(2.0,))
+
+    def slow(index: int, sub: int, value: int) -> None:
+        if off.ident is None:
+            off.start()
+            wait_until(lambda: not on.axis.power.requested, 0.2, MonotonicClock())
+            on.run(0.5)
+            powered.append(on.axis.report.powered)
+        write(index, sub, value)
+
+    on.objects.write = slow  # type: ignore[method-assign]
+    with pytest.raises(OperationError, match="stopped before the motion began"):
+        on.commands.move(0.5, FAST)
+    off.join(10.0)
+    assert powered == [False]
+
+
+def test_servo_off_ends_a_servo_on() -> None:
+    looped, states = LoopedDrive(), list[DriveState]()
+    off = threading.Thread(target=looped.commands.disable, args=(1.0,))
+    require_no_alarm = looped.commands._require_no_alarm
+
+    def switch_off_meanwhile() -> None:
+        states.append(looped.axis.report.state)
+        if off.ident is None and states[-1] is DriveState.SWITCHED_ON:
+            off.start()
+            off.join(0.2)
+        require_no_alarm()
+
+    looped.commands._require_no_alarm = switch_off_meanwhile  # type: ignore[method-assign]
+    with pytest.raises(OperationError, match="switched off before the servo was on"):
+        looped.commands.enable(1.0)
+    off.join(10.0)
+    assert states[-1] is DriveState.SWITCHED_ON
+    assert not looped.axis.report.powered
+
+
+def test_a_servo_on_that_has_waited_for_another_command_too_long_switches_nothing_on() -> None:
+    """Its caller has been told that it has failed."""
+    looped, failures = LoopedDrive(), list[Exception]()
+    looped.run(0.1)
+
+    def enable() -> None:
+        try:
+            looped.commands.enable(0.5)
+        except RobotdError as error:
+            failures.append(error)
+
+    waiting = threading.Thread(target=enable)
+    with looped.axis.lock:
+        waiting.start()
+        waiting.join(0.1)
+        looped.run(1.0)
+    waiting.join(10.0)
+    looped.run(0.5)
+    assert not looped.axis.report.powered
+    assert len(failures) == 1
+
+
 @pytest.mark.parametrize("command", ["move", "home"])
 def test_servo_off_prevents_the_motion_of_a_command_that_is_being_started(command: str) -> None:
     looped = LoopedDrive(homing_method=19)
