@@ -133,10 +133,12 @@ class PowerStage:
     def release(self, state: DriveState) -> None:
         """Any thread: switch the power stage off, to ready to switch on.
 
-        From a quick stop only switch on disabled can be reached (transition 12).
+        From a quick stop only switch on disabled can be reached (transition 12). One that is being
+        switched off by that goes on.
         """
+        words = Control.QUICK_STOP, Control.DISABLE_VOLTAGE
         with self._lock:
-            stopped = self.control == Control.QUICK_STOP or state is DriveState.QUICK_STOP_ACTIVE
+            stopped = self.control in words or state is DriveState.QUICK_STOP_ACTIVE
             self.requested = False
             self.control = (Control.DISABLE_VOLTAGE if stopped else Control.SHUTDOWN).value
             self.releases += 1

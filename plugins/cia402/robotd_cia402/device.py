@@ -127,8 +127,6 @@ class Cia402Device(DeviceDriver, Generic[MasterT, SimulationT]):
 def switch_off(axes: Iterable[Axis[Any]], timeout_s: float, clock: Clock) -> None:
     """Stop the axes that are powered, then switch their servos off. Worker.
 
-    A servo that is being switched on goes off when that has ended.
-
     Args:
         axes: those whose node is lost are left alone: their drives stop by themselves.
         timeout_s: for all to come to rest; then the servos are switched off in motion.
@@ -141,13 +139,12 @@ def switch_off(axes: Iterable[Axis[Any]], timeout_s: float, clock: Clock) -> Non
         axis.brake(axis.options.stop_deceleration_rad_s2)
     wait_until(lambda: all(axis.activity.is_idle for axis in live), timeout_s, clock)
     for axis in online:
-        with axis.lock:  # of a command that still switches on
-            if not axis.report.powered:
-                continue
-            try:
-                Commands(axis, clock).disable(_SERVO_S)
-            except RobotdError as error:
-                log.warning("switching off failed", axis=axis.number, reason=str(error))
+        axis.power.release(axis.report.state)  # of all, before one of them is waited for
+    for axis in online:
+        try:
+            Commands(axis, clock).disable(_SERVO_S)
+        except RobotdError as error:
+            log.warning("switching off failed", axis=axis.number, reason=str(error))
 
 
 class Cia402Fieldbus(FieldbusDriver, Generic[MasterT]):

@@ -377,6 +377,16 @@ def test_servo_off_ends_a_homing() -> None:
     assert looped.clock.now_ns() < 10e9
 
 
+def test_a_second_servo_off_ends_a_quick_stop_as_well(on: LoopedDrive) -> None:
+    on.commands.move(2.0, FAST)
+    on.run(0.2)
+    on.commands.quick_stop()
+    on.run(0.004)  # it is sent, and not reported yet
+    on.axis.power.release(on.axis.report.state)
+    on.commands.disable(1.0)
+    assert not on.axis.report.powered
+
+
 def test_servo_off_does_not_wait_for_the_answers_to_another_command(on: LoopedDrive) -> None:
     write, powered = on.objects.write, list[bool]()
     off = threading.Thread(target=on.commands.disable, args=(2.0,))
@@ -653,7 +663,7 @@ def test_an_axis_in_motion_is_stopped_before_it_is_switched_off(on: LoopedDrive)
     assert on.drive.position < 1.0
 
 
-def test_an_axis_that_is_being_switched_on_is_switched_off() -> None:
+def test_the_end_of_communication_ends_a_servo_on() -> None:
     looped = LoopedDrive()
     off = threading.Thread(target=switch_off, args=([looped.axis], 1.0, looped.clock))
     require_no_alarm = looped.commands._require_no_alarm
@@ -665,7 +675,8 @@ def test_an_axis_that_is_being_switched_on_is_switched_off() -> None:
         require_no_alarm()
 
     looped.commands._require_no_alarm = switch_off_meanwhile  # type: ignore[method-assign]
-    looped.commands.enable(1.0)
+    with pytest.raises(OperationError, match="switched off before the servo was on"):
+        looped.commands.enable(1.0)
     off.join(10.0)
     assert not looped.axis.report.powered
 
