@@ -528,7 +528,11 @@ class Axes:
     def _begun(self, axis: int, stops: Sequence[int]) -> Iterator[None]:
         """Begin a motion in the block. Raises NotReady after a stop since ``stops``."""
         self._check_not_stopped(axis, stops)
-        yield
+        try:
+            yield
+        except DeviceTimeout:  # a call that was given up may begin the motion later
+            self._driver.stop([axis])
+            raise
         self._commanded_ns = self.clock.now_ns()
         try:
             self._check_not_stopped(axis, stops)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from functools import partial
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,7 @@ from robotd.device.axes import Jog, Move
 from robotd.device.state import CommandMode, ConnectionState
 from robotd.errors import ConnectError, DeviceTimeout, NotReady, RobotdError
 from robotd.motion.profile import Profile
+from robotd.plugin import fault_isolation
 from robotd_canopen.frame import Frame
 from robotd_canopen.node import NmtCommand
 from robotd_cia402.simulated.drive import State
@@ -162,6 +165,37 @@ def test_objects_that_refuse_hurt_only_who_writes_them(open_rig: OpenRig) -> Non
         with pytest.raises(DeviceTimeout, match=r"elbow \(node 2\).*0x6083.*no answer"):
             harness.robot.axes.move([move])
         recover(harness)
+
+
+@pytest.mark.parametrize("command", ["move", "jog"])
+def test_a_command_that_was_given_up_begins_no_motion(
+    open_rig: OpenRig, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    """A drive may answer SDO more slowly than the core waits for a command."""
+    monkeypatch.setattr(fault_isolation, "COMMAND_BUDGET_S", 0.5)
+    with open_rig(SMALL) as harness:
+        profile, drive, written = Profile(0.6, 3.0, 3.0), harness.master.axes[1].drive, Event()
+        write = drive.write
+
+        def slow(index: int, sub: int, value: int) -> None:
+            write(index, sub, value)
+            if index == 0x6083:  # the last one
+                written.wait(5.0)
+
+        drive.write = slow  # type: ignore[method-assign]
+        axes = harness.robot.axes
+        begin = partial(axes.move, [Move(1, 0.2, profile)])
+        if command == "jog":
+            axes.set_command_mode(1, CommandMode.VELOCITY)
+            begin = partial(axes.jog, [Jog(1, profile)])
+        with pytest.raises(DeviceTimeout, match=r"did not return within 0\.5 s"):
+            begin()
+        written.set()
+        with harness.master.axes[1].lock:  # of the command
+            pass
+        syncs = harness.master.sync.count
+        harness.until(lambda: harness.master.sync.count > syncs + RATE_HZ)
+        assert abs(harness.image.position[1]) < 1e-3
 
 
 def test_late_and_some_lost_pdos_are_lived_with(open_rig: OpenRig) -> None:
