@@ -150,7 +150,7 @@ class Axis(Generic[DriveT]):
     def hold(self) -> None:
         """Idle from now on, at the present command."""
         self.activity.begin(Operation.IDLE)
-        self.setpoint.velocity = 0.0
+        self.setpoint.velocity = self.setpoint.target_velocity = 0.0
 
     def present_position(self) -> float:
         """Return the position at which a position command begins.

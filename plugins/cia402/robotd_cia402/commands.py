@@ -126,6 +126,7 @@ class Commands:
     def set_mode(self, mode: CommandMode) -> None:
         axis = self._axis
         with axis.lock:
+            self.require_online()  # a lost drive may receive, and its position is not known
             requested = rest_mode(axis.options, mode)
             if axis.report.powered:
                 self._recover()

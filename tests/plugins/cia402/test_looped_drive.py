@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+from collections.abc import Sequence
 from typing import Any
 
 import pytest
@@ -26,7 +27,15 @@ from robotd_cia402.controlword import DriveState, Phase
 from robotd_cia402.device import switch_off
 from robotd_cia402.drive_setup import interpolation_period, set_up
 from robotd_cia402.modes import OperationMode
-from robotd_cia402.object_numbers import DEMAND, INPUTS, MODE, MODE_DISPLAY, POSITION
+from robotd_cia402.object_numbers import (
+    DEMAND,
+    INPUTS,
+    MODE,
+    MODE_DISPLAY,
+    OUTPUTS,
+    POSITION,
+    TARGET_VELOCITY,
+)
 from robotd_cia402.simulated.drive import State
 from robotd_cia402.simulated.mode_motion import Mode
 
@@ -257,6 +266,28 @@ def test_a_quick_stop_that_ends_with_the_servo_off_is_not_left(on: LoopedDrive) 
     with pytest.raises(RobotdError):
         on.commands.move(2.0, FAST)
     assert not on.axis.report.powered
+
+
+@pytest.mark.parametrize("velocity_mode", ["csv", "pv"])
+def test_a_lost_drive_gets_no_velocity(velocity_mode: str) -> None:
+    """It may receive what is sent."""
+    looped, sent = LoopedDrive(velocity_mode=velocity_mode), list[int]()
+    put = looped.objects.put
+
+    def note(values: Sequence[int]) -> None:
+        put(values)
+        sent.append(values[OUTPUTS.index(TARGET_VELOCITY)])
+
+    looped.objects.put = note  # type: ignore[method-assign]
+    looped.commands.enable(1.0)
+    looped.commands.jog(FAST)
+    looped.run(0.5)
+    assert sent[-1]
+    looped.objects.node.online = False
+    looped.run(0.5)
+    assert not sent[-1]
+    with pytest.raises(NotReady, match="node 1: offline"):
+        looped.commands.set_mode(CommandMode.POSITION)
 
 
 @pytest.mark.parametrize("motion", ["stream", "jog", "move"])
