@@ -45,6 +45,8 @@ class CanopenDrive(DriveAccess):
         super().__init__()
         self.node = node
         self.inputs = frozenset(entry.base for pdo in layout.tpdos for entry in pdo.entries)
+        turns = [pdo.transmission for pdo in layout.tpdos if not pdo.is_event_driven]
+        self.turn = max(turns, default=1)
         self.outputs = frozenset(entry.base for pdo in layout.rpdos for entry in pdo.entries)
         self.layout, self._number = layout, number
         self._feedback, self._bus = feedback, bus

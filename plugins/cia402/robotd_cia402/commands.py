@@ -27,7 +27,7 @@ from robotd_cia402.object_numbers import TARGET_TORQUE, TARGET_VELOCITY
 
 _HERE = (35, 37)  # homing methods that take the present position
 _STEP_S = 1.0  # for a change of mode or a handshake
-_FRESH_FRAMES = 5  # after which every value is from after the event
+_FRESH_FRAMES = 5  # and a turn, after which every value is from after the event
 
 
 class Commands:
@@ -316,8 +316,8 @@ class Commands:
     def _wait_for_fresh_values(self) -> None:
         """Wait until every value is from after the present frame."""
         drive = self._axis.drive
-        seen = drive.frames
-        self._wait(lambda: drive.frames > seen + _FRESH_FRAMES, _STEP_S)
+        fresh = drive.frames + _FRESH_FRAMES + drive.turn
+        self._wait(lambda: drive.frames >= fresh, _STEP_S + drive.turn * self._report.period_s)
 
     def _require_no_stop(self, stops: int) -> None:
         """Raise OperationError, with the axis stopped, after a stop since ``stops`` of them."""

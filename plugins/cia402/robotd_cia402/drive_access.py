@@ -36,11 +36,13 @@ class DriveAccess(ABC):
     Attributes:
         node: on the bus.
         inputs, outputs: objects in the cyclic frames, once it is configured.
+        turn: frames from one to the next that hold the input which comes most rarely.
     """
 
     node: FieldbusNode
     inputs: Collection[int]
     outputs: Collection[int]
+    turn = 1
 
     def __init__(self) -> None:
         self._written: dict[tuple[int, int], int] = {}

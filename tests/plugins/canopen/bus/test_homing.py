@@ -38,6 +38,18 @@ def place(harness: Harness) -> float:
     return harness.drive(2).drives[0].motion.zero
 
 
+def test_a_statusword_that_comes_rarely_ends_no_homing_early(open_rig: OpenRig) -> None:
+    """In the mode before, bits 10 and 12 have another meaning."""
+    keys = homing(19)
+    keys["axis_defaults"]["tpdos"] = [
+        {"number": 1, "transmission": 25, "objects": ["0x6041", "0x603F"]},
+        {"number": 2, "transmission": 1, "objects": ["0x6061", "0x6064"]},
+    ]
+    with open_rig(SMALL, **keys) as harness:
+        harness.robot.axes.home(1)
+        assert place(harness) == pytest.approx(LEFT, abs=EDGE_RAD)
+
+
 @pytest.mark.parametrize(
     ("method", "polarity", "home"),
     [
