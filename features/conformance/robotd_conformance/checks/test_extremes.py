@@ -14,6 +14,7 @@ from robotd_conformance.checks.test_ramps import ramp_problems
 from robotd_conformance.checks.test_small_and_large import steep
 
 FINE_RAD = (5e-5, 1e-4, 2e-4, 5e-4)
+EXACT_RAD = 2e-5  # by which the command may miss its target
 TIMES = 3  # that each fine move is made, so that errors add up
 MADE = 0.1  # share of a fine move that may be missing
 FINE_SPEED_RAD_S, FINE_S = 2e-3, 0.4
@@ -48,6 +49,19 @@ def test_the_finest_moves_are_made(harness: Harness) -> None:
         way, abs=MADE * np.abs(way).max()
     )
     assert harness.image.position - driven == pytest.approx(way, abs=0.25 * np.abs(way).max())
+
+
+@pytest.mark.needs(Capability.SIMULATED)
+@pytest.mark.clause("AxisDriver.move/target", "AxisDriver/as-commanded")
+def test_a_target_is_met_from_both_sides(harness: Harness) -> None:
+    """Whatever the way to it: not short of it, and not beyond."""
+    home = harness.image.position_command.copy()
+    for share in (0.4, 0.1, 0.3, 0.29, 0.2, 0.21, 0.0):
+        targets = home + harness.travel(share)
+        harness.move(harness.all, targets)
+        harness.rest()
+        missed = harness.image.position_command - targets
+        assert np.abs(missed).max() <= EXACT_RAD, f"targets are missed by {missed} rad"
 
 
 @pytest.mark.needs(Capability.VELOCITY_MODE)

@@ -12,6 +12,7 @@ import pytest
 from robotd.api import Capability, CommandMode, ConnectionState, IoDriver, RobotdError, Unsupported
 from robotd.api.robots import Jog
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
+from robotd_conformance.checks.kit_target import KitTarget
 from robotd_conformance.checks.recorded_motion import mean_velocity
 from robotd_conformance.checks.test_io import io_of, is_live, output_is, outputs, window
 from robotd_conformance.checks.test_questions import shown
@@ -29,6 +30,19 @@ def io(fresh: Harness) -> Iterator[IoDriver]:
     yield driver
     with suppress(RobotdError):  # the check may have failed on a closed device
         driver.write_outputs(0, before)
+
+
+@pytest.mark.clause("backend/makes", "DeviceDriver.open/connects")
+def test_each_device_is_made_anew(fresh: Harness, target: KitTarget) -> None:
+    """While another one communicates, as in a program that tries a second robot."""
+    context = target.backend.context(target.descriptor, fresh.clock)
+    other, own = target.backend.drivers(context).device, fresh.drivers.device
+    assert vars(other)["wrapped"] is not vars(own)["wrapped"], (
+        "the hook has returned a device that is open"
+    )
+    assert other.state() is ConnectionState.IDLE
+    fresh.periods(5)
+    assert fresh.robot.connection.ready
 
 
 def call_again(harness: Harness) -> Iterator[tuple[str, Callable[[], None]]]:

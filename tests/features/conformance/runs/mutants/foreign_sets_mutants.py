@@ -9,6 +9,7 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from threading import RLock
+from typing import ClassVar
 
 import numpy as np
 from tests.features.conformance.runs.mutants.plugin import Mutant, ReadAnew
@@ -17,6 +18,8 @@ from robotd.api import (
     BusStatus,
     ConnectionState,
     DescriptorError,
+    DeviceContext,
+    DeviceDriver,
     DeviceTimeout,
     FloatArray,
     LateSetpoint,
@@ -25,8 +28,16 @@ from robotd.api import (
     OperationError,
     ProcessImage,
     Profile,
+    hookimpl,
 )
-from robotd_sim import SimAxes, SimDevice, SimFaultInjector, SimFieldbus
+from robotd_sim import (
+    SimAxes,
+    SimDevice,
+    SimFaultInjector,
+    SimFieldbus,
+    SimOptions,
+    Simulation,
+)
 from robotd_wmx_parameters import read_wmx_parameters
 
 SHORT_NS = 20_000_000
@@ -545,3 +556,26 @@ class StuckOutputsAreNeverReleased(Mutant):
         def stick_output_bit(self, byte: int, bit: int, value: bool | None) -> None:
             if value is not None:
                 super().stick_output_bit(byte, bit, value)
+
+
+class MovesBackEndTooEarly(Mutant):
+    breaks = ("AxisDriver.move/target", "one direction")
+    found_by = "test_extremes.py::test_a_target_is_met_from_both_sides"
+    says = "missed"
+
+    class Axes(SimAxes):
+        def move(self, axis: int, target: float, profile: Profile) -> None:
+            goes_back = target < self._simulation.servo.command[axis] - 0.001
+            super().move(axis, target + 0.0005 * goes_back, profile)
+
+
+class OneDeviceForAll(Mutant):
+    breaks = ("backend/makes", "second call")
+    found_by = "test_open_again.py::test_each_device_is_made_anew"
+    made: ClassVar[list[SimDevice]] = []
+
+    @hookimpl
+    def robotd_open_device(self, context: DeviceContext[SimOptions]) -> DeviceDriver:
+        if not self.made or self.made[0].state() is ConnectionState.IDLE:
+            self.made[:] = [SimDevice(Simulation(context.robot, context.options, context.clock))]
+        return self.made[0]
