@@ -79,6 +79,19 @@ def test_a_bit_leaves_its_neighbours_alone(harness: Harness, io: IoDriver) -> No
             outputs(harness, io, bytes(expected), first)
 
 
+@pytest.mark.clause("IoDriver.read_outputs/bytes", "IoDriver.read_inputs/bytes")
+def test_what_was_read_stays_as_it_was(harness: Harness, io: IoDriver) -> None:
+    first, size = window(io)
+    io.write_outputs(first, bytes([0x5A] * size))
+    outputs(harness, io, bytes([0x5A] * size), first)
+    read = io.read_outputs(first, size)
+    assert type(read) is bytes
+    assert io.input_bytes == 0 or type(io.read_inputs(0, 1)) is bytes
+    io.write_outputs(first, bytes([0xA5] * size))
+    outputs(harness, io, bytes([0xA5] * size), first)
+    assert read == bytes([0x5A] * size), "bytes that were read before have changed"
+
+
 @pytest.mark.clause("IoDriver.write_outputs/bytes")
 def test_bytes_leave_their_neighbours_alone(harness: Harness, io: IoDriver) -> None:
     first, size = window(io)

@@ -76,14 +76,17 @@ def test_a_stop_leaves_other_axes_alone(harness: Harness) -> None:
     assert np.abs(harness.image.position[1:] - targets[1:]).max(initial=0.0) <= SETTLED_RAD
 
 
-@pytest.mark.clause("AxisDriver.quick_stop/idle")
+@pytest.mark.clause("AxisDriver.stop/idle", "AxisDriver.quick_stop/idle")
 def test_a_stop_of_a_standing_axis_has_no_effect(harness: Harness) -> None:
-    start = harness.image.position.copy()
+    harness.move_all(0.1)
+    harness.rest()
+    start, complete = harness.image.position.copy(), harness.image.motion_complete.copy()
     harness.robot.axes.stop(harness.all)
     harness.robot.axes.quick_stop(harness.all)
     harness.rest()
     assert np.abs(harness.image.position - start).max() <= SETTLED_RAD
     assert harness.image.servo_on.all()
+    assert (harness.image.motion_complete == complete).all(), "motion_complete has changed"
 
 
 @pytest.mark.clause("AxisDriver.move/target")

@@ -35,6 +35,7 @@ from robotd_sim import (
     SimDevice,
     SimFaultInjector,
     SimFieldbus,
+    SimIo,
     SimOptions,
     Simulation,
 )
@@ -579,3 +580,28 @@ class OneDeviceForAll(Mutant):
         if not self.made or self.made[0].state() is ConnectionState.IDLE:
             self.made[:] = [SimDevice(Simulation(context.robot, context.options, context.clock))]
         return self.made[0]
+
+
+class OutputsThatChangeAfterwards(Mutant):
+    breaks = ("IoDriver.read_outputs/bytes", "stale")
+    found_by = "test_io.py::test_what_was_read_stays_as_it_was"
+    says = "memoryview"
+
+    class Io(SimIo):
+        def read_outputs(self, byte: int, length: int) -> bytes:
+            super().read_outputs(byte, length)  # checks the address
+            return memoryview(self._simulation.io.outputs)[byte : byte + length]  # type: ignore[return-value]
+
+
+class StopOfAnIdleAxisIsNotComplete(Mutant):
+    breaks = ("AxisDriver.stop/idle", "side effect")
+    found_by = "test_stopping.py::test_a_stop_of_a_standing_axis_has_no_effect"
+    says = "motion_complete has changed"
+
+    class Axes(SimAxes):
+        def stop(self, axes: Sequence[int]) -> None:
+            super().stop(axes)
+            states = self._simulation.states
+            for axis in axes:
+                if states.operation[axis] == Operation.IDLE:
+                    states.motion_complete[axis] = False
