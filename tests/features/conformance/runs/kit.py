@@ -9,9 +9,13 @@ from pathlib import Path
 import pytest
 
 import robotd_conformance.checks as package
+from robotd_conformance.checks.conftest import SAFE_ORDER
 from robotd_conformance.checks.inconclusive import is_undecided
 
 CHECKS = Path(package.__file__).parent
+_OF_THE_PROCESS = {"cost", "leaks", "locks", "process", "threads"}
+OF_THE_DEVICE = [f"test_{theme}.py" for theme in SAFE_ORDER if theme not in _OF_THE_PROCESS]
+"""Files of the checks that another kind of robot may fail, and not of those of the process."""
 
 
 @dataclass

@@ -6,37 +6,34 @@ from pathlib import Path
 
 import pytest
 from tests.features.conformance.runs.conftest import InstallPlugin
-from tests.features.conformance.runs.kit import CHECKS, run_kit
+from tests.features.conformance.runs.kit import CHECKS, OF_THE_DEVICE, run_kit
 from tests.features.conformance.runs.whole_arm import ArmAxes
 
 from robotd.descriptor import list_robots
 from robotd_conformance.checks.conftest import SAFE_ORDER
 
 BESIDE_ZERO = Path(__file__).parent / "limits_beside_zero.yaml"
-WHOLE_KIT = ("cr3a",)
-# Robots of other kinds: all but what concerns the process, which is the same with every robot.
-OTHER_KINDS = ("standalone", "baymax", str(BESIDE_ZERO))
-OF_THE_PROCESS = {"cost", "leaks", "locks", "process", "threads"}
-ROBOTS = sorted(robot.name for robot in list_robots())
+WHOLE_KIT = "cr3a"
+# Two joints beside an axis that is none, wheels, and joints that cannot reach zero.
+OTHER_KINDS = (None, "baymax", str(BESIDE_ZERO))
+OTHERS = sorted({robot.name for robot in list_robots()} - {WHOLE_KIT, *OTHER_KINDS})
 MOTION = ("test_profiles.py", "test_stopping.py", "test_trajectories.py", "test_units.py")
 
 
-@pytest.mark.parametrize("robot", [None, *WHOLE_KIT])
-def test_the_simulation_passes(robot: str | None) -> None:
-    outcome = run_kit("sim", robot=robot)
+def test_the_simulation_passes() -> None:
+    outcome = run_kit("sim", robot=WHOLE_KIT)
     assert not outcome.failed
     assert len(outcome.passed) > 90
 
 
 @pytest.mark.parametrize("robot", OTHER_KINDS)
-def test_the_simulation_passes_with_other_kinds_of_robots(robot: str) -> None:
-    themes = (theme for theme in SAFE_ORDER if theme not in OF_THE_PROCESS)
-    outcome = run_kit("sim", *(f"test_{theme}.py" for theme in themes), robot=robot)
+def test_the_simulation_passes_with_other_kinds_of_robots(robot: str | None) -> None:
+    outcome = run_kit("sim", *OF_THE_DEVICE, robot=robot)
     assert not outcome.failed
     assert len(outcome.passed) > 90
 
 
-@pytest.mark.parametrize("robot", [name for name in ROBOTS if name not in WHOLE_KIT + OTHER_KINDS])
+@pytest.mark.parametrize("robot", OTHERS)
 def test_the_simulation_moves_every_robot_as_the_kit_asks(robot: str) -> None:
     outcome = run_kit("sim", *MOTION, robot=robot)
     assert not outcome.failed
