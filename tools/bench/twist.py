@@ -13,7 +13,7 @@ import click
 import numpy as np
 
 from robotd.api import FloatArray, read_urdf
-from robotd.api.robots import JointLimits
+from robotd.api.robots import JointLimits, MotionLimits
 from robotd.motion import MotionState
 from robotd.motion.limiter import SetpointLimiter
 from robotd_tool_space import Kinematics
@@ -67,7 +67,7 @@ def _measure(
     arm: Kinematics, limits: JointLimits, start: FloatArray, commands: Commands, seconds: float
 ) -> str:
     rest = np.zeros(6)
-    stage, limiter = TwistStage(lambda: arm), SetpointLimiter(limits, PERIOD_S)
+    stage, limiter = TwistStage(lambda: arm, MotionLimits()), SetpointLimiter(limits, PERIOD_S)
     stage.begin(np.array([start, rest, rest]), limits, PERIOD_S)
     limiter.reset(MotionState(start, rest, rest))
     due = {round(at / PERIOD_S): command for at, command in commands.items()}

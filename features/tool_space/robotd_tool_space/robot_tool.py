@@ -327,9 +327,9 @@ class RobotTool:
 
     def stream(self, **options: Any) -> ToolStream:
         """Return an open stream of twists; ``options`` and errors are those of ``JointStreams``."""
-        kinematics = self._kinematics
-        _ = kinematics.task  # takes a while: not in the control loop
-        return ToolStream(self.group.stream(**options), TwistStage(lambda: kinematics))
+        _ = self._kinematics.task  # takes a while: not in the control loop
+        stage = TwistStage(lambda: self._kinematics, self.group.motion_limits)
+        return ToolStream(self.group.stream(**options), stage)
 
     @contextmanager
     def follow(self, motion: ToolMotion, ticket: int = 0) -> Iterator[TrajectoryExecution]:

@@ -66,7 +66,7 @@ class _GroupServo:
         self._tool: RobotTool = robot.attribute("tool_groups").of(group)
         _ = self._tool.kinematics.task  # takes a while: not in the control loop
         self._stage = TwistStage(
-            lambda: self._tool.kinematics, settings.limits, joints.motion_limits
+            lambda: self._tool.kinematics, joints.motion_limits, settings.limits
         )
         twist_topic = node.resolve_topic_name(topics.twist).lstrip("/")
         client = joints.stream.client(NAME, settings.timeout_s, twist_topic)

@@ -79,8 +79,8 @@ class TwistStage:
 
     Args:
         kinematics: returns those of the group with the chosen tool; asked at each start.
+        motion_limits: of the joint group.
         limits: of the tool; None: the default ones.
-        motion_limits: of the joint group; None: none.
 
     Attributes:
         status: of the last period; immutable, any thread may read it.
@@ -90,14 +90,14 @@ class TwistStage:
     def __init__(
         self,
         kinematics: Callable[[], Kinematics],
+        motion_limits: MotionLimits,
         limits: TwistLimits | None = None,
-        motion_limits: MotionLimits | None = None,
     ) -> None:
         self.status = ServoStatus()
         self.pose = np.eye(4)
         self._chosen = kinematics
         self._limits = limits or TwistLimits()
-        self._motion_limits = motion_limits or MotionLimits()
+        self._motion_limits = motion_limits
         self._command: Command | None = None
         self._obstacle = ""  # before which the last command was ended
 

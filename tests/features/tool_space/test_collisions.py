@@ -29,7 +29,6 @@ from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.rotations import pose_of
 from robotd_tool_space.servo_status import ServoCode
 from robotd_tool_space.settings import ToolSpaceKeys
-from robotd_tool_space.twist import TwistCommand, TwistStage
 
 BENT = np.array([0.0, 0.3, 1.4, -0.2, 1.2, 0.0])
 FOLDED = np.array([0.0, 0.0, 2.8, 0.0, 0.0, 0.0])
@@ -166,23 +165,22 @@ def test_a_line_is_rejected_with_its_place(arm: Arm) -> None:
 
 
 def test_a_twist_stops_before_a_wall_and_leaves_it(arm: Arm) -> None:
-    stage = TwistStage(lambda: arm.tool.kinematics, None, arm.tool.group.motion_limits)
     toward, away = np.zeros(6), np.zeros(6)
     toward[1], away[1] = 0.5, -0.3
-    with arm.tool.group.stream(timeout_s=100.0) as stream:
+    with arm.tool.stream(timeout_s=100.0) as stream:
         nearest = np.inf
         for _ in range(100):  # a client that goes on
-            stream.send_reference(stage, TwistCommand(toward), moves=True)
+            stream.send(toward.tolist())
             nearest = min(nearest, arm.run(10))
-        assert stage.status.code is ServoCode.HALT_FOR_COLLISION
-        assert "and wall would be" in stage.status.text
+        assert stream._stage.status.code is ServoCode.HALT_FOR_COLLISION
+        assert "and wall would be" in stream.slow_reason
         assert MARGIN_M - 1e-4 < nearest < MARGIN_M + 0.03
         before = arm.position
         arm.run(50)
         assert arm.position == pytest.approx(before, abs=1e-6), "it stands"
-        stream.send_reference(stage, TwistCommand(away), moves=True)
+        stream.send(away.tolist())
         arm.run(200)
-        assert stage.status.code is ServoCode.NO_WARNING
+        assert stream._stage.status.code is ServoCode.NO_WARNING
     assert arm.collisions.distances(arm.position[None]).min() > nearest + 0.01
 
 

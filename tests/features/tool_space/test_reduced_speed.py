@@ -18,7 +18,6 @@ from robotd.device.axes import Jog, Move
 from robotd.robot import build_robot
 from robotd_tool_space.reduced_speed import ReducedSpeed
 from robotd_tool_space.robot_tool import RobotTool
-from robotd_tool_space.twist import TwistCommand, TwistStage
 
 BENT = np.array([0.0, 0.3, 1.4, -0.2, 1.2, 0.0])
 GOAL = BENT + np.array([1.5, -1.0, 0.5, 0.5, 0.0, 1.0])
@@ -188,18 +187,17 @@ def test_a_jog_keeps_the_speed_and_stops_at_once(arm: Arm) -> None:
 def test_a_twist_keeps_the_speed_and_its_direction(
     arm: Arm, before: int, twist: list[float]
 ) -> None:
-    stage = TwistStage(lambda: arm.tool.kinematics, None, arm.tool.group.motion_limits)
     start = arm.tool.kinematics.forward(BENT)[:3, 3]
     if not before:
         arm.on()
-    with arm.tool.group.stream(timeout_s=100.0) as stream:
-        stream.send_reference(stage, TwistCommand(np.array(twist, float)), moves=True)
+    with arm.tool.stream(timeout_s=100.0) as stream:
+        stream.send(twist)
         if before:
             arm.run(before)
             arm.on()
         arm.run(200)
-        assert "links and tool move with at most 0.25 m/s" in stage.status.text
-        stream.send_reference(stage, TwistCommand(np.zeros(6)), moves=False)
+        assert "links and tool move with at most 0.25 m/s" in stream.slow_reason
+        stream.send([0.0] * 6)
         arm.run(300)
     speeds = arm.speeds()
     assert speeds[before + 50 * bool(before) :].max() < HIGHEST

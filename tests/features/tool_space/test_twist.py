@@ -10,7 +10,7 @@ import pytest
 from tests.features.tool_space.arms import kinematics_of
 
 from robotd.api import FloatArray
-from robotd.api.robots import JointLimits
+from robotd.api.robots import JointLimits, MotionLimits
 from robotd.motion import MotionState
 from robotd.motion.limiter import SetpointLimiter
 from robotd_tool_space.kinematics import Kinematics
@@ -63,7 +63,7 @@ def follow(
 ) -> Run:
     limits = limits or limits_of(arm)
     rest = np.zeros_like(start)
-    stage, limiter = TwistStage(lambda: arm), SetpointLimiter(limits, PERIOD_S)
+    stage, limiter = TwistStage(lambda: arm, MotionLimits()), SetpointLimiter(limits, PERIOD_S)
     stage.begin(np.array([start, rest, rest]), limits, PERIOD_S)
     limiter.reset(MotionState(start, rest, rest))
     due = {round(time / PERIOD_S): command for time, command in commands.items()}
@@ -187,7 +187,7 @@ def test_other_structures_move_straight_too(name: str) -> None:
 
 def test_a_moving_start_slows_down_to_rest() -> None:
     limits = limits_of(ARM)
-    stage = TwistStage(lambda: ARM)
+    stage = TwistStage(lambda: ARM, MotionLimits())
     stage.begin(np.array([READY, np.full(6, 0.2), np.zeros(6)]), limits, PERIOD_S)
     velocity = [stage.advance()[1] for _ in range(500)]
     assert velocity[0] == pytest.approx(np.full(6, 0.2), abs=0.01)
@@ -217,7 +217,7 @@ def test_a_start_takes_the_tool_that_is_chosen_then() -> None:
     offset = np.eye(4)
     offset[2, 3] = 0.1
     chosen = [ARM, ARM.with_tool(offset)]
-    stage = TwistStage(lambda: chosen.pop(0))
+    stage = TwistStage(lambda: chosen.pop(0), MotionLimits())
     for arm in tuple(chosen):
         stage.begin(np.array([READY, np.zeros(6), np.zeros(6)]), limits_of(ARM), PERIOD_S)
         assert stage.pose == pytest.approx(arm.forward(np.array(READY)))
