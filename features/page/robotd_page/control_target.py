@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -12,7 +12,7 @@ from pydantic import Field
 from robotd.api import NANOSECONDS, FloatArray, InvalidArgument, NotReady
 from robotd.api.robots import Outcome, Robot, TrajectoryExecution
 from robotd_page.control_commands import Finite, Message
-from robotd_page.control_tool import MAX_LINEAR_M_S, Tool, tool_of
+from robotd_page.control_tool import MAX_LINEAR_M_S, tool_of
 from robotd_page.held_motion import REACHED, RELEASED, Heartbeat, HeldMotion, Hold, Motion
 
 POLL_S = 0.01
@@ -92,12 +92,14 @@ class HeldMove(HeldMotion[MoveTool]):
 
     def open(self, beat: MoveTool, hold: Hold) -> Motion:
         tool = tool_of(self._robot, beat.group)
+        arrival = tool.arrive()
         pose = np.linalg.inv(tool.work_frame) @ _matrix(beat.pose)
         speed = min(beat.velocity, MAX_LINEAR_M_S) / tool.speed.velocity
         speed = min(max(speed, MIN_SPEED), 1.0)
         plan = tool.plan_lines([pose], speed) if beat.line else tool.plan_move(pose, speed)
         silent_ns = round(self._timeout_s * NANOSECONDS)
-        return _Goal(tool, plan, hold, lambda: self._age_ns(hold) > silent_ns)
+        motion = tool.follow(plan, arrival)
+        return _Goal(motion, hold, lambda: self._age_ns(hold) > silent_ns)
 
     def _age_ns(self, hold: Hold) -> int:
         return self._robot.clock.now_ns() - hold.beat_ns
@@ -107,12 +109,18 @@ class _Goal(Motion):
     """Planned motion of a tool, watched by the worker that waits for its end.
 
     Args:
+        motion: a context that begins and ends it.
         hold: that keeps it going.
         is_late: returns whether no heartbeat has come for too long.
     """
 
-    def __init__(self, tool: Tool, plan: Any, hold: Hold, is_late: Callable[[], bool]) -> None:
-        self._tool, self._plan, self._hold, self._is_late = tool, plan, hold, is_late
+    def __init__(
+        self,
+        motion: AbstractContextManager[TrajectoryExecution],
+        hold: Hold,
+        is_late: Callable[[], bool],
+    ) -> None:
+        self._motion, self._hold, self._is_late = motion, hold, is_late
         self._stack = ExitStack()
         self._is_silent = False
 
@@ -146,9 +154,7 @@ class _Goal(Motion):
     def __enter__(self) -> Self:
         if self._hold.is_released:  # while it was planned
             raise NotReady(RELEASED)
-        self._execution: TrajectoryExecution = self._stack.enter_context(
-            self._tool.follow(self._plan)
-        )
+        self._execution: TrajectoryExecution = self._stack.enter_context(self._motion)
         return self
 
     def __exit__(self, *error: object) -> None:

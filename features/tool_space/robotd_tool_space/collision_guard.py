@@ -7,7 +7,8 @@ import numpy as np
 from robotd.api import NANOSECONDS, FloatArray, ProcessImage, get_logger
 from robotd.api.robots import Robot
 from robotd_tool_space.collisions import Collisions
-from robotd_tool_space.robot_tool import RobotTool, moved_by_device
+from robotd_tool_space.device_motion import moved_by_device
+from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.settings import ToolSpaceKeys
 from robotd_tool_space.tool_groups import ToolGroups
 

@@ -17,7 +17,8 @@ from robotd.api import (
     get_logger,
     wait_until,
 )
-from robotd.api.robots import Interruption, Outcome, Robot, TrajectoryExecution
+from robotd.api.robots import Outcome, Robot, TrajectoryExecution
+from robotd_tool_space.arrival import Arrival
 from robotd_tool_space.robot_tool import MIN_SPEED, RobotTool
 from robotd_tool_space.tool_motion import ToolMotion
 
@@ -121,12 +122,11 @@ def is_moved(image: ProcessImage, axes: Sequence[int]) -> bool:
     return any(image.operation[axis] != Operation.IDLE for axis in axes)
 
 
-class Arrival(NamedTuple):
-    """Request with its place among all requests; a later stop keeps it from moving anything."""
+class R2Request(NamedTuple):
+    """Request with its arrival; a later stop keeps it from moving anything."""
 
     request: Any
-    ticket: int
-    interruptions: list[Interruption]
+    arrival: Arrival
 
 
 class _Running(NamedTuple):
@@ -156,15 +156,15 @@ class R2Motion:
         """Something commands the joints."""
         return self._running is not None or is_moved(self._robot.image, self._axes)
 
-    def arrive(self, request: Any) -> Arrival:
+    def arrive(self, request: Any) -> R2Request:
         """Note that a request for motion has arrived."""
-        return Arrival(request, self._tool.group.motion.ticket(), self._newest())
+        return R2Request(request, self._tool.arrive())
 
-    def start(self, plan: Callable[[], ToolMotion], arrival: Arrival, *, is_line: bool) -> str:
+    def start(self, plan: Callable[[], ToolMotion], request: R2Request, *, is_line: bool) -> str:
         """Plan a motion and begin it; return its duration as text.
 
-        Raises NotReady: motion is stopped, or was since the arrival, the last motion ended with a
-            fault, or the joints cannot be commanded; and what ``plan`` raises. Nothing moves.
+        Raises NotReady: motion is stopped, the last motion ended with a fault, or as
+            ``RobotTool.follow``; and what ``plan`` raises. Nothing moves.
         """
         self._robot.axes.stop_latch.check()
         if self._fault is not None:
@@ -173,11 +173,9 @@ class R2Motion:
         stack = ExitStack()
         with self._tool.group.motion.lock:
             self._tool.start()  # no other motion has begun meanwhile: it would be taken over
-            self._require_current(arrival)
-            execution = stack.enter_context(self._tool.follow(motion, arrival.ticket))
+            execution = stack.enter_context(self._tool.follow(motion, request.arrival))
         running = _Running(execution, is_line)
         try:
-            self._require_current(arrival)  # a stop that did not find it yet
             with self._lock:
                 self._running = running
             self._run_in_worker(self._attend, running, stack)
@@ -270,10 +268,3 @@ class R2Motion:
         with self._lock:  # a newer one may have begun
             if self._running is running:
                 self._running = None
-
-    def _newest(self) -> list[Interruption]:
-        return self._interruptions.newest(self._axes, in_mode=True, follows_speed=True)
-
-    def _require_current(self, arrival: Arrival) -> None:
-        if self._newest() != arrival.interruptions:
-            raise NotReady("motion was stopped before this one began")

@@ -28,7 +28,7 @@ from robotd.api.robots import Robot
 from robotd_ros.api import RosHost, add_service, read_settings
 from robotd_ros.nodes.latched_topics import publish_if_alive
 from robotd_tool_space.node_settings import RobotOptionSettings, read_robot_option
-from robotd_tool_space.r2_motion import Arrival, R2Motion
+from robotd_tool_space.r2_motion import R2Motion, R2Request
 from robotd_tool_space.robot_tool import BASE, TOOL, RobotTool
 from robotd_tool_space.rotations import inverse_pose, pose_of, rpy_of
 from robotd_tool_space.tool_motion import ToolMotion
@@ -99,11 +99,11 @@ class WmxRobotOptionNode(Node):
         self._status.is_active = False
         return "released; set_robot_param takes it up again"
 
-    def _start(self, arrival: Arrival, response: Any) -> str:
-        request = arrival.request
+    def _start(self, arrived: R2Request, response: Any) -> str:
+        request = arrived.request
         self._require(request.robot_id)
         is_line = request.path == LINE
-        return self._motion.start(lambda: planned(self._tool, request), arrival, is_line=is_line)
+        return self._motion.start(lambda: planned(self._tool, request), arrived, is_line=is_line)
 
     def _stop(self, request: Any, response: Any) -> str:
         """Also of a robot that was released: something else may move it."""

@@ -11,7 +11,8 @@ import numpy as np
 from robotd.api import DescriptorError, FloatArray, Unsupported, get_logger, unknown_name
 from robotd.api.features import EventKind, ProcessImage
 from robotd.api.robots import Robot
-from robotd_tool_space.robot_tool import RobotTool, moved_by_device
+from robotd_tool_space.device_motion import moved_by_device
+from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.settings import ToolSpaceKeys
 from robotd_tool_space.tool_groups import ToolGroups
 

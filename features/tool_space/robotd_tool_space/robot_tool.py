@@ -14,7 +14,6 @@ from robotd.api import (
     FloatArray,
     InvalidArgument,
     NotReady,
-    Operation,
     OperationError,
     RobotdError,
     did_you_mean,
@@ -23,6 +22,7 @@ from robotd.api import (
 )
 from robotd.api.features import EventKind, Level, ProcessImage
 from robotd.api.robots import JointGroup, Outcome, Robot, TrajectoryExecution
+from robotd_tool_space.arrival import Arrival
 from robotd_tool_space.kinematics import Kinematics
 from robotd_tool_space.rotations import (
     COMPONENTS,
@@ -73,6 +73,7 @@ class RobotTool:
         self._tool = self._settings.tool or ""
         self._work_frame = self._settings.work_frame or ""
         self._kinematics = self._with_tool(self._tool)
+        self._choices = 0
 
     @property
     def base(self) -> str:
@@ -160,6 +161,7 @@ class RobotTool:
         with self.group.motion.lock, self._lock:
             self._require_rest(f"tool {name!r}")
             self._kinematics, self._tool = kinematics, name
+            self._choices += 1
         log.info("tool chosen", group=self.group.name, tool=name or self.link)
         self.on_change()
 
@@ -172,6 +174,7 @@ class RobotTool:
         with self.group.motion.lock, self._lock:
             self._require_rest(f"work frame {name!r}")
             self._work_frame = name
+            self._choices += 1
         log.info("work frame chosen", group=self.group.name, work_frame=name or self.base)
         self.on_change()
 
@@ -301,18 +304,23 @@ class RobotTool:
         Raises Unreachable, InvalidArgument, NotReady: nothing has moved; OperationError: the
         motion ended elsewhere, with the reason.
         """
-        self.execute(self.plan_move(pose, speed))
+        arrival = self.arrive()
+        self.execute(self.plan_move(pose, speed), arrival)
 
     def move_line(self, *poses: FloatArray, speed: float = 1.0, blend_m: float = 0.0) -> None:
         """Move along straight lines through ``poses``, and return when the tool is there.
 
         Arguments: see ``plan_lines``; errors: see ``move_to``.
         """
-        self.execute(self.plan_lines(poses, speed, blend_m))
+        arrival = self.arrive()
+        self.execute(self.plan_lines(poses, speed, blend_m), arrival)
 
-    def execute(self, motion: ToolMotion) -> None:
-        """Execute a planned motion to its end. Raises OperationError: it ended elsewhere."""
-        with self.follow(motion) as execution:
+    def execute(self, motion: ToolMotion, arrival: Arrival | None = None) -> None:
+        """Execute a planned motion to its end. Arguments: see ``follow``.
+
+        Raises OperationError: it ended elsewhere; and as ``follow``.
+        """
+        with self.follow(motion, arrival) as execution:
             self.wait(execution)
             outcome, message = execution.outcome, execution.message
         if outcome is not Outcome.SUCCEEDED:
@@ -331,14 +339,31 @@ class RobotTool:
         stage = TwistStage(lambda: self._kinematics, self.group.motion_limits)
         return ToolStream(self.group.stream(**options), stage)
 
+    def arrive(self) -> Arrival:
+        """Note that a request for motion has arrived. Any thread."""
+        newest = self._robot.rearming.interruptions.newest
+        interruptions = newest(self.group.joint_axes, in_mode=True, follows_speed=True)
+        return Arrival(self.group.motion.ticket(), interruptions, self._choices)
+
     @contextmanager
-    def follow(self, motion: ToolMotion, ticket: int = 0) -> Iterator[TrajectoryExecution]:
+    def follow(
+        self, motion: ToolMotion, arrival: Arrival | None = None
+    ) -> Iterator[TrajectoryExecution]:
         """Start a planned motion as a context; leaving it stops the motion.
 
-        Raises NotReady, TrajectoryRejected: the joints have moved since, or cannot be commanded.
+        Args:
+            motion: for the tool and the work frame that are chosen.
+            arrival: of the request, before it was planned; None: it arrives now.
+
+        Raises NotReady, TrajectoryRejected: the joints have moved since, or cannot be commanded;
+            since the arrival motion was stopped, or another tool or work frame was chosen.
         """
+        arrival = arrival or self.arrive()
+        with self._noted():
+            arrival.require_current(self.arrive())
         request = motion.request(self.group.joint_names)
-        with self.group.follower.follow(request, ticket=ticket) as execution:
+        with self.group.follower.follow(request, ticket=arrival.ticket) as execution:
+            arrival.require_current(self.arrive())  # a stop that did not find it yet
             yield execution
 
     @contextmanager
@@ -372,9 +397,3 @@ class RobotTool:
 def _check_speed(speed: float) -> None:
     if not MIN_SPEED <= speed <= 1.0:
         raise InvalidArgument(f"speed is {speed:g}, must be {MIN_SPEED:g} to 1")
-
-
-def moved_by_device(image: ProcessImage, axes: Sequence[int]) -> list[int]:
-    """Return those of ``axes`` that a move or a jog moves, by the device's own profile."""
-    by_device = (Operation.POSITION, Operation.VELOCITY)
-    return [axis for axis in axes if image.operation[axis] in by_device]

@@ -19,6 +19,7 @@ from robotd_ros.qos import LATCHED
 from robotd_ros.run_nodes import NodeContext
 from robotd_ros.services import add_service
 from robotd_ros.worker_action import WorkerAction
+from robotd_tool_space.arrival import Arrival
 from robotd_tool_space.reduced_speed import ReducedSpeed
 from robotd_tool_space.robot_tool import BASE, TOOL, RobotTool
 from robotd_tool_space.rotations import fill_pose, inverse_pose, pose_of_message
@@ -116,12 +117,12 @@ class MoveToolAction(WorkerAction):
         self._clock, self._tools = context.robot.clock, tools
         super().__init__(context.operator, context.host, MoveTool, "~/move_tool", log)
 
-    def arrived(self, goal: Any) -> tuple[RobotTool, int]:
+    def arrived(self, goal: Any) -> tuple[RobotTool, Arrival]:
         tool = self._tools.of(goal.request.group)
-        return tool, tool.group.motion.ticket()
+        return tool, tool.arrive()
 
     def execute(
-        self, goal: Any, result: Any, after: ExitStack, tool: RobotTool, ticket: int
+        self, goal: Any, result: Any, after: ExitStack, tool: RobotTool, arrival: Arrival
     ) -> tuple[Outcome, str]:
         motion = planned(tool, goal.request)
         result.duration_s, result.deviation_m = motion.duration_s, motion.deviation_m
@@ -139,7 +140,7 @@ class MoveToolAction(WorkerAction):
             fill_pose(message.pose, np.full((4, 4), np.nan) if pose is None else pose)
             return message
 
-        with tool.follow(motion, ticket) as execution:
+        with tool.follow(motion, arrival) as execution:
             self.watch(goal, execution, self._clock, feedback)
             goal.publish_feedback(feedback())  # where it has ended
             outcome, result.message = execution.outcome or Outcome.FAULT, execution.message

@@ -20,6 +20,7 @@ from robotd_page.control_target import HeldMove, MoveTool, Reach, reach
 from robotd_page.control_tool import HeldTool, JogTool, describe_tools
 from robotd_page.held_motion import HEARTBEAT_S, RELEASED, TIMEOUT_S, JogEnd
 from robotd_tool_space.robot_tool import RobotTool
+from robotd_tool_space.tool_motion import ToolMotion
 
 BENT = [0.3, -0.6, 1.6, -0.3, 1.2, 0.0]
 AT_REST = 1e-3  # rad/s
@@ -194,6 +195,33 @@ def test_the_posture_of_a_target_or_why_there_is_none(client: Client) -> None:
     answer = posture(client.robot, pose)
     assert answer["joints"] is None
     assert "out of reach" in answer["text"]
+
+
+def test_a_move_from_before_a_stop_moves_nothing(
+    client: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot, tool, before = client.robot, client.tool, client.pose
+    plan_move = tool.plan_move
+
+    def stopped(pose: FloatArray, speed: float = 1.0) -> ToolMotion:
+        motion = plan_move(pose, speed)
+        robot.stop()
+        robot.reset()
+        return motion
+
+    monkeypatch.setattr(tool, "plan_move", stopped)
+    held = HeldMove(robot, "page 1", client.workers, client.ended.append)
+    target = before.copy()
+    target[2, 3] -= 0.05
+    numbers = tuple(target.T.ravel().tolist())
+    group = tool.group.name
+    held.beat(
+        MoveTool(type="move_tool", hold=1, group=group, pose=numbers, line=False, velocity=0.1)
+    )
+    wait_until(lambda: client.ended)
+    assert client.ended[0].reason == "motion was stopped before this one began"
+    client.run(0.2)
+    assert client.pose == pytest.approx(before, abs=1e-6)
 
 
 @pytest.mark.parametrize("ends", ["reached", "released", "silent"])

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from robotd import Robot, open_robot
 from robotd.api import (
     DescriptorError,
+    FloatArray,
     InvalidArgument,
     NotReady,
     OperationError,
@@ -132,6 +134,37 @@ def test_frames_are_chosen_by_name_and_only_at_rest(robot: Robot, tool: RobotToo
     tool.select_work_frame("")
     moved = pose_differences(bare, tool.pose)
     assert moved[1] == pytest.approx(0.05, abs=1e-5), "x of the table is y of the base"
+
+
+@pytest.mark.parametrize(
+    ("disturb", "reason"),
+    [
+        (lambda robot, tool: (robot.stop(), robot.reset()), "motion was stopped before"),
+        (lambda robot, tool: tool.select_tool("tip"), "another tool or work frame was chosen"),
+        (lambda robot, tool: tool.select_work_frame("table"), "another tool or work frame was"),
+    ],
+    ids=["stop and reset", "tool", "work frame"],
+)
+def test_what_changes_while_a_move_is_planned_keeps_it_from_moving(
+    robot: Robot,
+    tool: RobotTool,
+    monkeypatch: pytest.MonkeyPatch,
+    disturb: Callable[[Robot, RobotTool], Any],
+    reason: str,
+) -> None:
+    pose, before, start = tool.pose_relative(x=0.05), robot.image.copy().position, tool.start
+
+    def disturbed() -> FloatArray:
+        disturb(robot, tool)
+        return start()
+
+    monkeypatch.setattr(tool, "start", disturbed)
+    with pytest.raises(NotReady, match=reason):
+        tool.move_line(pose)
+    robot.step(100)
+    assert robot.image.copy().position == pytest.approx(before, abs=1e-6)
+    monkeypatch.undo()
+    tool.move_line(tool.pose_relative(z=0.01))
 
 
 def test_a_tool_that_is_not_in_the_file(tool: RobotTool) -> None:
