@@ -111,6 +111,8 @@ class SteppedRobot:
         values = np.asarray(target, np.float64)
         if values.shape != (len(self.joint_names),):
             raise InvalidArgument(f"{values.size} values for {len(self.joint_names)} joints")
+        if not np.isfinite(values).all():  # before the first of several streams moves
+            raise InvalidArgument(f"target {values.tolist()} must be finite numbers")
         for stream, columns in self._streams:
             stream.send(values[columns].tolist())
         self.robot.step(self._periods)

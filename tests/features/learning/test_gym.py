@@ -140,6 +140,19 @@ def test_a_wrong_action_is_rejected_and_moves_nothing(action: list[float]) -> No
     environment.close()
 
 
+def test_a_wrong_target_for_one_arm_moves_no_arm() -> None:
+    stepped = SteppedRobot("dual_cr3a")
+    stepped.reset()
+    rest = stepped.position
+    target = rest + 0.3
+    target[-1] = np.nan
+    with pytest.raises(InvalidArgument, match="must be finite numbers"):
+        stepped.step(target)
+    stepped.robot.step(200)
+    assert stepped.position == pytest.approx(rest, abs=1e-6)
+    stepped.close()
+
+
 def test_wrong_arguments_are_rejected() -> None:
     with pytest.raises(InvalidArgument, match="500 Hz must be a multiple"):
         SteppedRobot(rate_hz=30.0)

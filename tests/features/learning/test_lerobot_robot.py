@@ -116,12 +116,30 @@ def test_sigterm_ends_the_program_through_its_disconnect(make: Make) -> None:
     ("change", "expected"),
     [
         ({"joint9.pos": 0.0}, "missing or unknown: joint9.pos"),
-        ({"joint1.pos": float("nan")}, "joint1: position is nan"),
+        ({"joint1.pos": float("nan")}, "joint1.pos is nan"),
+        ({"gripper.pos": float("nan")}, "gripper.pos is nan"),
     ],
 )
-def test_wrong_actions_are_rejected(make: Make, change: dict[str, float], expected: str) -> None:
-    with make() as robot, pytest.raises(InvalidArgument, match=expected):
-        robot.send_action(robot.get_observation() | change)
+def test_wrong_actions_are_rejected_and_move_nothing(
+    make: Make, change: dict[str, float], expected: str
+) -> None:
+    with make() as robot:
+        rest = drive(robot, robot.get_observation() | {"gripper.pos": 0.0}, 0.6)
+        moving = rest | {"joint2.pos": rest["joint2.pos"] + 0.3}
+        with pytest.raises(InvalidArgument, match=expected):
+            robot.send_action(moving | change)
+        let_pass(robot, 0.6)
+        assert robot.get_observation() == pytest.approx(rest, abs=1e-6)
+
+
+def test_an_action_with_a_wrong_value_for_one_arm_moves_no_arm(make: Make) -> None:
+    with make(descriptor="dual_cr3a") as robot:
+        rest = robot.get_observation()
+        names = [name for name in rest if name != "gripper.pos"]
+        with pytest.raises(InvalidArgument, match=f"{names[-1]} is nan"):
+            robot.send_action(rest | {names[0]: rest[names[0]] + 0.3, names[-1]: float("nan")})
+        let_pass(robot, 0.5)
+        assert robot.get_observation() == pytest.approx(rest, abs=1e-6)
 
 
 def test_a_missing_value_is_named(make: Make) -> None:

@@ -170,6 +170,9 @@ class RobotdRobot(LeRobotRobot):
             wrong = ", ".join(sorted(set(action) ^ set(self.action_features)))
             raise InvalidArgument(f"action: missing or unknown: {wrong}")
         values = {name: float(value) for name, value in action.items()}
+        for name, value in values.items():
+            if not math.isfinite(value):  # before the first of several streams moves
+                raise InvalidArgument(f"{name} is {value}, must be a finite number")
         values |= self._near(values)
         for stream in self._streams:
             stream.send([values[f"{joint}.pos"] for joint in stream.joints])
@@ -191,7 +194,6 @@ class RobotdRobot(LeRobotRobot):
             name: min(max(values[name], here - farthest), here + farthest)
             for name, joint in self._joints.items()
             for here in [float(position[joint.axis])]
-            if math.isfinite(values[name])  # others are rejected by the stream
         }
 
     def disconnect(self) -> None:
