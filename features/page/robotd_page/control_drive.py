@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -150,11 +151,14 @@ class HeldDrive:
         base, limits = self._robot.base, self._limits
         if base is None or limits is None:
             raise Unsupported("a mobile base", self._robot.descriptor.name)
+        linear = _clipped(twist.linear, limits.linear)
+        lateral = _clipped(twist.lateral, limits.lateral)
+        excess = max(math.hypot(linear, lateral) / MAX_VELOCITY_M_S, 1.0)
         with sent_by(self._sender):
             base.command(
-                _clipped(twist.linear, limits.linear),
+                linear / excess,
                 _clipped(twist.angular, limits.angular),
-                _clipped(twist.lateral, limits.lateral),
+                lateral / excess,
                 timeout_s,
                 source=f"{self._sender}, hold {self._hold}",  # each press is a new command
             )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import pytest
@@ -10,7 +11,13 @@ from tests.core.control.base_harness import BaseHarness
 from robotd.descriptor import load_robot_descriptor
 from robotd.errors import NotReady
 from robotd.robot import Robot, build_robot
-from robotd_page.control_drive import Drive, HeldDrive, drive_limits, drive_motions
+from robotd_page.control_drive import (
+    MAX_VELOCITY_M_S,
+    Drive,
+    HeldDrive,
+    drive_limits,
+    drive_motions,
+)
 from robotd_page.held_motion import HEARTBEAT_S, RELEASED, TIMEOUT_S, JogEnd
 
 BRAKING_S = 0.15  # from the last heartbeat until the base slows down
@@ -71,6 +78,20 @@ def test_the_base_slows_down_by_its_own_limits_when_heartbeats_stop(client: Clie
     assert 0.0 < braking_s <= limits.release_s <= BRAKING_S
     assert 0.0 < rest_s <= limits.rest_s + 2 * client.period_s
     assert 0.02 < rest_m <= limits.rest_m * 1.1  # the drives follow the command
+
+
+def test_a_diagonal_is_no_faster_than_a_straight_line() -> None:
+    client = Client("mecanum_base")
+    client.hold = 1
+    for linear, lateral in ((9.0, 9.0), (0.25, -0.25)):
+        drive = Drive(type="drive", hold=1, linear=linear, lateral=lateral, angular=0.0)
+        for _ in range(50):
+            client.held.beat(drive)
+            client.settle()
+            client.run(HEARTBEAT_S)
+        limited = client.base.limited
+        assert math.hypot(limited.linear, limited.lateral) == pytest.approx(MAX_VELOCITY_M_S)
+    client.close()
 
 
 def test_releasing_slows_down_at_once_and_delayed_heartbeats_change_nothing(client: Client) -> None:
