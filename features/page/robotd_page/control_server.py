@@ -197,7 +197,8 @@ class Controller:
         self._robot, self._faults, self._name, self._workers = robot, faults, name, workers
         self._loop = asyncio.get_running_loop()
         self._running = 0
-        self._newest_hold = self._rejected_hold = 0
+        self._newest_hold = 0
+        self._held: type[Heartbeat] | None = None  # what it moves; None: it was rejected
         self._jog = HeldJog(robot, name, workers, self._jog_ended, hold_timeout_s)
         self._tool = HeldTool(robot, name, workers, self._jog_ended, hold_timeout_s, self._put_note)
         self._move = HeldMove(robot, name, workers, self._jog_ended, hold_timeout_s)
@@ -236,14 +237,14 @@ class Controller:
             held.close()
 
     def _may_hold(self, request: Heartbeat) -> bool:
-        """Return False for a hold that came too late; its client is told once."""
+        """Return False for a hold that came too late, or is over; its client is told once."""
         if request.hold > self._newest_hold:
-            self._newest_hold = request.hold
+            self._newest_hold, self._held = request.hold, type(request)
             if reason := rejection(self._robot, request.seen, self._name):
-                self._rejected_hold = request.hold
+                self._held = None
                 log.warning("jog of the page rejected", name=self._name, reason=reason)
                 self._put_end(JogEnd(request.hold, is_wanted=False, is_silent=False, reason=reason))
-        return request.hold != self._rejected_hold
+        return request.hold == self._newest_hold and type(request) is self._held
 
     def _begin(self, command: commands.Command) -> None:
         is_stop = isinstance(command, commands.Stop)

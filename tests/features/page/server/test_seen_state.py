@@ -152,6 +152,29 @@ def test_a_command_for_an_old_picture_is_rejected_by_the_clock_of_the_robot(
     run(tmp_path, use)
 
 
+def test_a_hold_that_was_rejected_does_not_begin_behind_a_newer_one(tmp_path: Path) -> None:
+    drive = {"type": "drive", "linear": 0.1, "lateral": 0.0, "angular": 0.0}
+
+    async def use(arm: Observed, server: PageServer) -> None:
+        async with controller(server) as client:
+            client.see(arm.robot)
+            arm.step(MAX_AGE_S + 0.1)
+            for hold, held in enumerate([JOG, drive], 1):
+                await client.send(**held | {"hold": hold}, seen=client.seen)
+                assert "press again" in (await client.receive())["text"]
+            # Heartbeats of the first that were on the way, and one with the number of the second.
+            await client.send(**JOG | {"hold": 1}, seen=client.seen)
+            await client.send(**JOG | {"hold": 2}, seen=client.seen)
+            client.see(arm.robot)
+            await client.send(**drive, hold=3, seen=client.seen)
+            assert (await client.receive())["hold"] == 3
+            (page,) = server._control._controllers  # type: ignore[union-attr]
+            assert page._jog._newest == 0
+        assert position_is_unchanged(arm)
+
+    run(tmp_path, use)
+
+
 def test_the_state_of_the_page_has_the_number_of_the_newest_reduction(tmp_path: Path) -> None:
     async def use(arm: Observed, server: PageServer) -> None:
         async with connected(server.url) as viewer, controller(server) as client:
