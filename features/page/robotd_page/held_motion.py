@@ -11,10 +11,12 @@ from typing import Annotated, Generic, Literal, Self, TypeVar
 
 from pydantic import Field
 
-from robotd.api import NotReady, RobotdError
+from robotd.api import NotReady, RobotdError, get_logger
 from robotd.api.features import sent_by
 from robotd.api.robots import JointStream, Robot
 from robotd_page.control_commands import Message, Seen
+
+log = get_logger("page")
 
 HEARTBEAT_S = 0.02  # interval at which a page repeats the message of a button that is held
 TIMEOUT_S = 0.06  # age of the last heartbeat at which the joints slow to rest
@@ -262,6 +264,9 @@ class HeldMotion(ABC, Generic[Beat]):
                 remaining = motion.remaining
             except RobotdError as error:
                 reason = str(error)
+            except Exception as error:
+                reason = f"robotd failed: {error}"
+                log.exception("a hold of the page failed")
         with self._lock:
             if self._hold is hold:
                 self._hold = None

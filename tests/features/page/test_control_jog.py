@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -220,6 +221,23 @@ def test_a_wrong_jog_is_rejected_with_the_reason(
     end = client.end()
     assert not end.is_wanted
     assert reason in end.reason
+
+
+def test_an_internal_error_ends_a_hold_with_its_text(
+    client: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise ValueError("of numpy")
+
+    monkeypatch.setattr(client.jog, "open", fail)
+    logged: list[str] = []
+    monkeypatch.setattr("robotd_page.held_motion.log", SimpleNamespace(exception=logged.append))
+    client.press()
+    end = client.end()
+    assert end.reason == "robotd failed: of numpy"
+    assert not end.is_wanted
+    assert client.jog._hold is None
+    assert logged == ["a hold of the page failed"]
 
 
 def test_a_stopped_robot_rejects_a_jog(client: Client) -> None:
