@@ -15,11 +15,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotd.api import FloatArray
+from robotd.api import FloatArray, InvalidArgument
 from robotd_tool_space.joint_path import JointPath
 
 SAMPLE_S = 0.002  # of the moving average
 MIN_SPEED = 1e-9
+MAX_DURATION_S = 3600.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +57,8 @@ def time_path(
         velocity, acceleration: (n,) limits of the joints.
         tool_acceleration_s: limit of d²s/dt², 1/s: full speed of the tool in its inverse.
         smooth_s: duration of the moving average.
+
+    Raises InvalidArgument: it takes more than an hour.
     """
     at_s = joints.at_s
     slope = np.hstack([joints.slopes, np.ones((len(at_s), 1))])
@@ -126,6 +129,8 @@ def _smoothed(at_s: FloatArray, speed: FloatArray, smooth_s: float) -> Timing:
     """Return the timing of the speeds at the samples, averaged over ``smooth_s``."""
     mean = np.maximum(0.5 * (speed[1:] + speed[:-1]), MIN_SPEED)
     times_s = np.concatenate([[0.0], np.cumsum(np.diff(at_s) / mean)])
+    if times_s[-1] > MAX_DURATION_S:  # before the memory for it is asked for
+        raise InvalidArgument(f"the line takes {times_s[-1]:.0f} s, at most {MAX_DURATION_S:g} s")
     window = max(round(smooth_s / SAMPLE_S), 1)
     count = int(np.ceil(times_s[-1] / SAMPLE_S)) + window + 1
     grid = np.arange(count, dtype=np.float64) * SAMPLE_S

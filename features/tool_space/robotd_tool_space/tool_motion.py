@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotd.api import FloatArray, InvalidArgument
+from robotd.api import FloatArray
 from robotd.api.robots import JointLimits, TrajectoryRequest
 from robotd_tool_space.joint_path import JointPath, follow_path, hermite
 from robotd_tool_space.kinematics import Kinematics, Obstacle, Unreachable
@@ -26,7 +26,6 @@ PLANNED_SHARE = 0.5  # of both tolerances: the rest is left to the drives' round
 ACCELERATION_SHARE = 0.75  # of the joints' limits; cubics between the points have peaks above it
 SMOOTH_S = 0.1
 QUINTIC_VELOCITY, QUINTIC_ACCELERATION = 1.875, 5.7735  # peaks of d/T and d/T² at rest on both ends
-MAX_DURATION_S = 3600.0
 
 
 @dataclass(frozen=True)
@@ -119,8 +118,6 @@ def plan_lines(
         speed.acceleration_s,
         SMOOTH_S,
     )
-    if timing.times_s[-1] > MAX_DURATION_S:
-        raise InvalidArgument(f"the line takes {timing.times_s[-1]:.0f} s, at most 3600 s")
     knot_s = max(KNOT_S, timing.times_s[-1] / MAX_KNOTS)
     while True:
         motion = _within_limits(_knots(joints, timing, knot_s), limits)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
 
-from robotd.api import FloatArray, load_robot_descriptor, read_urdf
+from robotd.api import FloatArray, InvalidArgument, load_robot_descriptor, read_urdf
 from robotd.api.robots import axis_limits, joint_limits
 from robotd_tool_space import Kinematics, Obstacle, Unreachable, pose_differences, pose_of
 from robotd_tool_space.tool_motion import (
@@ -137,6 +137,14 @@ def test_a_joint_limit_on_the_line_is_named() -> None:
         arm.plan(arm.moved([0.0, 1.0, 0.0]))
     with pytest.raises(Unreachable, match=r"rotation about z by .* rad, which no joint"):
         arm.plan(arm.moved([0.0, 0.1, 0.0], [0.0, 0.0, 0.3]))
+
+
+def test_a_line_of_years_is_rejected_before_it_fills_the_memory() -> None:
+    arm = Arm("cr3a")
+    slow = ToolSpeed(1e-9, 1.0, 1.0)
+    target = arm.moved([0.0, 0.0, -0.05])
+    with pytest.raises(InvalidArgument, match=r"the line takes 5\d{7} s, at most 3600 s"):
+        plan_lines(arm.kinematics, arm.limits, arm.start, [target], slow)
 
 
 def test_a_tool_that_is_there_already_stands() -> None:
