@@ -23,6 +23,7 @@ from robotd.api import (
 from robotd.api.features import EventKind, Level, ProcessImage
 from robotd.api.robots import JointGroup, Outcome, Robot, TrajectoryExecution
 from robotd_tool_space.arrival import Arrival
+from robotd_tool_space.device_motion import moved_by_device
 from robotd_tool_space.kinematics import Kinematics
 from robotd_tool_space.rotations import (
     COMPONENTS,
@@ -383,7 +384,7 @@ class RobotTool:
         return self.at_link if chosen is None else self.at_link.with_tool(chosen.pose)
 
     def _require_rest(self, what: str) -> None:
-        if self.group.motion.moving:
+        if self.group.motion.moving or moved_by_device(self._robot.image, self.group.joint_axes):
             raise NotReady(f"{what}: the joints move")
 
     @staticmethod

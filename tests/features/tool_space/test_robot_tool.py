@@ -16,10 +16,12 @@ from robotd.api import (
     InvalidArgument,
     NotReady,
     OperationError,
+    Profile,
     RobotDescriptor,
 )
 from robotd.api.robots import JointLimits
 from robotd.clock.simulated import SteppedClock
+from robotd.device.axes import Move
 from robotd.robot import build_robot
 from robotd_tool_space import Kinematics, Unreachable, pose_differences, pose_of
 from robotd_tool_space.robot_tool import CUSTOM_TOOL, RobotTool
@@ -185,6 +187,19 @@ def test_joints_move_together(tool: RobotTool) -> None:
     goal = BENT + 0.1
     tool.execute(tool.plan_joints(goal))
     assert tool.start() == pytest.approx(goal)
+
+
+def test_a_joint_that_the_device_moves_is_not_at_rest(robot: Robot, tool: RobotTool) -> None:
+    robot.axes.move([Move(0, 0.5, Profile(1.0, 5.0, 5.0))])
+    robot.step(100)
+    with pytest.raises(NotReady, match="tool 'tip': the joints move"):
+        tool.select_tool("tip")
+    with pytest.raises(NotReady, match="work frame 'table': the joints move"):
+        tool.select_work_frame("table")
+    with pytest.raises(NotReady, match="a move of the tool: the joints move"):
+        _ = tool.pose
+    robot.step(1000)
+    tool.select_tool("tip")
 
 
 def test_a_stop_ends_the_motion_on_the_line(robot: Robot, tool: RobotTool) -> None:
