@@ -120,6 +120,9 @@ class StreamSetpoints:
         self._reference: MovingReference | None = None
         self._stop_left_s = np.inf  # until a stopping reference is left
         self._velocity_limit = limits.velocity
+        # (2·m + 1, m) each joint alone, all others, and all.
+        alone = np.eye(len(limits.names))
+        self._subsets = np.concatenate([alone, 1.0 - alone, np.ones_like(alone[:1])])
 
     @property
     def at_rest(self) -> bool:
@@ -199,8 +202,11 @@ class StreamSetpoints:
         state = self._next(due_ns)
         if factors is not None:
             peak = self._limiter.peak_velocity()
-            ahead = np.stack([state[0], state[0] + LOOK_S * peak])
-            factor = float(factors(ahead, np.stack([peak, peak])).min())
+            # Some joints are at rest before others, whose motion they no longer compensate then.
+            parts = np.concatenate([peak * self._subsets, [peak]])
+            ahead = state[0] + LOOK_S * parts
+            ahead[-1] = state[0]
+            factor = float(factors(ahead, parts).min())
             if factor < 1.0:
                 state = self._limiter.slow_down(before, factor * peak)
         if obstacle is None or self._command is None:

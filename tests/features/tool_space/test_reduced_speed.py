@@ -170,6 +170,23 @@ def test_a_stream_of_positions_keeps_the_speed_and_arrives(arm: Arm, before: int
     assert (np.abs(np.diff(accelerations, axis=0)) < 251.4 * PERIOD_S * 1.01).all()
 
 
+@pytest.mark.parametrize("kind", ["positions", "velocities"])
+def test_a_stream_that_changes_at_any_time_hardly_exceeds_the_speed(arm: Arm, kind: str) -> None:
+    """Joints compensate each other, and one of them turns round before the other has stopped."""
+    random, velocity = np.random.default_rng(1), arm.tool.group.follower.limits.velocity
+    arm.on()
+    with arm.tool.group.stream(timeout_s=10.0) as stream:
+        for _ in range(60):
+            if kind == "positions":
+                stream.send((BENT + random.uniform(-1.0, 1.0, 6)).tolist())
+            else:
+                stream.send_velocity((random.choice([-1, 0, 1], 6) * velocity).tolist())
+            arm.run(int(random.integers(5, 80)))
+    speeds = arm.speeds()
+    assert speeds.max() < 1.2 * 0.25
+    assert np.quantile(speeds, 0.95) < 1.05 * 0.25
+
+
 def test_a_jog_keeps_the_speed_and_stops_at_once(arm: Arm) -> None:
     arm.on()
     with arm.tool.group.stream(timeout_s=100.0) as stream:
