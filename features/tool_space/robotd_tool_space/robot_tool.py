@@ -159,12 +159,9 @@ class RobotTool:
 
     def _use_tool(self, name: str, kinematics: Kinematics) -> None:
         _ = kinematics.task  # takes a while: not in the control loop, which begins streams
-        with self.group.motion.lock, self._lock:
-            self._require_rest(f"tool {name!r}")
+        with self._choosing(f"tool {name!r}"):
             self._kinematics, self._tool = kinematics, name
-            self._choices += 1
         log.info("tool chosen", group=self.group.name, tool=name or self.link)
-        self.on_change()
 
     def select_work_frame(self, name: str) -> None:
         """Choose a work frame by its name; "" for the base.
@@ -172,12 +169,18 @@ class RobotTool:
         Raises InvalidArgument: unknown name; NotReady: the joints move.
         """
         self._require_known("work frame", name, self.work_frame_names)
-        with self.group.motion.lock, self._lock:
-            self._require_rest(f"work frame {name!r}")
+        with self._choosing(f"work frame {name!r}"):
             self._work_frame = name
-            self._choices += 1
         log.info("work frame chosen", group=self.group.name, work_frame=name or self.base)
-        self.on_change()
+
+    @contextmanager
+    def _choosing(self, what: str) -> Iterator[None]:
+        with self._lock:  # until it is published: the newest is the last one
+            with self.group.motion.lock:
+                self._require_rest(what)
+                yield
+                self._choices += 1
+            self.on_change()
 
     def measured_pose(self, image: ProcessImage | None = None) -> FloatArray | None:
         """Return the measured pose; None while a position is unknown.
@@ -317,10 +320,7 @@ class RobotTool:
         self.execute(self.plan_lines(poses, speed, blend_m), arrival)
 
     def execute(self, motion: ToolMotion, arrival: Arrival | None = None) -> None:
-        """Execute a planned motion to its end. Arguments: see ``follow``.
-
-        Raises OperationError: it ended elsewhere; and as ``follow``.
-        """
+        """Execute a planned motion as ``follow``. Raises OperationError: it ended elsewhere."""
         with self.follow(motion, arrival) as execution:
             self.wait(execution)
             outcome, message = execution.outcome, execution.message
@@ -353,7 +353,7 @@ class RobotTool:
         """Start a planned motion as a context; leaving it stops the motion.
 
         Args:
-            motion: for the tool and the work frame that are chosen.
+            motion: planned.
             arrival: of the request, before it was planned; None: it arrives now.
 
         Raises NotReady, TrajectoryRejected: the joints have moved since, or cannot be commanded;

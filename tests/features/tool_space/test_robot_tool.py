@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -167,6 +169,27 @@ def test_what_changes_while_a_move_is_planned_keeps_it_from_moving(
     assert robot.image.copy().position == pytest.approx(before, abs=1e-6)
     monkeypatch.undo()
     tool.move_line(tool.pose_relative(z=0.01))
+
+
+def test_the_choice_that_is_made_last_is_published_last(tool: RobotTool) -> None:
+    published: list[str] = []
+    is_second = threading.Event()
+
+    def publish() -> None:
+        name = tool.tool_name
+        if name == "tip":  # its thread is slow
+            is_second.wait(0.3)
+        published.append(name)
+        is_second.set()
+
+    tool.on_change = publish
+    first = threading.Thread(target=tool.select_tool, args=("tip",))
+    first.start()
+    while tool.tool_name != "tip":
+        time.sleep(0.001)
+    tool.select_tool("")
+    first.join()
+    assert published == ["tip", ""]
 
 
 def test_a_tool_that_is_not_in_the_file(tool: RobotTool) -> None:
