@@ -98,6 +98,8 @@ class ProfiledAxes(AxisDriver):
                 if is_new:  # the controller may have kept the servo on, but no command
                     motion.enabled = False
                 motion.follow(float(image.position[axis]), enabled=enabled, lost=lost)
+                if motion.operation is Operation.STREAM and not self._streamed:
+                    motion.velocity = 0.0  # a setpoint is late: its target is held
                 if lost and motion.operation is not Operation.STOPPING:
                     motion.brake(self._quick_stop_deceleration)
                 motion.advance(step_s)

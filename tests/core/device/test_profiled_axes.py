@@ -125,6 +125,25 @@ def test_a_stream_is_sent_at_once_and_once_a_period() -> None:
     assert arm.image.motion_complete[0]
 
 
+@pytest.mark.parametrize("mode", [CommandMode.POSITION, CommandMode.VELOCITY])
+@pytest.mark.parametrize("end", ["stop", "quick_stop", "end_stream"])
+def test_a_stream_without_setpoints_is_at_rest_and_its_end_moves_nothing(
+    mode: CommandMode, end: str
+) -> None:
+    arm = Arm()
+    arm.set_command_mode(0, mode)
+    arm.begin_stream([0])
+    for step in range(1, 4):
+        arm.stream(np.array([0.5 + 0.001 * step, np.nan]), np.array([0.5, np.nan]), 0)
+        arm.period()
+    arm.period(50)
+    held = arm.image.position_command[0]
+    assert arm.image.velocity_command[0] == 0.0
+    getattr(arm, end)([0])
+    arm.until_idle()
+    assert arm.image.position_command[0] == held
+
+
 def test_the_command_follows_an_axis_that_is_off_so_that_enabling_makes_no_jump() -> None:
     arm = Arm()
     arm.move(0, 2.0, PROFILE)
