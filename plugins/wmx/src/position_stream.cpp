@@ -126,7 +126,7 @@ void PositionStream::stop(const std::vector<int> &axes) {
     {
         std::lock_guard guard(engine_);
         for (int axis : axes)
-            if (states_[axis] == STREAMING) brake(axis);
+            if (states_[axis] == STREAMING) slow(axis);
     }
     queue_.wake();
 }
@@ -138,12 +138,16 @@ void PositionStream::quick_stop(const std::vector<int> &axes) {
         if (states_[axis] != OFF) moving.push_back(axis);
     if (moving.empty()) return;
     AxisSelection chosen = selection(moving);
-    if (exec_quick_stop(buffer_, chosen)) {
-        for (int axis : moving) states_[axis] = OFF;
-        return;
+    try {
+        if (exec_quick_stop(buffer_, chosen)) {
+            for (int axis : moving) states_[axis] = OFF;
+            return;
+        }
+    } catch (const CallFailed &failed) {  // it stopped the axes before the one that it rejects
+        for (int axis : moving) abort(axis, failed);
     }
     for (int axis : moving)
-        if (states_[axis] == STREAMING) brake(axis);
+        if (states_[axis] == STREAMING) slow(axis);
 }
 
 void PositionStream::run() {
@@ -154,10 +158,11 @@ void PositionStream::run() {
         if (queue_.closed()) return;
         try {
             if (next) send(setpoint);
-            end_drained();
         } catch (const CallFailed &failed) {
-            fail(failed);
+            report(describe(failed));
+            for (int axis : in_state(STREAMING)) slow(axis);
         }
+        end_drained();
     }
 }
 
@@ -341,7 +346,12 @@ void PositionStream::brake(int axis) {
 void PositionStream::end_drained() {
     for (int axis : in_state(STOPPING)) {
         CyclicBufferSingleAxisStatus status;
-        check("CyclicBuffer::GetStatus", Api::CyclicBuffer, buffer_.GetStatus(axis, &status));
+        try {
+            check("CyclicBuffer::GetStatus", Api::CyclicBuffer, buffer_.GetStatus(axis, &status));
+        } catch (const CallFailed &failed) {
+            abort(axis, failed);
+            continue;
+        }
         if (status.state == CyclicBufferState::ExecutingCommand) continue;
         if (status.state == CyclicBufferState::WaitingForCommand && status.remainCount) continue;
         buffer_.Abort(axis);
@@ -349,19 +359,19 @@ void PositionStream::end_drained() {
     }
 }
 
-// The engine has rejected a call. Axes that cannot brake any more stop within a cycle.
-void PositionStream::fail(const CallFailed &failed) {
-    report(describe(failed));
-    for (std::size_t index = 0; index < axes_.size(); index++) {
-        const int axis = static_cast<int>(index);
-        try {
-            if (states_[axis] == STREAMING) brake(axis);
-            else if (states_[axis] == STOPPING) throw failed;
-        } catch (const CallFailed &) {
-            buffer_.Abort(axis);
-            states_[axis] = OFF;
-        }
+// Brakes; an axis that cannot stops within a cycle, and the others brake all the same.
+void PositionStream::slow(int axis) {
+    try {
+        brake(axis);
+    } catch (const CallFailed &failed) {
+        abort(axis, failed);
     }
+}
+
+void PositionStream::abort(int axis, const CallFailed &failed) {
+    report(describe(failed));
+    buffer_.Abort(axis);
+    states_[axis] = OFF;
 }
 
 void PositionStream::report(const std::string &reason) {

@@ -76,7 +76,8 @@ private:
     void brake(int axis);
     void end_drained();
     void open(const std::vector<int> &axes);
-    void fail(const CallFailed &failed);
+    void slow(int axis);
+    void abort(int axis, const CallFailed &failed);
     void report(const std::string &reason);
     Fill look(std::vector<int> &axes);
     std::vector<int> in_state(State state) const;

@@ -241,6 +241,22 @@ def test_a_servo_that_goes_off_ends_its_axis_alone(device: Device, stream: Posit
     assert stream.active(1)
 
 
+@pytest.mark.parametrize("quick", [False, True])
+def test_a_stop_that_one_axis_cannot_make_stops_the_others(
+    device: Device, stream: PositionStream, quick: bool
+) -> None:
+    feed(stream, 0.2, 0.5)
+    taken_over = make_stream(device)  # as by another program on the engine
+    taken_over.begin([0])
+    taken_over.close()
+    (stream.quick_stop if quick else stream.stop)([0, 1])
+    assert stream.stopping(1) or not stream.active(1)
+    assert not stream.active(0)
+    assert "BufferIsNotOpened" in stream.fault
+    eventually(lambda: not stream.active(1))
+    eventually(lambda: Snapshot(device).idle(1))
+
+
 LEAVER = """\
 import sys, time
 sys.path.insert(0, sys.argv[1])
