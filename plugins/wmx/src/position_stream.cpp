@@ -108,7 +108,10 @@ void PositionStream::begin(const std::vector<int> &axes) {
     hold(axes, target_);
     add(axes);
     AxisSelection chosen = selection(axes);
-    check("CyclicBuffer::Execute", Api::CyclicBuffer, buffer_.Execute(&chosen));
+    const int code = static_cast<int>(buffer_.Execute(&chosen));
+    if (code != 0)  // the axes before the one that the engine rejects execute
+        for (int axis : axes) buffer_.Abort(axis);
+    check("CyclicBuffer::Execute", Api::CyclicBuffer, code);
     {
         std::lock_guard lock(reporting_);
         fault_.clear();

@@ -18,7 +18,7 @@ from robotd.control.trajectory_execution import Outcome
 from robotd.device.state import Operation
 from robotd.robot import Robot
 from robotd_wmx import _native
-from robotd_wmx._native import Device, PositionStream, Snapshot
+from robotd_wmx._native import CallError, Device, PositionStream, Snapshot
 from robots import eventually, goal, running
 from standin_port import port
 from standin_trace import CYCLE_S, Trace
@@ -239,6 +239,17 @@ def test_a_servo_that_goes_off_ends_its_axis_alone(device: Device, stream: Posit
     feed(stream, 0.05, 0.0)
     assert not stream.active(0)
     assert stream.active(1)
+
+
+def test_where_one_axis_cannot_stream_none_does(device: Device) -> None:
+    device.set_servo(1, False)
+    eventually(lambda: not Snapshot(device).servo_on(1))
+    stream = make_stream(device)
+    with pytest.raises(CallError, match="CyclicBuffer::Execute"):
+        stream.begin([0, 1])
+    assert not stream.active(0)
+    assert Snapshot(device).idle(0)
+    stream.close()
 
 
 @pytest.mark.parametrize("quick", [False, True])
