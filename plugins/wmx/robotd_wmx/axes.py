@@ -7,6 +7,8 @@ What counts is the servo's own feedback, ``opState`` and ``motionComplete``.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from functools import partial
 
 from robotd.api import (
     AxisDriver,
@@ -106,8 +108,8 @@ class WmxAxes(AxisDriver):
             self._stream.begin(by_velocity)
 
     def end_stream(self, axes: Sequence[int]) -> None:
-        self._slow_down(self._stream.end(axes))
         self._positions.stop(axes)
+        self._slow_down(self._stream.end(axes))
         if not self._wait(lambda: not any(map(self._positions.active, axes)), STREAM_END_S):
             raise DeviceTimeout(f"streaming of axes {axes} did not end within {STREAM_END_S:g} s")
 
@@ -195,15 +197,19 @@ class WmxAxes(AxisDriver):
     def stop(self, axes: Sequence[int]) -> None:
         """Stop splines in the joints' own time, moves with their deceleration."""
         self._jogging.difference_update(axes)
-        streamed = self._stream.end(axes)
-        self._slow_down(streamed)
-        streamed += self._positions.stop(axes)
+        by_velocity = self._stream.end(axes)
+        streamed = by_velocity + self._positions.stop(axes)
         others = [axis for axis in axes if axis not in streamed]
         status = self._status()
-        if splined := [axis for axis in others if status.interpolating(axis)]:
-            self.stop_trajectory(splined, SPLINE_STOP * self._stop_s(status, splined))
+        splined = [axis for axis in others if status.interpolating(axis)]
         others = [axis for axis in others if axis not in splined]
-        self._each_mode(others, self._device.stop_motion, self._device.stop_velocity)
+        with ExitStack() as stops:  # all of them, also where one is rejected
+            device = self._device
+            stops.callback(self._each_mode, others, device.stop_motion, device.stop_velocity)
+            if splined:
+                duration_s = SPLINE_STOP * self._stop_s(status, splined)
+                stops.callback(self.stop_trajectory, splined, duration_s)
+            stops.callback(self._slow_down, by_velocity)
 
     def stop_trajectory(self, axes: Sequence[int], duration_s: float) -> None:
         """``Motion::Stop`` would use the spline's own acceleration, however gentle that is.
@@ -276,18 +282,17 @@ class WmxAxes(AxisDriver):
             return
         self._jogging.discard(axis)
         speed = abs(status.velocity_command(axis)) * float(self._scaling.si[axis])
-        try:
-            self._device.timed_stop_velocity(axis, max(1.0, speed / deceleration * 1000.0))
-        except CallError as error:
-            self._excuse(error, [axis])
+        milliseconds = max(1.0, speed / deceleration * 1000.0)
+        self._excusing(partial(self._device.timed_stop_velocity, axis, milliseconds), [axis])
 
     def _slow_down(self, axes: Sequence[int]) -> None:
         """Streamed commands have no deceleration of their own: stop within |v| / deceleration."""
         status = self._status()
-        for axis in axes:
-            with translated("stop", axis=axis):
-                milliseconds = self._stop_s(status, [axis]) * 1000.0
-                self._device.timed_stop_velocity(axis, max(1.0, milliseconds))
+        with ExitStack() as stops:
+            for axis in axes:
+                milliseconds = max(1.0, self._stop_s(status, [axis]) * 1000.0)
+                call = partial(self._device.timed_stop_velocity, axis, milliseconds)
+                stops.callback(self._excusing, call, [axis])
 
     def _stop_s(self, status: Snapshot, axes: Sequence[int]) -> float:
         """The longest |v| / deceleration of ``axes``, s."""
@@ -303,22 +308,23 @@ class WmxAxes(AxisDriver):
         """Stop moving axes by the calls of their mode; one rejection spares none."""
         status = self._status()
         moving = [axis for axis in axes if not status.idle(axis)]
-        for call, mode in ((position, False), (velocity, True)):
-            chosen = [a for a in moving if (status.mode(a) == CommandMode.VELOCITY) is mode]
-            try:
+        with ExitStack() as stops:
+            for call, mode in ((position, False), (velocity, True)):
+                chosen = [a for a in moving if (status.mode(a) == CommandMode.VELOCITY) is mode]
                 if chosen:
-                    call(chosen)
-            except CallError as error:
-                self._excuse(error, chosen)
+                    stops.callback(self._excusing, partial(call, chosen), chosen)
 
-    def _excuse(self, error: CallError, axes: Sequence[int]) -> None:
-        """A stop may be rejected for an axis that came to rest meanwhile."""
-        status = self._status()
-        still = [axis for axis in axes if not status.idle(axis) and status.servo_on(axis)]
-        if len(still) == 1:
-            raise translate(error, "stop", axis=still[0]) from error
-        if still:
-            raise translate(error, f"stop of axes {still}") from error
+    def _excusing(self, stop: Callable[[], None], axes: Sequence[int]) -> None:
+        """Call ``stop``: it may be rejected for an axis that came to rest meanwhile."""
+        try:
+            stop()
+        except CallError as error:
+            status = self._status()
+            still = [axis for axis in axes if not status.idle(axis) and status.servo_on(axis)]
+            if len(still) == 1:
+                raise translate(error, "stop", axis=still[0]) from error
+            if still:
+                raise translate(error, f"stop of axes {still}") from error
 
 
 def _alarmed(status: Snapshot, axis: int) -> bool:

@@ -9,8 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robotd.device.axes import Jog, Move
 from robotd.device.state import CommandMode, Operation
+from robotd.errors import OperationError
+from robotd.motion.profile import Profile
 from robotd.robot import Robot
+from robotd_wmx._native import CallError, Device
 from robotd_wmx.velocity_stream import TIMEOUT_S
 from robots import eventually, running
 from standin_port import port
@@ -52,6 +56,57 @@ def test_an_ended_stream_takes_no_setpoints(tmp_path: Path, end: Callable[[Robot
         send(robot, LOOK_S)
         assert image.position[AXIS] == pytest.approx(start, abs=1e-3)
         assert image.operation[AXIS] == Operation.IDLE
+
+
+def rejecting(call: str, axis: int) -> Callable[..., None]:
+    """The call of the binding, rejected by the engine for one axis."""
+    accepted = getattr(Device, call)
+
+    def stop(device: Device, axes: int | list[int], *values: float) -> None:
+        if axis in (axes if isinstance(axes, list) else [axes]):
+            raise CallError(call, "core motion", 1, "", "")
+        accepted(device, axes, *values)
+
+    return stop
+
+
+@pytest.mark.parametrize("end", ["stop", "end_stream"])
+def test_a_stop_that_one_stream_rejects_ends_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, end: str
+) -> None:
+    other = AXIS + 1
+    with running(tmp_path) as robot:
+        for axis in (AXIS, other):
+            robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
+        driver, image = robot.axes._driver, robot.image
+        for rejected, stopped in ((AXIS, other), (other, AXIS)):
+            call = "timed_stop_velocity"
+            monkeypatch.setattr(Device, call, rejecting(call, rejected))
+            driver.begin_stream([AXIS, other])
+            send(robot, 0.2)
+            with pytest.raises(OperationError, match="stop"):
+                getattr(driver, end)([AXIS, other])
+            monkeypatch.undo()
+            eventually(lambda axis=stopped: bool(abs(image.velocity[axis]) < 1e-3), 2.0)
+            assert abs(image.velocity_command[rejected]) == pytest.approx(SPEED_RAD_S)
+
+
+@pytest.mark.parametrize(
+    ("end", "call"), [("stop", "stop_motion"), ("quick_stop", "quick_stop_motion")]
+)
+def test_a_stop_that_a_move_rejects_ends_velocity_commands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, end: str, call: str
+) -> None:
+    with running(tmp_path) as robot:
+        robot.axes.set_command_mode(AXIS, CommandMode.VELOCITY)
+        robot.axes.jog([Jog(AXIS, Profile(SPEED_RAD_S, 5.0, 5.0))])
+        robot.axes.move([Move(0, 1.0, Profile(SPEED_RAD_S, 5.0, 5.0))])
+        eventually(lambda: robot.image.operation[0] == Operation.POSITION)
+        monkeypatch.setattr(Device, call, rejecting(call, 0))
+        with pytest.raises(OperationError, match="stop"):
+            getattr(robot.axes._driver, end)([0, AXIS])
+        eventually(lambda: robot.image.operation[AXIS] == Operation.IDLE, 2.0)
+        assert robot.image.operation[0] == Operation.POSITION
 
 
 def test_an_axis_stops_without_setpoints(tmp_path: Path) -> None:
