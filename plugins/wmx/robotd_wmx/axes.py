@@ -7,7 +7,7 @@ What counts is the servo's own feedback, ``opState`` and ``motionComplete``.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import partial
 
 from robotd.api import (
@@ -130,7 +130,11 @@ class WmxAxes(AxisDriver):
             failure = _servo_failure(status, axis) if on else ""
             return status.servo_on(axis) == on or bool(failure)
 
-        if not self._wait(settled, timeout_s):
+        confirmed = self._wait(settled, timeout_s)
+        if on and not (confirmed and self._status().servo_on(axis)):
+            with suppress(CallError):  # else it may come on later, by itself
+                self._device.set_servo(axis, False)
+        if not confirmed:
             raise DeviceTimeout(f"{what}: no confirmation within {timeout_s:g} s", axis=axis)
         if failure:
             raise OperationError(f"{what}: {failure}", axis=axis)

@@ -92,6 +92,16 @@ def test_an_alarm_is_cleared_by_a_new_start(tmp_path: Path) -> None:
         assert robot.image.copy().reason == [""] * 6
 
 
+def test_a_servo_that_did_not_come_on_in_time_stays_off(tmp_path: Path) -> None:
+    with running(tmp_path, enable=False) as robot:
+        port("freeze", 1)
+        with pytest.raises(DeviceTimeout, match="servo on: no confirmation"):
+            robot.axes._driver.servo(0, True, 0.05)
+        port("freeze", 0)
+        time.sleep(0.1)
+        assert "axis 0 servo 0" in port("show")
+
+
 def test_a_lost_slave_says_why_and_hot_connect_brings_it_back(tmp_path: Path) -> None:
     port("hot_connect_ms", 300)
     with running(tmp_path) as robot:
