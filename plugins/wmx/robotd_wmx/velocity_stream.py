@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 
 import numpy as np
 
@@ -82,15 +83,26 @@ class VelocityStream:
                 axes = self._feeds()
                 if not axes:
                     continue
-                velocities = self._velocity[axes] * self._connection.scaling.units[axes]
                 try:
-                    self._connection.stream.start_vels(axes, velocities.tolist(), self._ramp_ms)
+                    self._send(axes)
                     failing = False
                 except (CallError, RobotdError) as error:
                     # The image shows what stopped the axes; the base gives up by that.
                     if not failing:
                         log.error("streaming failed", reason=_reason(error))
                     failing = True
+
+    def _send(self, axes: list[int]) -> None:
+        """An axis that the engine rejects leaves no other one at its last velocity."""
+        velocities = self._velocity[axes] * self._connection.scaling.units[axes]
+        try:
+            self._connection.stream.start_vels(axes, velocities.tolist(), self._ramp_ms)
+        except CallError:
+            if len(axes) == 1:
+                raise
+            with ExitStack() as each:
+                for axis in axes:
+                    each.callback(self._send, [axis])
 
     def _feeds(self) -> list[int]:
         """Return the axes that have got a setpoint since their stream began."""

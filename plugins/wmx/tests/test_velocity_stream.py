@@ -32,9 +32,9 @@ def alarm(robot: Robot) -> None:
     eventually(lambda: bool(robot.image.amp_alarm[AXIS]))
 
 
-def send(robot: Robot, seconds: float) -> None:
+def send(robot: Robot, seconds: float, speed: float = SPEED_RAD_S) -> None:
     """Send setpoints, as a client does that has not noticed the end of its stream."""
-    speeds, end_s = np.full(6, SPEED_RAD_S), time.monotonic() + seconds
+    speeds, end_s = np.full(6, speed), time.monotonic() + seconds
     while time.monotonic() < end_s:
         robot.axes._driver.stream(speeds, speeds, 0)
         time.sleep(0.002)
@@ -107,6 +107,23 @@ def test_a_stop_that_a_move_rejects_ends_velocity_commands(
             getattr(robot.axes._driver, end)([0, AXIS])
         eventually(lambda: robot.image.operation[AXIS] == Operation.IDLE, 2.0)
         assert robot.image.operation[0] == Operation.POSITION
+
+
+@pytest.mark.parametrize("rejected", [AXIS, AXIS + 1])
+def test_a_rejected_axis_leaves_no_other_one_at_its_last_velocity(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rejected: int
+) -> None:
+    """As at a limit switch, against which the axis is commanded."""
+    axes = [AXIS, AXIS + 1]
+    with running(tmp_path) as robot:
+        for axis in axes:
+            robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
+        robot.axes._driver.begin_stream(axes)
+        send(robot, 0.2)
+        monkeypatch.setattr(Device, "start_vels", rejecting("start_vels", rejected))
+        send(robot, 0.2, 0.0)
+        [other] = set(axes) - {rejected}
+        assert robot.image.velocity_command[other] == 0.0
 
 
 def test_an_axis_stops_without_setpoints(tmp_path: Path) -> None:
