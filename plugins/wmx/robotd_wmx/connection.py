@@ -53,7 +53,7 @@ class Connection:
         self.clock = clock
         self.scaling = Scaling(robot, options)
         self._devices: dict[str, Device] = {}
-        self._lost: ConnectionState | None = None
+        self._lost = False
         self._lost_because = ""
         self._after_open: list[Callable[[], None]] = []
         self._before_close: list[Callable[[], None]] = []
@@ -100,7 +100,7 @@ class Connection:
                                    {f"{self.robot.name} → wmx": reason})  # fmt: skip
             failure.code = code
             raise failure from error
-        self._lost = None
+        self._lost = False
         self._devices = opened
 
     def after_open(self, call: Callable[[], None]) -> None:
@@ -138,28 +138,28 @@ class Connection:
                 _close_quietly(devices[role], keep_engine=self.options.shared)
 
     def state(self) -> ConnectionState:
-        """Never blocks, never raises; IDLE without devices. A lost engine stays lost."""
+        """Never blocks, never raises; IDLE without devices. A lost engine stays SHUTDOWN."""
         device = self._devices.get("status")
         if device is None:
             return ConnectionState.IDLE
-        if self._lost is None:
+        if not self._lost:
             try:
                 state = _STATES[device.state()]
             except CallError as error:
-                state = ConnectionState.UNKNOWN
-                self._lose(state, f"the engine is gone: {text_of(*error.args[1:3])}")
-            if state is ConnectionState.SHUTDOWN:
-                self._lose(state, "the engine was stopped by another program")
-            return state
-        return self._lost
+                self._lose(f"the engine is gone: {text_of(*error.args[1:3])}")
+            else:
+                if state is not ConnectionState.SHUTDOWN:
+                    return state
+                self._lose("the engine was stopped by another program")
+        return ConnectionState.SHUTDOWN
 
     def lost_because(self) -> str:
         """Reason for the loss of the engine; "" while it is connected."""
-        return self._lost_because if self._devices and self._lost is not None else ""
+        return self._lost_because if self._devices and self._lost else ""
 
     def give_up(self) -> None:
         """The engine is about to be stopped by us: nothing is commanded any more."""
-        self._lost, self._lost_because = ConnectionState.SHUTDOWN, ""
+        self._lost, self._lost_because = True, ""
 
     def others(self) -> list[str]:
         """Names of other programs' devices; empty when the engine does not report them."""
@@ -177,13 +177,13 @@ class Connection:
         device = self._devices.get(role)
         if device is None:
             raise NotReady("no device of the WMX engine is open")
-        if self._lost is not None:
-            reason = self._lost_because or f"the engine is {self._lost.value}"
+        if self._lost:
+            reason = self._lost_because or "the engine is Shutdown"
             raise NotReady(f"{reason}; close the device and open it again")
         return device
 
-    def _lose(self, state: ConnectionState, reason: str) -> None:
-        self._lost, self._lost_because = state, reason
+    def _lose(self, reason: str) -> None:
+        self._lost, self._lost_because = True, reason
         log.debug("engine lost", reason=reason)  # the core reports the loss of a device
 
     def _create(self, path: str, name: str) -> Device:

@@ -150,10 +150,9 @@ def test_a_killed_engine_is_noticed_and_opened_again(tmp_path: Path) -> None:
     with running(tmp_path) as robot:
         with broken_motion(robot, "kill_engine"):
             eventually(lambda: reason(robot).startswith("the engine is gone: wmx 271 ("))
-        assert robot.connection.state is ConnectionState.UNKNOWN
+        assert robot.connection.state is ConnectionState.SHUTDOWN
         assert robot.connection.fault == reason(robot)
-        robot.connection.close()
-        robot.connection.start()
+        robot.connection.restore()
         works_again(robot)
 
 
