@@ -11,6 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import QoSProfile
@@ -27,6 +29,7 @@ from robotd_ros.qos import SERVICE
 log = get_logger("ros")
 
 HANDLER_SHARE = 0.2  # a move takes 0.2 ms: 1000 messages a second
+RETRY_S = 0.02  # of the newest message beyond the rate limit
 
 ServiceHandler = Callable[[Any, Any], str | None]
 
@@ -130,24 +133,40 @@ def add_timed_subscription(
     An exception that reaches the EventsExecutor also costs it the messages that arrived together
     with the offending one. Here it is logged and the next message is handled. That executor keeps
     an event for each message, so one that it cannot follow would answer services later and later:
-    a handler gets ``share`` of the time, and what is beyond is dropped undecoded.
+    a handler gets ``share`` of the time. What is beyond is dropped undecoded, except the newest
+    message, which may be the one that stops: it is handled when the limit allows.
     """
     rate_limit = RateLimit(share)
+    newest: tuple[bytes, int] | None = None  # message that is not handled yet
 
     def on_message(data: bytes, info: Mapping[str, Any]) -> None:
+        nonlocal newest
+        newest = data, info["source_timestamp"]
+        handle_newest()
+
+    def handle_newest() -> None:
+        nonlocal newest
         with host.callback_guard():
+            if newest is None:
+                timer.cancel()
+                return
             if not rate_limit.is_left():
                 if rate_limit.is_news:
                     log.warning("messages exceed the rate limit, some are dropped", topic=topic)
+                if timer.is_canceled():
+                    timer.reset()
                 return
+            (data, source_ns), newest = newest, None
             try:
                 with rate_limit.spent(), host.sent_by_topic(subscription.topic_name):
-                    handler(deserialize_message(data, message_type), info["source_timestamp"])
+                    handler(deserialize_message(data, message_type), source_ns)
             except RobotdError as error:
                 log.warning("message rejected", topic=topic, reason=str(error))
             except Exception:
                 log.exception("message handler raised", topic=topic)
 
+    steady = Clock(clock_type=ClockType.STEADY_TIME)
+    timer = node.create_timer(RETRY_S, handle_newest, clock=steady, autostart=False)
     subscription = node.create_subscription(
         message_type, topic, with_message_info(on_message), qos, raw=True
     )

@@ -20,7 +20,7 @@ from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
-from std_msgs.msg import Empty
+from std_msgs.msg import Empty, Float64
 from std_srvs.srv import SetBool, Trigger
 from structlog.testing import capture_logs
 from wmx_ros2_message.srv import SetAxis
@@ -233,6 +233,29 @@ def test_message_handler_that_raises_gets_the_next_message(
     for _ in range(3):
         publisher.publish(Empty())
     assert all(seen.acquire(timeout=WAIT_S) for _ in range(3))
+
+
+def test_the_last_message_of_a_flood_is_handled(
+    host: RosHost, server: Node, caller: Caller
+) -> None:
+    seen: list[float] = []
+
+    def handler(message: Float64) -> None:
+        time.sleep(0.001)  # 500 of them are more than the share and what is saved
+        seen.append(message.data)
+
+    add_subscription(server, host, Float64, "topic", handler, 1000)
+    publisher = caller.node.create_publisher(Float64, "topic", 1000)
+    deadline = time.monotonic() + WAIT_S
+    while publisher.get_subscription_count() == 0:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    for number in range(500):
+        publisher.publish(Float64(data=float(number)))
+    time.sleep(2.0)
+    assert len(seen) < 450
+    assert seen[-1] == 499.0
+    assert seen == sorted(set(seen))
 
 
 @pytest.mark.parametrize(
