@@ -66,6 +66,9 @@ class Jog:
     profile: Profile
 
 
+Command = TypeVar("Command", Move, Jog)
+
+
 class Axes:
     """The axes of a robot; worker threads only (the control loop calls the driver itself).
 
@@ -301,10 +304,8 @@ class Axes:
                 with self._naming(move.axis):
                     check_move(self.limits[move.axis], move.target, move.profile)
             scale *= self._limited_scale(moves)
-            for move in moves:
-                self.deceleration[move.axis] = move.profile.deceleration
-                with self._naming(move.axis), self._begun(move.axis, stops):
-                    self._driver.move(move.axis, move.target, move.profile.scaled(scale))
+            begin = self._driver.move
+            self._begin(moves, stops, lambda a: begin(a.axis, a.target, a.profile.scaled(scale)))
 
     @noted
     def jog(self, jogs: Sequence[Jog]) -> None:
@@ -323,10 +324,8 @@ class Axes:
                     check_jog(self.limits[jog.axis], position, jog.profile)
             scale = self.speed.at_start() if any(jog.profile.velocity for jog in jogs) else 1.0
             scale *= self._limited_scale(jogs)
-            for jog in jogs:
-                self.deceleration[jog.axis] = jog.profile.deceleration
-                with self._naming(jog.axis), self._begun(jog.axis, stops):
-                    self._driver.jog(jog.axis, jog.profile.scaled(scale))
+            begin = self._driver.jog
+            self._begin(jogs, stops, lambda a: begin(a.axis, a.profile.scaled(scale)))
 
     def _limited_scale(self, commands: Sequence[Move] | Sequence[Jog]) -> float:
         """Return the scale that the limits of the groups' speeds leave. Raises NotReady."""
@@ -524,21 +523,30 @@ class Axes:
         image, slow = self.image, self.feedback_period_s > 0.0
         self._wait_for(lambda: (image.fresh_ns if slow else image.stamp_ns) > time_ns)
 
-    @contextmanager
-    def _begun(self, axis: int, stops: Sequence[int]) -> Iterator[None]:
-        """Begin a motion in the block. Raises NotReady after a stop since ``stops``."""
-        self._check_not_stopped(axis, stops)
-        try:
-            yield
-        except DeviceTimeout:  # a call that was given up may begin the motion later
-            self._driver.stop([axis])
-            raise
-        self._commanded_ns = self.clock.now_ns()
-        try:
-            self._check_not_stopped(axis, stops)
-        except NotReady:
-            self._driver.stop([axis])
-            raise
+    def _begin(
+        self, commands: Sequence[Command], stops: Sequence[int], begin: Callable[[Command], None]
+    ) -> None:
+        """Begin motions one after the other; an error stops those that have begun.
+
+        Raises NotReady after a stop since ``stops``.
+        """
+        begun: list[int] = []
+        for command in commands:
+            axis = command.axis
+            try:
+                with self._naming(axis):
+                    self._check_not_stopped(axis, stops)
+                    self.deceleration[axis] = command.profile.deceleration
+                    begin(command)
+                    begun.append(axis)
+                    self._commanded_ns = self.clock.now_ns()
+                    self._check_not_stopped(axis, stops)
+            except RobotdError as error:
+                if isinstance(error, DeviceTimeout):  # the call may begin the motion later
+                    begun.append(axis)
+                if begun:
+                    self._driver.stop(begun)
+                raise
 
     def _check_not_stopped(self, axis: int, stops: Sequence[int]) -> None:
         self.stop_latch.check()

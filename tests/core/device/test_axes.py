@@ -392,3 +392,22 @@ def test_a_motion_that_begins_after_the_latch_was_engaged_is_stopped(harness: Ha
     with pytest.raises(NotReady, match="joint2: motion is stopped: a button"):
         harness.axes.move([Move(1, 0.5, PROFILE)])
     assert harness.driver.calls[-1] == ("stop", [1])
+
+
+@pytest.mark.parametrize("velocity", [False, True])
+def test_a_motion_that_cannot_begin_stops_those_that_began_with_it(
+    harness: Harness, velocity: bool
+) -> None:
+    if velocity:
+        jogging(harness)
+
+    def begin(axis: int, *_: object) -> None:
+        if axis == 2:
+            raise OperationError("the drive answers error 7")
+
+    harness.driver.move = harness.driver.jog = begin  # type: ignore[assignment,method-assign]
+    jogs, moves = [Jog(1, PROFILE), Jog(2, PROFILE)], [Move(1, 0.5, PROFILE), Move(2, 0.5, PROFILE)]
+    command = partial(harness.axes.jog, jogs) if velocity else partial(harness.axes.move, moves)
+    with pytest.raises(OperationError, match="axis 2: the drive answers error 7"):
+        command()
+    assert harness.driver.calls[-1] == ("stop", [1])
