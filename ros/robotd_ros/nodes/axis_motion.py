@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from robotd.clock import NANOSECONDS
@@ -159,12 +160,24 @@ class AxisJog:
         for axis in late:
             self._deadlines.pop(axis, None)
         if late:
-            try:
-                self._host.submit(self._robot.axes.stop, late, urgent=True)
-            except RobotdError as error:
-                for axis in late:  # the next check tries again; a new message sets a later time
-                    self._deadlines.setdefault(axis, now_ns)
-                log.error("a jog could not be stopped", axes=late, reason=str(error))
+            with self._tried_again(late):
+                self._host.submit(self._stop, late, urgent=True)
+
+    def _stop(self, late: Sequence[int]) -> None:
+        """Worker: stop axes."""
+        with self._tried_again(late):
+            self._robot.axes.stop(late)
+
+    @contextmanager
+    def _tried_again(self, late: Sequence[int]) -> Iterator[None]:
+        """Log an error of the block; the next check stops the axes again."""
+        try:
+            yield
+        except RobotdError as error:
+            now_ns = self._robot.clock.now_ns()
+            for axis in late:  # a new message sets a later time
+                self._deadlines.setdefault(axis, now_ns)
+            log.error("a jog could not be stopped", axes=late, reason=str(error))
 
     def _is_streamed(self, axis: int, image: ProcessImage) -> bool:
         return axis in self._robot.joint_axes and image.mode[axis] == CommandMode.POSITION

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
+from types import SimpleNamespace
 from typing import Any
 
+import pytest
 from tests.core.control.harness import PERIOD_S, Harness
 
 from robotd.clock import NANOSECONDS
@@ -32,5 +35,27 @@ def test_a_stop_that_no_worker_takes_is_tried_again() -> None:
     jog._deadlines = {1: harness.clock.now_ns() + NANOSECONDS // 100}
     harness.run(0.1 + PERIOD_S)
     assert host.rejections == 0
-    assert host.calls == [(harness.robot.axes.stop, ([1],), True)]
+    assert host.calls == [(jog._stop, ([1],), True)]
+    assert jog._deadlines == {}
+
+
+def test_a_stop_that_the_device_rejects_is_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    harness, errors = Harness().up(), [OperationError("no answer")]
+    stopped: list[list[int]] = []
+
+    def stop(axes: list[int]) -> None:
+        if errors:
+            raise errors.pop()
+        stopped.append(axes)
+
+    def submit(function: Callable[..., Any], *args: Any, urgent: bool) -> None:
+        with suppress(OperationError):  # the host logs it
+            function(*args)
+
+    monkeypatch.setattr(harness.robot.axes, "stop", stop)
+    host: Any = SimpleNamespace(submit=submit, on_rejection=lambda *_: None)
+    jog: Any = AxisJog(harness.robot, host, "wmx/axis/jog", 0.2)
+    jog._deadlines = {1: harness.clock.now_ns() + NANOSECONDS // 100}
+    harness.run(0.1 + PERIOD_S)
+    assert stopped == [[1]]
     assert jog._deadlines == {}
