@@ -92,15 +92,15 @@ class TopicStream(Generic[Stream]):
             self._rejections.rejected(self._topic, (), str(error))
             return
         with stream:
-            with self._lock:
-                command, self._waiting = self._waiting, None
-                self._stream, self._opening = stream, False
             try:
-                if command is not None:
-                    with self._rejections.noting(self._topic):
-                        # Motion may have been rejected since the command was made.
-                        self._client.commands.source.admit(moves=True)
-                        stream.put(command)
+                with self._lock:  # until it has the waiting command: a newer one comes after it
+                    command, self._waiting = self._waiting, None
+                    self._stream, self._opening = stream, False
+                    if command is not None:
+                        with self._rejections.noting(self._topic):
+                            # Motion may have been rejected since the command was made.
+                            self._client.commands.source.admit(moves=True)
+                            stream.put(command)
                 stream.wait()
             finally:
                 with self._lock:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from types import SimpleNamespace
@@ -110,3 +111,22 @@ def test_no_stream_is_opened_for_a_command_that_is_rejected() -> None:
             topic.apply(reject)
     assert not opened
     assert [each["reason"] for each in logs] == ["the client has to begin anew"]
+
+
+def test_the_command_that_opens_a_stream_is_not_put_after_a_newer_one() -> None:
+    newer = threading.Thread(target=lambda: topic.apply(lambda commands: "newer"))
+
+    class Slow(Stream):
+        def put(self, command: str) -> None:
+            if command == "command":  # the executor gets the next message meanwhile
+                newer.start()
+                newer.join(0.2)
+            super().put(command)
+
+        def wait(self) -> None:
+            newer.join()
+
+    stream, host = Slow(), Host()
+    topic: Any = TopicStream(client(lambda: stream), host, "positions")  # type: ignore[arg-type]
+    topic.apply(command)
+    assert stream.commands == ["command", "newer"]
