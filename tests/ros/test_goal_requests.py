@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 import rclpy
+from action_msgs.msg import GoalStatus
 from control_msgs.action import FollowJointTrajectory
 from rclpy.action import CancelResponse, GoalResponse
 from tests.ros.action_client import GoalClient
@@ -20,6 +21,7 @@ from unique_identifier_msgs.msg import UUID
 from robotd.clock import NANOSECONDS
 from robotd_ros.host import RosHost
 from robotd_ros.middleware import worker_action_server
+from robotd_ros.middleware.rcl_error import RCLError
 from robotd_testing.domain import own_domain
 
 pytestmark = [pytest.mark.daily, pytest.mark.ros]
@@ -138,3 +140,22 @@ def test_goals_of_a_burst_are_all_answered(ends: tuple[Server, GoalClient]) -> N
     wait_until(lambda: len(server.goals) == len(answers), "all goals")
     lengths = [len(goal.request.trajectory.points) for goal in server.goals]
     assert sorted(lengths) == list(range(8))
+
+
+def test_a_goal_that_cannot_be_answered_ends(
+    ends: tuple[Server, GoalClient], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    server, client = ends
+
+    def answer(*_: object) -> None:
+        raise RCLError("client will not receive response")
+
+    with monkeypatch.context() as unanswered:
+        unanswered.setattr(server.action._requests, "answer", answer)
+        client.send_goal_async(goal_of(1))
+        wait_until(lambda: server.action._goal_handles, "the goal")
+        (goal,) = server.action._goal_handles.values()
+        wait_until(lambda: goal.status == GoalStatus.STATUS_ABORTED, "its end")
+    assert wait_for(client.send_goal_async(goal_of(1))).accepted
+    wait_until(lambda: server.goals, "the accepted goal")
+    assert len(server.goals) == 1

@@ -196,11 +196,19 @@ class WorkerActionServer(ActionServer):
                     self._requests.answer(self._handle, request, stamp_ns)
                 except RCLError as error:
                     log.warning("goal not answered: its client has gone", reason=str(error))
+                    if accepted is not None:
+                        accepted._update_state(GoalEvent.EXECUTE)  # noqa: SLF001 - as below
+                        self.notify_execute(accepted, self._abort)
                     accepted = None
         data = super().take_data() or {}
         if accepted is not None:
             data["goal"] = accepted
         return data
+
+    def _abort(self, goal: ServerGoalHandle) -> Any:
+        """End a goal that does not begin: one that has not ended would be kept for ever."""
+        goal.abort()
+        return self._action_type.Result()
 
     async def _execute_goal_request(self, goal: ServerGoalHandle) -> None:
         """Publish the status of an accepted goal, begin its execution and hand it on."""
