@@ -129,7 +129,10 @@ class WorkerAction(ABC):
         result = self._type.Result()
         with self._host.sent_by_request(goal.requester), ExitStack() as after:
             try:
-                outcome, text = self.execute(goal, result, after, *arrived)
+                if goal.is_cancel_requested:  # while it waited for a worker
+                    outcome, text = Outcome.CANCELED, "canceled before it began"
+                else:
+                    outcome, text = self.execute(goal, result, after, *arrived)
             except Exception as error:  # noqa: BLE001 - the goal ends with it
                 self._abort(goal, result, error)
             else:

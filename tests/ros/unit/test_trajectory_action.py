@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -49,6 +50,34 @@ class Follower:
         raise OperationError("the device does not answer")
 
 
+def action_of(monkeypatch: pytest.MonkeyPatch, follower: Any, submit: Callable[..., None]) -> Any:
+    """Return a trajectory action over stand-ins."""
+    monkeypatch.setattr(worker_action, "worker_action_server", Goals)
+    host: Any = SimpleNamespace(
+        callback_guard=nullcontext, submit=submit, sent_by_request=lambda _: nullcontext()
+    )
+    group: Any = SimpleNamespace(
+        name="", follower=follower, motion=SimpleNamespace(ticket=lambda: 1)
+    )
+    robot: Any = SimpleNamespace(clock=None, descriptor=SimpleNamespace(groups=()))
+    node: Any = SimpleNamespace(get_clock=lambda: None)
+    return trajectory_action.TrajectoryAction(node, robot, host, group, "follow")
+
+
+def accepted_goal() -> Any:
+    request = FollowJointTrajectory.Goal()
+    request.trajectory.joint_names = ["joint1"]
+    request.trajectory.points = [JointTrajectoryPoint(positions=[0.1])]
+    return SimpleNamespace(
+        request=request,
+        requester=None,
+        goal_id=SimpleNamespace(uuid=bytes(16)),
+        is_cancel_requested=False,
+        succeed=lambda: None,
+        abort=lambda: None,
+    )
+
+
 @pytest.mark.parametrize(
     ("done", "code"),
     [
@@ -59,7 +88,6 @@ class Follower:
 def test_a_goal_has_one_result_when_its_release_fails(
     monkeypatch: pytest.MonkeyPatch, done: bool, code: int
 ) -> None:
-    monkeypatch.setattr(worker_action, "worker_action_server", Goals)
     failures: list[Exception] = []
 
     def submit(function: Callable[..., None], *args: Any) -> None:
@@ -68,30 +96,32 @@ def test_a_goal_has_one_result_when_its_release_fails(
         except OperationError as error:  # the host logs it
             failures.append(error)
 
-    host: Any = SimpleNamespace(
-        callback_guard=nullcontext, submit=submit, sent_by_request=lambda _: nullcontext()
-    )
-    group: Any = SimpleNamespace(
-        name="", follower=Follower(done=done), motion=SimpleNamespace(ticket=lambda: 1)
-    )
-    robot: Any = SimpleNamespace(clock=None, descriptor=SimpleNamespace(groups=()))
-    node: Any = SimpleNamespace(get_clock=lambda: None)
-    request = FollowJointTrajectory.Goal()
-    request.trajectory.joint_names = ["joint1"]
-    request.trajectory.points = [JointTrajectoryPoint(positions=[0.1])]
-    goal = SimpleNamespace(
-        request=request,
-        requester=None,
-        goal_id=SimpleNamespace(uuid=bytes(16)),
-        is_cancel_requested=False,
-        succeed=lambda: None,
-        abort=lambda: None,
-    )
-
-    action: Any = trajectory_action.TrajectoryAction(node, robot, host, group, "follow")
-    action._admit(request)
+    action, goal = action_of(monkeypatch, Follower(done=done), submit), accepted_goal()
+    action._admit(goal.request)
     action._server.accepted(goal)
 
     assert [result.error_code for result in action._server.ends] == [code]
     assert action._live == 0
     assert len(failures) == (not done)
+
+
+def test_a_goal_that_was_canceled_while_it_waited_for_a_worker_does_not_begin(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    waiting: list[Callable[[], None]] = []
+    begun: list[Any] = []
+    states: list[str] = []
+    follower = Follower(done=True)
+    follower.follow = lambda *args: begun.append(args)  # type: ignore[assignment,method-assign]
+    action = action_of(
+        monkeypatch, follower, lambda function, *args: waiting.append(partial(function, *args))
+    )
+    goal = accepted_goal()
+    goal.canceled, goal.abort = partial(states.append, "canceled"), partial(states.append, "abort")
+    action._server.accepted(goal)
+    action._cancel(goal)
+    goal.is_cancel_requested = True
+    waiting[0]()
+    assert not begun
+    assert states == ["canceled"]
+    assert [each.error_code for each in action._server.ends] == [0]
