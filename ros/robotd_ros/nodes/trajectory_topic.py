@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+import time
 from typing import Any
 
 import numpy as np
@@ -35,7 +36,9 @@ log = get_logger("trajectory")
 DEPTH = 10
 HANDLER_SHARE = 0.4  # a message of 50 points takes 1 ms, and MoveIt Servo sends up to 250 a second
 STREAM_S = 0.25  # points at most that far ahead are streamed
-TIMEOUT_S = 1.0  # age at which a trajectory is dropped; a long one takes a while on a slow network
+# Age at which a trajectory is dropped, and wait for a worker; a long one takes a while on a slow
+# network.
+TIMEOUT_S = 1.0
 MAX_AHEAD_S = 60.0  # start of a trajectory; its stamp may be of another clock
 
 
@@ -134,13 +137,20 @@ class TrajectoryTopic:
         """Let a worker execute a trajectory; a rejection is logged."""
         try:
             admission = self._source.admit(moves=True)
-            self._host.submit(self._follow, message, self._group.motion.ticket(), admission)
+            ticket = self._group.motion.ticket()
+            self._host.submit(self._follow, message, ticket, admission, time.monotonic())
         except RobotdError as error:
             self._rejections.rejected(self._topic, (), str(error))
 
-    def _follow(self, message: Any, ticket: int, admission: Admission) -> None:
+    def _follow(self, message: Any, ticket: int, admission: Admission, arrived_s: float) -> None:
         """Worker: execute a trajectory until it has ended; one that was stopped before ends."""
         with self._rejections.noting(self._topic):
+            waited_s = time.monotonic() - arrived_s
+            if waited_s > TIMEOUT_S:
+                raise NotReady(
+                    f"the trajectory has waited {waited_s:.3g} s for a worker: after"
+                    f" {TIMEOUT_S:g} s it is dropped"
+                )
             if not admission.holds:
                 raise NotReady("motion was rejected before the trajectory could begin")
             request = trajectory_request(message)
