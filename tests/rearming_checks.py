@@ -39,7 +39,7 @@ class Commander:
         """Command from the present position on."""
         self.target, self.on = self.position, True
 
-    def submit(self, function: Callable[..., Any], *args: Any) -> None:
+    def submit(self, function: Callable[..., Any], *args: Any, until_rest: bool) -> None:
         self._workers.submit(function, *args)
 
     def on_rejection(self, topic: str, axes: Sequence[int], reason: str) -> None:

@@ -51,13 +51,13 @@ UNKNOWN = "_NODE_NAME_UNKNOWN_"  # in the graph: its node is not known, as of on
 class RosHost:
     """ROS side of a process: ``with RosHost(args) as host:``.
 
-    Threads: ``robotd-ros`` runs every callback, ``robotd-worker_N`` what is submitted. Signal
+    Threads: ``robotd-ros`` runs every callback, the others what is submitted. Signal
     handlers are left alone; their owner calls ``close``.
 
     Args:
         args: command line of the process, from ``--ros-args`` on or whole.
         domain_id: ROS domain; None takes ``ROS_DOMAIN_ID``.
-        workers: threads for ordinary calls; urgent ones have two of their own.
+        workers: threads for ordinary calls, and as many for motions; urgent ones have two.
         make_executor: called with ``context=``; any rclpy executor.
         close_timeout_s: how long ``close`` waits for what is still running.
 
@@ -94,8 +94,9 @@ class RosHost:
         self._running: _Running | None = None
         self._nodes: list[Node] = []
         self._stopping = threading.Event()
-        # Threads of a pool start with its first call, so these two cost nothing yet.
+        # Threads of a pool start with its first call, so these cost nothing yet.
         self._workers = _Pool("robotd-worker", workers)
+        self._motions = _Pool("robotd-motion", workers)
         self._urgent = _Pool("robotd-urgent", _URGENT_WORKERS)
         self._lock = threading.Lock()  # of the calls of the pools
 
@@ -164,19 +165,27 @@ class RosHost:
         finally:
             self._handling_ns = 0
 
-    def submit(self, function: Callable[..., Any], *args: Any, urgent: bool = False) -> None:
+    def submit(
+        self,
+        function: Callable[..., Any],
+        *args: Any,
+        urgent: bool = False,
+        until_rest: bool = False,
+    ) -> None:
         """Run ``function(*args)`` in a worker; what it raises is logged. Any thread.
 
         Args:
             function: may block.
             args: its arguments.
             urgent: never waits behind ordinary calls; for stopping, not for moving.
+            until_rest: returns when a motion has ended; no other call waits behind it.
 
         Raises:
             NotReady: the host is closed.
             OperationError: too many calls are waiting already.
         """
-        pool, name = self._urgent if urgent else self._workers, getattr(function, "__name__", "?")
+        pool = self._urgent if urgent else self._motions if until_rest else self._workers
+        name = getattr(function, "__name__", "?")
 
         def ended(call: concurrent.futures.Future[None]) -> None:
             with self._lock:
@@ -214,7 +223,7 @@ class RosHost:
                 "a ROS handler hangs; its thread is abandoned", place=place_of(running.thread)
             )
             return
-        for pool in (self._urgent, self._workers):
+        for pool in (self._urgent, self._workers, self._motions):
             # Waiting calls are canceled, running ones abandoned when they take too long.
             pool.executor.shutdown(wait=False, cancel_futures=True)
             with self._lock:

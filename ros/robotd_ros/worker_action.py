@@ -120,7 +120,7 @@ class WorkerAction(ABC):
         self._live += 1
         with self._host.callback_guard():
             try:
-                self._host.submit(self._run, goal, self.arrived(goal))
+                self._host.submit(self._run, goal, self.arrived(goal), until_rest=True)
             except RobotdError as error:
                 self._abort(goal, self._type.Result(), error)
 

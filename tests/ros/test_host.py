@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -23,12 +24,16 @@ from rclpy.node import Node
 from std_msgs.msg import Empty, Float64
 from std_srvs.srv import SetBool, Trigger
 from structlog.testing import capture_logs
+from tests.ros.action_client import GoalClient
 from wmx_ros2_message.srv import SetAxis
 
+from robotd.control.completion import Outcome
 from robotd.errors import NotReady, OperationError
+from robotd.log import get_logger
 from robotd.plugin.call_timeout import end_idle_threads
 from robotd_ros.host import RosHost
 from robotd_ros.services import add_service, add_subscription
+from robotd_ros.worker_action import WorkerAction
 
 pytestmark = [pytest.mark.daily, pytest.mark.ros]
 
@@ -213,6 +218,44 @@ def test_callback_that_raises_does_not_end_the_others(
             assert time.monotonic() < deadline
             time.sleep(0.01)
         assert caller.call(Trigger, "alive").success
+
+
+class WaitingAction(WorkerAction):
+    """Action whose goals run until ``ended`` is set."""
+
+    def __init__(self, node: Node, host: RosHost) -> None:
+        self.ended, self.begun = threading.Event(), threading.Semaphore(0)
+        super().__init__(node, host, FollowJointTrajectory, "follow", get_logger("test"))
+
+    def execute(
+        self, goal: Any, result: Any, after: ExitStack, *arrived: Any
+    ) -> tuple[Outcome, str]:
+        self.begun.release()
+        self.ended.wait(WAIT_S)
+        return Outcome.SUCCEEDED, ""
+
+
+def test_a_service_does_not_wait_for_goals(host: RosHost, server: Node, caller: Caller) -> None:
+    action = WaitingAction(server, host)
+    off: list[str] = []
+
+    def switch_off(request: Any, response: Any) -> str:
+        off.append("off")
+        return "off"
+
+    add_service(server, host, Trigger, "off", switch_off)
+    client = GoalClient(caller.node, FollowJointTrajectory, "follow")
+    assert client.wait_for_server(WAIT_S)
+    try:
+        for _ in range(2):  # as many as there are workers
+            client.send_goal_async(FollowJointTrajectory.Goal())
+            assert action.begun.acquire(timeout=WAIT_S)
+        answer = caller.send(Trigger, "off")
+        time.sleep(1.0)
+        assert off
+    finally:
+        action.ended.set()
+    assert answer().success
 
 
 def test_message_handler_that_raises_gets_the_next_message(

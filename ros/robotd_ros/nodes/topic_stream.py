@@ -74,7 +74,7 @@ class TopicStream(Generic[Stream]):
     def _open(self) -> None:
         """Let a worker open a stream for the waiting command. Raises RobotdError."""
         try:
-            self._host.submit(self._run)
+            self._host.submit(self._run, until_rest=True)
         except RobotdError:
             with self._lock:
                 self._opening = False

@@ -138,7 +138,8 @@ class TrajectoryTopic:
         try:
             admission = self._source.admit(moves=True)
             ticket = self._group.motion.ticket()
-            self._host.submit(self._follow, message, ticket, admission, time.monotonic())
+            call = message, ticket, admission, time.monotonic()
+            self._host.submit(self._follow, *call, until_rest=True)
         except RobotdError as error:
             self._rejections.rejected(self._topic, (), str(error))
 

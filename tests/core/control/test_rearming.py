@@ -165,7 +165,7 @@ class WmxTopics(Client):
     def __init__(self, harness: Harness) -> None:
         super().__init__(harness)
         self.motion = AxisMotion(harness.robot)
-        host: Any = SimpleNamespace(submit=lambda function, *args, urgent=False: function(*args))
+        host: Any = SimpleNamespace(submit=lambda function, *args, **_: function(*args))
         self.jog = AxisJog(harness.robot, host, "wmx/axis/jog", 0.2)
 
     def message(self, **fields: float) -> Any:

@@ -26,7 +26,7 @@ class Host:
     def on_rejection(self, topic: str, axes: Sequence[int], reason: str) -> None:
         self.rejections.append(reason)
 
-    def submit(self, function: Callable[[], None]) -> None:
+    def submit(self, function: Callable[[], None], *, until_rest: bool) -> None:
         if self.is_full:
             raise OperationError("64 calls are waiting already")
         function()

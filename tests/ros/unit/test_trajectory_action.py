@@ -90,7 +90,7 @@ def test_a_goal_has_one_result_when_its_release_fails(
 ) -> None:
     failures: list[Exception] = []
 
-    def submit(function: Callable[..., None], *args: Any) -> None:
+    def submit(function: Callable[..., None], *args: Any, until_rest: bool) -> None:
         try:
             function(*args)
         except OperationError as error:  # the host logs it
@@ -114,7 +114,7 @@ def test_a_goal_that_was_canceled_while_it_waited_for_a_worker_does_not_begin(
     follower = Follower(done=True)
     follower.follow = lambda *args: begun.append(args)  # type: ignore[assignment,method-assign]
     action = action_of(
-        monkeypatch, follower, lambda function, *args: waiting.append(partial(function, *args))
+        monkeypatch, follower, lambda function, *args, **_: waiting.append(partial(function, *args))
     )
     goal = accepted_goal()
     goal.canceled, goal.abort = partial(states.append, "canceled"), partial(states.append, "abort")

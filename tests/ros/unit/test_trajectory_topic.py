@@ -37,7 +37,7 @@ def test_a_trajectory_that_has_waited_long_for_a_worker_moves_nothing(
         motion=SimpleNamespace(ticket=lambda: 1),
     )
     host: Any = SimpleNamespace(
-        submit=lambda function, *args: waiting.append(partial(function, *args)),
+        submit=lambda function, *args, **_: waiting.append(partial(function, *args)),
         on_rejection=lambda topic, axes, reason: rejections.append(reason),
     )
     robot: Any = SimpleNamespace(clock=None, rearming=None)
