@@ -152,6 +152,8 @@ class TrajectoryTopic:
                     f"the trajectory has waited {waited_s:.3g} s for a worker: after"
                     f" {TIMEOUT_S:g} s it is dropped"
                 )
+            if ticket < self._stopped:
+                raise NotReady("the trajectory was stopped before it could begin")
             if not admission.holds:
                 raise NotReady("motion was rejected before the trajectory could begin")
             request = trajectory_request(message)
