@@ -67,6 +67,8 @@ def test_all_fingers_close_by_the_parallel_action(client: Client) -> None:
     assert list(result.state.position) == [CLOSED_M, CLOSED_M]
     goal.command.name = ["elbow"]
     assert run(client, ParallelGripperCommand, action, goal)[1] is None
+    goal.command.name, goal.command.position = ["picker_1_joint"] * 2, [CLOSED_M, 0.0]
+    assert run(client, ParallelGripperCommand, action, goal)[1] is None
     assert command(client, 0.0)[1].reached_goal
 
 

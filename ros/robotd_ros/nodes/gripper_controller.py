@@ -90,6 +90,8 @@ def _wanted_in_parallel(request: Any, gripper: Gripper) -> float:
     names = names or list(gripper.joints)
     if len(positions) != len(names):
         raise InvalidArgument(f"{len(positions)} positions for {len(names)} joints")
+    if len(set(names)) < len(names):
+        raise InvalidArgument(f"a joint is given twice: {', '.join(names)}")
     return gripper.checked_fingers(dict(zip(names, positions, strict=True)))
 
 
