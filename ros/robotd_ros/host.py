@@ -66,7 +66,8 @@ class RosHost:
         yield_to_control_loop: called in the executor thread before each callback; may wait 1 ms.
         senders: names of clients; None: they are not looked up.
         on_rejection: called with topic, axes and reason of a rejected command, when it is news.
-        on_hang: called when a handler there does not return, with the reason; once for each.
+        on_hang: called when a handler there does not return, once for each, and when the thread
+            ends because the context was shut down; with the reason.
     """
 
     def __init__(
@@ -262,7 +263,9 @@ class RosHost:
             try:
                 spin_once(executor)
             except ExternalShutdownException:
-                log.error("the ROS context was shut down from outside robotd")
+                reason = "the ROS context was shut down from outside robotd"
+                log.error(reason)
+                self.on_hang(reason)
                 return
             except Exception:
                 # One broken callback must not stop the forty others.

@@ -426,3 +426,13 @@ def test_nothing_of_the_middleware_stays_after_the_end() -> None:
     finally:
         if collects:
             gc.enable()
+
+
+def test_the_end_of_the_context_is_reported(host: RosHost, server: Node) -> None:
+    reasons: list[str] = []
+    host.on_hang = reasons.append
+    host.context.try_shutdown()
+    deadline = time.monotonic() + 10.0
+    while not reasons and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert reasons == ["the ROS context was shut down from outside robotd"]
