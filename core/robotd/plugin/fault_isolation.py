@@ -144,13 +144,16 @@ class _Question(Generic[Answer]):
 class _FaultQuestion(_Question[str]):
     """``fault`` of a device: without an answer, the reason. Never raises.
 
-    The control loop does not ask a device whose last answer to another thread was missing.
+    The control loop does not ask a device whose last answer to another thread was missing, and the
+    other threads do not wait again for an answer that is still missing: the rejection of each
+    command has the fault.
     """
 
     _hangs = False
 
     def ask(self) -> str:
-        return self._silent if self._hangs and is_control_loop() else super().ask()
+        hangs = self._hangs and (is_control_loop() or self._asking.locked())
+        return self._silent if hangs else super().ask()
 
     def _await_answer(self) -> str:
         try:

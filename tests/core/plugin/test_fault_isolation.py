@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import threading
+import time
 from typing import Any
 
 import numpy as np
@@ -165,6 +166,25 @@ def test_a_late_answer_makes_the_state_unknown_for_no_longer(
     assert behind.state() is ConnectionState.IDLE
     with control_loop_thread():
         assert behind.state() is ConnectionState.IDLE
+
+
+def test_a_fault_that_is_not_answered_is_waited_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    hung = threading.Event()
+
+    class Stuck(FakeDevice):
+        def fault(self) -> str:
+            hung.wait(10.0)
+            return ""
+
+    monkeypatch.setattr(fault_isolation, "ANSWER_BUDGET_S", 0.2)
+    behind = isolated(Stuck(), DeviceDriver, PLUGIN, "stuck")
+    behind.fault()
+    began_s = time.monotonic()
+    for _ in range(50):  # rejected commands, in the thread that also takes stops
+        assert behind.fault() == f"plugin {PLUGIN}: DeviceDriver.fault does not return"
+    assert time.monotonic() - began_s < 0.2
+    hung.set()
+    assert wait_until(lambda: behind.fault() == "", 5.0, MonotonicClock())
 
 
 def test_a_fault_that_raises_is_a_text() -> None:
