@@ -136,7 +136,7 @@ def test_a_drive_that_is_lost_while_another_one_starts(open_rig: OpenRig) -> Non
         assert harness.device.state() is ConnectionState.UNKNOWN
         harness.inject("3 heal")
         harness.until(lambda: harness.device.state() is ConnectionState.COMMUNICATING)
-        assert not harness.image.offline.any()
+        harness.until(lambda: not harness.image.offline.any())
         recover(harness)
 
 
