@@ -129,6 +129,30 @@ def test_a_client_that_is_not_known_yet_gets_its_answer(
     assert times_s[-1] - times_s[0] > late_s, "the answer did not wait for the client"
 
 
+def test_a_response_that_cannot_be_sent_holds_up_no_other(
+    hosts: tuple[RosHost, RosHost], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    look, release = Node.get_subscriptions_info_by_topic, threading.Event()
+
+    def late(*arguments: Any, **options: Any) -> Any:
+        return look(*arguments, **options) if release.is_set() else []
+
+    def greet_in_turn(request: Any, response: Any) -> Any:
+        asked.append(request)
+        response.message = "\ud800" if len(asked) == 1 else "hello"
+        return response
+
+    asked: list[Any] = []
+    monkeypatch.setattr(Node, "get_subscriptions_info_by_topic", late)
+    add_service(node_of(hosts[0], "server"), hosts[0], Trigger, "asked", greet_in_turn)
+    client = node_of(hosts[1], "client").create_client(Trigger, "asked")
+    _, answered = ask(client), ask(client)
+    wait_until(lambda: len(asked) == 2, "both requests to be waiting")
+    release.set()
+    assert wait_for(answered).message == "hello"
+    assert wait_for(ask(client)).message == "hello"
+
+
 def test_a_response_that_waits_for_a_client_that_has_gone_leaves_the_interpreter_alone(
     hosts: tuple[RosHost, RosHost], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -105,7 +105,10 @@ class ServiceResponses:
                         self._waiting.append(each)
                 left = len(self._waiting)
             for each in ready:
-                self._send(each)
+                try:
+                    self._send(each)
+                except Exception:  # of one response, such as a text that is no UTF-8
+                    log.exception("response not sent", service=self._name)
 
     def _send(self, waiting: _Waiting) -> None:
         try:
