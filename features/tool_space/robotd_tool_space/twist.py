@@ -40,6 +40,7 @@ RAMP_SHARE, PATH_SHARE, TOTAL_SHARE = 0.3, 0.4, 0.6  # of the acceleration limit
 FACTOR_JERK_SHARE = 0.6  # of the jerk limits
 BRAKE_SHARE, BRAKE_S = 0.4, 0.06  # of the acceleration, at position limits; time of the last part
 MARGIN_RAD = 1e-3  # to the position limits, rad or m
+STANDING_RAD_S = 1e-5  # below it, a joint is not moved: the margin lasts for more than a minute
 LEAST_RATE, MAX_RATE, LEAST_CHANGE, MAX_CHANGE = 0.2, 20.0, 60.0, 200.0  # of s: 1/s, 1/s²
 DRIFT_GAIN = 12.0  # 1/s
 FULL_GAIN_AT = 0.02  # m/s or rad/s of the tool above which the drift is fully fed back
@@ -250,10 +251,15 @@ class TwistStage:
         return ServoStatus(ServoCode.HALT_FOR_COLLISION, status.factor, self._obstacle)
 
     def _braking(self, at: FloatArray, velocity: FloatArray) -> FloatArray:
-        """Return the speeds (n,) from which joints stop before their position limits."""
+        """Return the speeds (n,) from which joints stop before their position limits.
+
+        Infinite for joints that stand: rounding gives them a velocity, perhaps to a limit that
+        they are at.
+        """
         way = np.where(velocity > 0.0, self._upper - at, at - self._lower)
         strong = BRAKE_SHARE * self._joints.acceleration
-        return _braking_speed(np.maximum(way, 0.0), strong, BRAKE_S)
+        speeds = _braking_speed(np.maximum(way, 0.0), strong, BRAKE_S)
+        return np.where(np.abs(velocity) > STANDING_RAD_S, speeds, np.inf)
 
     def _status(
         self, rates: Rates, bounds: dict[str, tuple[float, int]], factor: float, *, leaves: bool

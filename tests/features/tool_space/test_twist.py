@@ -126,6 +126,18 @@ def test_singularities_are_approached_and_left_on_the_line(sign: float) -> None:
     assert not run.setpoints[-1, 1].any()
 
 
+@pytest.mark.parametrize("end", ["lower", "upper"])
+@pytest.mark.parametrize("joint", [0, 5])
+def test_a_joint_that_stands_at_its_limit_holds_up_nothing(end: str, joint: int) -> None:
+    """Straight up: rounding leaves a velocity of 1e-16 rad/s for these two."""
+    bound = getattr(limits_of(ARM), end).copy()
+    bound[joint] = READY[joint]
+    limits = replace(limits_of(ARM), **{end: bound})
+    run = follow(READY, {0.0: twist(np.array([0.0, 0.0, 0.1]))}, 1.0, limits=limits)
+    assert run.path[-1][2, 3] - run.path[0][2, 3] > 0.08
+    assert run.codes == {ServoCode.NO_WARNING}
+
+
 def test_a_turn_through_the_wrist_keeps_the_limits_and_the_place() -> None:
     start = READY.copy()
     start[4] = 0.9
