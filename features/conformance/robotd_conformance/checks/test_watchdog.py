@@ -7,6 +7,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -24,8 +26,9 @@ MOVES_S = 0.5
 WATCHDOG_S, GONE_S = 1.0, 2.5  # longest reaction of a device, and time until it is looked at
 
 
-def starve(streamed: Harness) -> None:
-    """Stream half a second of a motion, then nothing until the axes stand."""
+@contextmanager
+def starved(streamed: Harness) -> Iterator[None]:
+    """Stream half a second of a motion, then nothing for a second and in the block."""
     start = streamed.image.position_command.copy()
     speeds = streamed.speeds(0.3)
     began_ns = streamed.clock.now_ns()
@@ -39,12 +42,12 @@ def starve(streamed: Harness) -> None:
     claim = streamed.robot.axes.claimed("conformance", streamed.all)
     with claim, streamed.each_period(setpoint):
         streamed.pass_time(1.5)
+        yield
 
 
 @pytest.mark.clause("backend/watchdog")
 def test_an_axis_stops_when_setpoints_stay_away(streamed: Harness) -> None:
-    starve(streamed)
-    with streamed.recording() as recording:
+    with starved(streamed), streamed.recording() as recording:
         streamed.pass_time(0.3)
     assert np.ptp(recording.position, 0).max() <= SETTLED_RAD, "it went on without setpoints"
 
@@ -52,9 +55,8 @@ def test_an_axis_stops_when_setpoints_stay_away(streamed: Harness) -> None:
 @pytest.mark.clause("AxisDriver.read/reason")
 def test_the_reason_of_a_stop_ends_with_the_next_command(streamed: Harness) -> None:
     """The device has stopped the axes because setpoints stayed away; an alarm stays as it is."""
-    starve(streamed)
-    image = streamed.image
-    streamed.drivers.axes.end_stream(streamed.all)
+    with starved(streamed):
+        image = streamed.image
     streamed.pass_time(0.1)
     if image.amp_alarm.any() or not image.servo_on.all():
         pytest.skip("the device reports an alarm when setpoints stay away")
