@@ -90,6 +90,7 @@ def test_a_robot_that_does_not_confirm_is_named_and_the_others_are_stopped() -> 
         try:
             topic = client.node.create_publisher(String, f"/frozen/{SUMMARY}", LATCHED)
             topic.publish(String(data=json.dumps(frozen)))
+            wait_until(lambda: "/frozen" in listed(domain), "its summary")
             failed = run(domain, "stop", "--all", "--timeout", "8", check=False)
             assert failed.returncode == 1
             assert "/: stopped, at rest" in failed.stdout

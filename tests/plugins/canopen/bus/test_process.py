@@ -83,6 +83,9 @@ def test_power_off_and_on_of_all_drives(drives: DrivesProcess, tmp_path: Path) -
         assert "node 1" in stop.execution.message
         assert "has not come for" in stop.execution.message
         assert harness.robot.connection.fault.endswith("more nodes")
+        # The module, which has no cyclic PDO, is missed by its heartbeat; a start leaves out a node
+        # that is still online.
+        harness.until(lambda: len(harness.master.supervision.lost) == len(harness.master.nodes))
         drives.start()
         harness.robot.connection.start_communication()
         harness.until(lambda: harness.robot.connection.ready and not harness.image.offline.any())
