@@ -21,10 +21,12 @@ from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from std_msgs.msg import Empty, Float64
 from std_srvs.srv import SetBool, Trigger
 from structlog.testing import capture_logs
 from tests.ros.action_client import GoalClient
+from tests.ros.robot_process import wait_until
 from wmx_ros2_message.srv import SetAxis
 
 from robotd.control.completion import Outcome
@@ -258,6 +260,13 @@ def test_a_service_does_not_wait_for_goals(host: RosHost, server: Node, caller: 
     assert answer().success
 
 
+def discovered_publisher(caller: Caller, kind: type, depth: int) -> Publisher:
+    """Return a publisher on "topic" whose subscription is discovered."""
+    publisher = caller.node.create_publisher(kind, "topic", depth)
+    wait_until(publisher.get_subscription_count, "its subscription")
+    return publisher
+
+
 def test_message_handler_that_raises_gets_the_next_message(
     host: RosHost, server: Node, caller: Caller
 ) -> None:
@@ -268,11 +277,7 @@ def test_message_handler_that_raises_gets_the_next_message(
         raise RuntimeError("broken")
 
     add_subscription(server, host, Empty, "topic", handler, 10)
-    publisher = caller.node.create_publisher(Empty, "topic", 10)
-    deadline = time.monotonic() + WAIT_S
-    while publisher.get_subscription_count() == 0:
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    publisher = discovered_publisher(caller, Empty, 10)
     for _ in range(3):
         publisher.publish(Empty())
     assert all(seen.acquire(timeout=WAIT_S) for _ in range(3))
@@ -288,14 +293,10 @@ def test_the_last_message_of_a_flood_is_handled(
         seen.append(message.data)
 
     add_subscription(server, host, Float64, "topic", handler, 1000)
-    publisher = caller.node.create_publisher(Float64, "topic", 1000)
-    deadline = time.monotonic() + WAIT_S
-    while publisher.get_subscription_count() == 0:
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    publisher = discovered_publisher(caller, Float64, 1000)
     for number in range(500):
         publisher.publish(Float64(data=float(number)))
-    time.sleep(2.0)
+    wait_until(lambda: seen[-1:] == [499.0], "the last message")
     assert len(seen) < 450
     assert seen[-1] == 499.0
     assert seen == sorted(set(seen))

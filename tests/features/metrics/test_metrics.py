@@ -140,7 +140,7 @@ def test_connections_are_limited(arm: Observed) -> None:
 
 @pytest.fixture
 def logged() -> Iterator[list[logging.LogRecord]]:
-    """What robotd logs during the test."""
+    """Collect what robotd logs during the test."""
     records: list[logging.LogRecord] = []
     handler = logging.Handler()
     handler.emit = records.append  # type: ignore[method-assign]

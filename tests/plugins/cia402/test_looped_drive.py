@@ -437,14 +437,15 @@ def test_servo_off_does_not_wait_for_the_answers_to_another_command(on: LoopedDr
     assert powered == [False]
 
 
-def test_servo_off_ends_a_servo_on() -> None:
-    looped, states = LoopedDrive(), list[DriveState]()
-    off = threading.Thread(target=looped.commands.disable, args=(1.0,))
-    require_no_alarm = looped.commands._require_no_alarm
+def check_servo_on_is_ended(
+    looped: LoopedDrive, off: threading.Thread, at: DriveState | None = None
+) -> None:
+    """Run ``off`` while the servo is being switched on, in state ``at`` or at once."""
+    states, require_no_alarm = list[DriveState](), looped.commands._require_no_alarm
 
     def switch_off_meanwhile() -> None:
         states.append(looped.axis.report.state)
-        if off.ident is None and states[-1] is DriveState.SWITCHED_ON:
+        if off.ident is None and at in (None, states[-1]):
             off.start()
             off.join(0.2)
         require_no_alarm()
@@ -453,8 +454,14 @@ def test_servo_off_ends_a_servo_on() -> None:
     with pytest.raises(OperationError, match="switched off before the servo was on"):
         looped.commands.enable(1.0)
     off.join(10.0)
-    assert states[-1] is DriveState.SWITCHED_ON
+    assert at in (None, states[-1])
     assert not looped.axis.report.powered
+
+
+def test_servo_off_ends_a_servo_on() -> None:
+    looped = LoopedDrive()
+    off = threading.Thread(target=looped.commands.disable, args=(1.0,))
+    check_servo_on_is_ended(looped, off, DriveState.SWITCHED_ON)
 
 
 def test_a_servo_on_that_has_waited_for_another_command_too_long_switches_nothing_on() -> None:
@@ -697,19 +704,7 @@ def test_an_axis_in_motion_is_stopped_before_it_is_switched_off(on: LoopedDrive)
 def test_the_end_of_communication_ends_a_servo_on() -> None:
     looped = LoopedDrive()
     off = threading.Thread(target=switch_off, args=([looped.axis], 1.0, looped.clock))
-    require_no_alarm = looped.commands._require_no_alarm
-
-    def switch_off_meanwhile() -> None:
-        if off.ident is None:
-            off.start()
-            off.join(0.2)
-        require_no_alarm()
-
-    looped.commands._require_no_alarm = switch_off_meanwhile  # type: ignore[method-assign]
-    with pytest.raises(OperationError, match="switched off before the servo was on"):
-        looped.commands.enable(1.0)
-    off.join(10.0)
-    assert not looped.axis.report.powered
+    check_servo_on_is_ended(looped, off)
 
 
 def test_a_servo_that_stays_on_is_logged(on: LoopedDrive) -> None:

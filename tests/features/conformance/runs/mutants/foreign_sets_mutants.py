@@ -33,7 +33,6 @@ from robotd.api import (
 from robotd_sim import (
     SimAxes,
     SimDevice,
-    SimFaultInjector,
     SimFieldbus,
     SimIo,
     SimOptions,
@@ -547,16 +546,6 @@ class NamesOneAxisThatAFileLacks(Mutant):
                 if lacking := read_wmx_parameters(path).absent_axes(self.simulation.axes):
                     raise DescriptorError(f"axis {lacking[0]} is not in it", path=path) from error
                 raise
-
-
-class StuckOutputsAreNeverReleased(Mutant):
-    breaks = ("FaultInjector.stick_output_bit/sticks", "side effect")
-    found_by = "test_io.py::test_a_stuck_output_obeys_again_when_it_is_released"
-
-    class Injector(SimFaultInjector):
-        def stick_output_bit(self, byte: int, bit: int, value: bool | None) -> None:
-            if value is not None:
-                super().stick_output_bit(byte, bit, value)
 
 
 class MovesBackEndTooEarly(Mutant):

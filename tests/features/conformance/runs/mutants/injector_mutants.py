@@ -72,6 +72,16 @@ class SticksNothing(Mutant):
             pass
 
 
+class StuckOutputsAreNeverReleased(Mutant):
+    breaks = ("FaultInjector.stick_output_bit/sticks", "side effect")
+    found_by = "test_io.py::test_a_stuck_output_obeys_again_when_it_is_released"
+
+    class Injector(SimFaultInjector):
+        def stick_output_bit(self, byte: int, bit: int, value: bool | None) -> None:
+            if value is not None:
+                super().stick_output_bit(byte, bit, value)
+
+
 class BlocksTheAxisBeside(Mutant):
     breaks = ("FaultInjector.block/held", "wrong axis")
     found_by = "test_feedback.py::test_a_blocked_axis_is_measured_where_it_is"
