@@ -7,7 +7,6 @@ import numpy as np
 from robotd.api import NANOSECONDS, FloatArray, ProcessImage, get_logger
 from robotd.api.robots import Robot
 from robotd_tool_space.collisions import Collisions
-from robotd_tool_space.device_motion import moved_by_device
 from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.settings import ToolSpaceKeys
 from robotd_tool_space.tool_groups import ToolGroups
@@ -50,7 +49,7 @@ class _GroupGuard:
     """Of one joint group. Control loop."""
 
     def __init__(self, robot: Robot, tool: RobotTool, collisions: Collisions) -> None:
-        self._axes, self._chosen = robot.axes, list(tool.group.joint_axes)
+        self._axes, self._tool = robot.axes, tool
         self._reaction_s = REACTION_PERIODS / robot.descriptor.cycle.rate_hz
         self._acceleration = tool.group.follower.limits.acceleration
         self._collisions, self._clock, self._met_ns = collisions, robot.clock, 0
@@ -68,11 +67,12 @@ class _GroupGuard:
 
     def look(self, image: ProcessImage) -> None:
         """Stop moves and jogs that run in the device, and would collide otherwise."""
-        moved = moved_by_device(image, self._chosen)
+        moved = self._tool.moved_by_device(image)
         if not moved:
             return
-        position, velocity = image.position[self._chosen], image.velocity[self._chosen]
-        ramps = np.array([self._axes.deceleration[axis] for axis in self._chosen])
+        chosen = list(self._tool.group.joint_axes)
+        position, velocity = image.position[chosen], image.velocity[chosen]
+        ramps = np.array([self._axes.deceleration[axis] for axis in chosen])
         seconds = self._reaction_s + 0.5 * np.abs(velocity) / np.minimum(ramps, self._acceleration)
         if self.obstacle(position, position + velocity * seconds):
             self._axes.stops.request(moved)

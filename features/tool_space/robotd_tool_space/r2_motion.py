@@ -18,8 +18,7 @@ from robotd.api import (
     wait_until,
 )
 from robotd.api.robots import Outcome, Robot, TrajectoryExecution
-from robotd_tool_space.arrival import Arrival
-from robotd_tool_space.robot_tool import MIN_SPEED, RobotTool
+from robotd_tool_space.robot_tool import MIN_SPEED, Arrival, RobotTool
 from robotd_tool_space.tool_motion import ToolMotion
 
 log = get_logger("tool")

@@ -11,7 +11,6 @@ import numpy as np
 from robotd.api import DescriptorError, FloatArray, Unsupported, get_logger, unknown_name
 from robotd.api.features import EventKind, ProcessImage
 from robotd.api.robots import Robot
-from robotd_tool_space.device_motion import moved_by_device
 from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.settings import ToolSpaceKeys
 from robotd_tool_space.tool_groups import ToolGroups
@@ -137,10 +136,9 @@ class ReducedSpeed:
                 self._stop_too_fast(tool, image)
 
     def _stop_too_fast(self, tool: RobotTool, image: ProcessImage) -> None:
-        axes = list(tool.group.joint_axes)
-        moved = moved_by_device(image, axes)
-        factors = tool.group.motion_limits.factors
+        moved, factors = tool.moved_by_device(image), tool.group.motion_limits.factors
         if moved and factors is not None:
+            axes = list(tool.group.joint_axes)
             velocity = np.where(np.isin(axes, moved), image.velocity[axes], 0.0)
             if float(factors(image.position[axes][None], velocity[None])[0]) < 1.0 / TOO_FAST:
                 self._robot.axes.stops.request(moved)

@@ -1,12 +1,11 @@
-"""Tool of a robot's joint group: its pose, its frames, and its motion."""
+"""Tool of a robot's joint group: its pose, and its motion."""
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,15 +15,10 @@ from robotd.api import (
     NotReady,
     OperationError,
     RobotdError,
-    did_you_mean,
-    get_logger,
     wait_until,
 )
 from robotd.api.features import EventKind, Level, ProcessImage
-from robotd.api.robots import JointGroup, Outcome, Robot, TrajectoryExecution
-from robotd_tool_space.arrival import Arrival
-from robotd_tool_space.device_motion import moved_by_device
-from robotd_tool_space.kinematics import Kinematics
+from robotd.api.robots import Interruption, Outcome, TrajectoryExecution
 from robotd_tool_space.rotations import (
     COMPONENTS,
     checked_components,
@@ -33,106 +27,43 @@ from robotd_tool_space.rotations import (
     pose_of,
     rpy_of,
 )
-from robotd_tool_space.settings import ToolSpaceKeys
+from robotd_tool_space.tool_frames import ToolFrames
 from robotd_tool_space.tool_motion import ToolMotion, ToolSpeed, plan_joint_motion, plan_lines
 from robotd_tool_space.tool_stream import ToolStream
 from robotd_tool_space.twist import TwistStage
 
-log = get_logger("tool")
-
 BASE, TOOL = "base", "tool"
-CUSTOM_TOOL = "custom_tool"  # name of a tool that is not of the robot's file
 MIN_SPEED = 0.01
 POLL_S = 0.01
 
 
-class RobotTool:
-    """Tool of one joint group. Any worker thread.
-
-    Poses are of the chosen tool in the chosen work frame, matrices (4, 4), m; where no work frame
-    is chosen, in the base of the arm.
-
-    Args:
-        robot: of the tool.
-        group: joint group that moves it.
+class Arrival(NamedTuple):
+    """State of a tool when a request for motion arrived, which takes a while to plan.
 
     Attributes:
-        group: joint group that moves the tool.
-        at_link: kinematics of the link that the tools are fixed to.
-        on_change: called when a tool or a work frame was chosen.
-
-    Raises Unsupported, DescriptorError: as ``Kinematics.of_descriptor``.
+        ticket: of ``JointMotion.ticket``.
+        interruptions: of motion, before it.
+        choices: number of tools and work frames that were chosen before it.
     """
 
-    def __init__(self, robot: Robot, group: JointGroup) -> None:
-        self.group = group
-        self.on_change: Callable[[], None] = lambda: None
-        self._robot = robot
-        self._settings = robot.descriptor.settings(ToolSpaceKeys).tool_space
-        self.at_link = Kinematics.of_descriptor(robot.descriptor, group.name, group.follower.limits)
-        self._lock = threading.Lock()
-        self._tool = self._settings.tool or ""
-        self._work_frame = self._settings.work_frame or ""
-        self._kinematics = self._with_tool(self._tool)
-        self._choices = 0
+    ticket: int
+    interruptions: list[Interruption]
+    choices: int
 
-    @property
-    def base(self) -> str:
-        """Link that the poses are in without a work frame."""
-        return self.at_link.chain.base
+    def require_current(self, now: Arrival) -> None:
+        """Raise NotReady for a request that must not begin any more."""
+        if now.interruptions != self.interruptions:
+            raise NotReady("motion was stopped before this one began")
+        if now.choices != self.choices:
+            raise NotReady("another tool or work frame was chosen before the motion began")
 
-    @property
-    def link(self) -> str:
-        """Link that the tools are fixed to."""
-        return self.at_link.chain.link
 
-    @property
-    def tool_name(self) -> str:
-        """Name of the chosen tool; "" for the link itself, ``CUSTOM_TOOL`` after ``set_tool``."""
-        return self._tool
+class RobotTool(ToolFrames):
+    """Tool of one joint group: where it is, and motion of it. Any worker thread.
 
-    @property
-    def work_frame_name(self) -> str:
-        """Name of the chosen work frame; "" for the base."""
-        return self._work_frame
-
-    @property
-    def tool_names(self) -> tuple[str, ...]:
-        """Names of the tools in the robot's file."""
-        return tuple(self._settings.tools)
-
-    @property
-    def work_frame_names(self) -> tuple[str, ...]:
-        """Names of the work frames in the robot's file."""
-        return tuple(self._settings.work_frames)
-
-    def named_frames(self) -> list[tuple[str, str, FloatArray]]:
-        """Return parent, name and pose (4, 4) of each tool and work frame."""
-        tools = [(self.link, *each) for each in self._settings.tools.items()]
-        frames = [(self.base, *each) for each in self._settings.work_frames.items()]
-        return [(parent, name, frame.pose) for parent, name, frame in (*tools, *frames)]
-
-    def chosen_frames(self) -> list[tuple[str, str, FloatArray]]:
-        """Return parent, name and pose (4, 4) of the chosen tool and the chosen work frame."""
-        tool = (self.link, self._tool, self.tool_frame)
-        work_frame = (self.base, self._work_frame, self.work_frame)
-        return [each for each in (tool, work_frame) if each[1]]
-
-    @property
-    def tool_frame(self) -> FloatArray:
-        """The chosen tool in its link, (4, 4)."""
-        return inverse_pose(self.at_link.chain.end) @ self._kinematics.chain.end
-
-    @property
-    def kinematics(self) -> Kinematics:
-        """Of the chosen tool, in the base of the arm."""
-        return self._kinematics
-
-    @property
-    def work_frame(self) -> FloatArray:
-        """The chosen work frame in the base, (4, 4)."""
-        chosen = self._settings.work_frames.get(self._work_frame)
-        return np.eye(4) if chosen is None else chosen.pose
+    Poses are of the chosen tool in the chosen work frame, matrices (4, 4), m; where no work frame
+    is chosen, in the base of the arm. Arguments and errors are those of ``ToolFrames``.
+    """
 
     @cached_property
     def speed(self) -> ToolSpeed:
@@ -141,46 +72,6 @@ class RobotTool:
         return ToolSpeed(
             settings.velocity_m_s, settings.angular_velocity_rad_s, settings.acceleration_m_s2
         )
-
-    def select_tool(self, name: str) -> None:
-        """Choose a tool by its name in the robot's file; "" for the link itself.
-
-        Raises InvalidArgument: unknown name; NotReady: the joints move.
-        """
-        self._require_known("tool", name, self.tool_names)
-        self._use_tool(name, self._with_tool(name))
-
-    def set_tool(self, frame: FloatArray) -> None:
-        """Use a tool at ``frame`` (4, 4) in the link until another is chosen.
-
-        Raises NotReady: the joints move.
-        """
-        self._use_tool(CUSTOM_TOOL, self.at_link.with_tool(frame))
-
-    def _use_tool(self, name: str, kinematics: Kinematics) -> None:
-        _ = kinematics.task  # takes a while: not in the control loop, which begins streams
-        with self._choosing(f"tool {name!r}"):
-            self._kinematics, self._tool = kinematics, name
-        log.info("tool chosen", group=self.group.name, tool=name or self.link)
-
-    def select_work_frame(self, name: str) -> None:
-        """Choose a work frame by its name; "" for the base.
-
-        Raises InvalidArgument: unknown name; NotReady: the joints move.
-        """
-        self._require_known("work frame", name, self.work_frame_names)
-        with self._choosing(f"work frame {name!r}"):
-            self._work_frame = name
-        log.info("work frame chosen", group=self.group.name, work_frame=name or self.base)
-
-    @contextmanager
-    def _choosing(self, what: str) -> Iterator[None]:
-        with self._lock:  # until it is published: the newest is the last one
-            with self.group.motion.lock:
-                self._require_rest(what)
-                yield
-                self._choices += 1
-            self.on_change()
 
     def measured_pose(self, image: ProcessImage | None = None) -> FloatArray | None:
         """Return the measured pose; None while a position is unknown.
@@ -344,7 +235,7 @@ class RobotTool:
         """Note that a request for motion has arrived. Any thread."""
         newest = self._robot.rearming.interruptions.newest
         interruptions = newest(self.group.joint_axes, in_mode=True, follows_speed=True)
-        return Arrival(self.group.motion.ticket(), interruptions, self._choices)
+        return Arrival(self.group.motion.ticket(), interruptions, self.choices)
 
     @contextmanager
     def follow(
@@ -378,21 +269,6 @@ class RobotTool:
                 EventKind.GOAL, "tool", f"goal rejected: {error}", level=Level.WARNING, data=data
             )
             raise
-
-    def _with_tool(self, name: str) -> Kinematics:
-        chosen = self._settings.tools.get(name)
-        return self.at_link if chosen is None else self.at_link.with_tool(chosen.pose)
-
-    def _require_rest(self, what: str) -> None:
-        if self.group.motion.moving or moved_by_device(self._robot.image, self.group.joint_axes):
-            raise NotReady(f"{what}: the joints move")
-
-    @staticmethod
-    def _require_known(kind: str, name: str, known: Sequence[str]) -> None:
-        if name and name not in known:
-            available = ", ".join(known) or "none"
-            hint = did_you_mean(name, known)
-            raise InvalidArgument(f"unknown {kind} {name!r} (available: {available}){hint}")
 
 
 def _check_speed(speed: float) -> None:

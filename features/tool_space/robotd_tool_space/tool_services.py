@@ -19,9 +19,8 @@ from robotd_ros.qos import LATCHED
 from robotd_ros.run_nodes import NodeContext
 from robotd_ros.services import add_service
 from robotd_ros.worker_action import WorkerAction
-from robotd_tool_space.arrival import Arrival
 from robotd_tool_space.reduced_speed import ReducedSpeed
-from robotd_tool_space.robot_tool import BASE, TOOL, RobotTool
+from robotd_tool_space.robot_tool import BASE, TOOL, Arrival, RobotTool
 from robotd_tool_space.rotations import fill_pose, inverse_pose, pose_of_message
 from robotd_tool_space.tool_groups import ToolGroups
 from robotd_tool_space.tool_motion import ToolMotion

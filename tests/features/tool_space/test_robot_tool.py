@@ -26,7 +26,8 @@ from robotd.clock.simulated import SteppedClock
 from robotd.device.axes import Move
 from robotd.robot import build_robot
 from robotd_tool_space import Kinematics, Unreachable, pose_differences, pose_of
-from robotd_tool_space.robot_tool import CUSTOM_TOOL, RobotTool
+from robotd_tool_space.robot_tool import RobotTool
+from robotd_tool_space.tool_frames import CUSTOM_TOOL
 from robotd_tool_space.tool_groups import ToolGroups
 from robotd_tool_space.tool_motion import plan_joint_motion
 
