@@ -328,7 +328,8 @@ class AxisDriver(ABC):
     def set_command_mode(self, axis: int, mode: CommandMode) -> None:
         """Change the command mode of an idle axis; nothing moves (VELOCITY_MODE, TORQUE_MODE).
 
-        An axis in torque mode holds its position until ``begin_stream``.
+        An axis in torque mode holds its position until ``begin_stream``. Raises Unsupported: a mode
+        that is not declared.
         """
         if mode is not CommandMode.POSITION:
             raise Unsupported(f"{mode.name.lower()} mode")

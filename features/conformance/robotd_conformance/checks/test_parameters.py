@@ -36,6 +36,12 @@ def write(parameters: WmxParameters, path: Path, **values: dict[int, Any]) -> Pa
     return path
 
 
+def of_each_part(harness: Harness) -> dict[str, dict[int, Any]]:
+    """Return new values of every axis, of each part of a file that every device keeps."""
+    names = ("InPosWidth", "HomingVelSlow", "QuickStopDec")
+    return {name: {axis: 2.5 + axis for axis in harness.all} for name in names}
+
+
 def require_files(harness: Harness) -> None:
     """Skip the check where there are no parameter files, or none may be loaded."""
     if not harness.can(Capability.PARAMETERS_FILE):
@@ -119,12 +125,11 @@ def test_a_file_is_in_force_until_the_device_is_closed(disabled: Harness, tmp_pa
 @pytest.mark.clause("DeviceDriver.load_parameters/applies", "DeviceDriver.load_parameters/live")
 @pytest.mark.clause("DeviceDriver.load_parameters/named")
 def test_a_load_that_one_axis_forbids_changes_no_other(rescalable: Harness, tmp_path: Path) -> None:
-    """Another scale and another ramp of every axis, while the last or first is on; then none."""
+    """Another scale and more of every axis, while the last or first is on; then none."""
     require_files(rescalable)
     device, own = rescalable.drivers.device, _parameters(rescalable)
     scale = {axis: -int(own["AxisPolarity"][axis]) for axis in rescalable.all}
-    ramps = {axis: 2.5 + axis for axis in rescalable.all}
-    turned = write(own, tmp_path / "turned.xml", AxisPolarity=scale, QuickStopDec=ramps)
+    turned = write(own, tmp_path / "turned.xml", AxisPolarity=scale, **of_each_part(rescalable))
     device.load_parameters(write(own, tmp_path / "own.xml"))
     rescalable.periods(5)
     before, position = dumps(rescalable), rescalable.image.position.copy()
@@ -148,13 +153,13 @@ def test_a_load_that_one_axis_forbids_changes_no_other(rescalable: Harness, tmp_
 )
 def test_a_wrong_value_of_the_last_axis_changes_no_axis(disabled: Harness, tmp_path: Path) -> None:
     require_files(disabled)
-    device, ramps = disabled.drivers.device, {axis: 2.5 + axis for axis in disabled.all}
-    own = _parameters(disabled)
+    device, own, values = disabled.drivers.device, _parameters(disabled), of_each_part(disabled)
     turned = {axis: -int(own["AxisPolarity"][axis]) for axis in disabled.all}
-    path = write(own, tmp_path / "wrong.xml", QuickStopDec=ramps, AxisPolarity=turned)
-    text, mark = path.read_text(encoding="utf-8"), f">{ramps[disabled.count - 1]:.6f}<"
+    path = write(own, tmp_path / "wrong.xml", **values, AxisPolarity=turned)
+    text, name = path.read_text(encoding="utf-8"), "QuickStopDec"
+    mark = f"<{name}>{values[name][disabled.count - 1]:.6f}<"
     assert mark in text
-    path.write_text(text.replace(mark, ">fast<"), encoding="utf-8")
+    path.write_text(text.replace(mark, f"<{name}>fast<"), encoding="utf-8")
     before = dumps(disabled)
     with pytest.raises(DescriptorError):
         device.load_parameters(path)
@@ -173,9 +178,9 @@ def test_a_file_without_axes_of_the_robot_changes_no_axis(
     require_files(disabled)
     device, own, path = disabled.drivers.device, _parameters(disabled), tmp_path / "short.xml"
     lacking = disabled.all[-2:] if disabled.count > 2 else disabled.all[-1:]
-    ramps = {axis: 2.5 + axis for axis in disabled.all}
     turned = {axis: -int(own["AxisPolarity"][axis]) for axis in disabled.all}
-    text = write(own, path, QuickStopDec=ramps, AxisPolarity=turned).read_text(encoding="utf-8")
+    file = write(own, path, **of_each_part(disabled), AxisPolarity=turned)
+    text = file.read_text(encoding="utf-8")
     start, end = text.index(f'<AxisParameters Axis="{lacking[0]}"'), text.index("</Parameters>")
     path.write_text(text[:start] + text[end:], encoding="utf-8")
     before = dumps(disabled)

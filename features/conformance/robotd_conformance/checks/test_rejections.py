@@ -33,6 +33,11 @@ FEATURES = MappingProxyType[Capability, Callable[[Robot], object]]({
     Capability.HOT_CONNECT: lambda robot: robot.fieldbus.start_hot_connect(0),
 })  # fmt: skip
 
+MODES = {
+    CommandMode.VELOCITY: Capability.VELOCITY_MODE,
+    CommandMode.TORQUE: Capability.TORQUE_MODE,
+}
+
 KEEPS_WHAT_IT_FINDS = (
     Capability.PARAMETERS_FILE,
     Capability.IO,
@@ -65,6 +70,19 @@ def test_what_is_not_declared_is_not_supported(harness: Harness) -> None:
         if not harness.can(capability):
             with pytest.raises(Unsupported, match="not supported by the"):
                 use(harness.robot)
+
+
+@pytest.mark.clause("AxisDriver.set_command_mode/undeclared")
+def test_the_driver_takes_no_mode_that_is_not_declared(harness: Harness) -> None:
+    modes = [mode for mode, capability in MODES.items() if not harness.can(capability)]
+    if not modes:
+        pytest.skip("the device has all modes")
+    for mode in modes:
+        for axis in {0, harness.count - 1}:
+            with pytest.raises(Unsupported):
+                harness.drivers.axes.set_command_mode(axis, mode)
+    harness.periods(5)
+    assert (harness.image.mode == CommandMode.POSITION).all()
 
 
 @pytest.mark.clause("backend/declares")

@@ -107,6 +107,8 @@ def lose_drive(harness: Harness, motion: MixedMotion) -> None:
     harness.injector.reconnect(last)
     harness.robot.fieldbus.start_hot_connect(0)
     harness.until(lambda: not image.offline[last], "the drive is back")
+    harness.pass_time(WAITS_S)
+    assert not image.servo_on[last], "the servo of a drive that was lost is on when it is back"
     harness.drivers.axes.stop(harness.all[:last])
 
 
@@ -139,7 +141,7 @@ def test_nothing_moves_after_the_end_of_a_motion(harness: Harness, end: End) -> 
 
 
 @pytest.mark.clause("DeviceDriver.start_communication/nothing-moves")
-@pytest.mark.clause("AxisDriver/resumption", "AxisDriver.stream/others")
+@pytest.mark.clause("AxisDriver/resumption", "AxisDriver/servos", "AxisDriver.stream/others")
 @pytest.mark.clause("AxisDriver.set_command_mode/nothing-moves")
 @pytest.mark.clause("DeviceDriver.stop_communication/axes-stop", "DeviceDriver.close/disconnects")
 @pytest.mark.parametrize("end", NEW_CONNECTIONS, ids=by_name)
@@ -286,7 +288,7 @@ def stays(
 
 
 def start_again(harness: Harness) -> None:
-    """Communicate again, servos as they are then."""
+    """Communicate again: all servos are off then, and stay off."""
     connection = harness.robot.connection
     harness.pass_time(0.3)
     if harness.drivers.device.state() is ConnectionState.RUNNING:
@@ -295,3 +297,6 @@ def start_again(harness: Harness) -> None:
         connection.start()
     harness.until(lambda: connection.ready, "the engine is ready")
     harness.until(lambda: bool(np.isfinite(harness.image.position).all()), "positions are known")
+    harness.pass_time(WAITS_S)
+    on = np.flatnonzero(harness.image.servo_on).tolist()
+    assert not on, f"the servos of axes {on} are on when communication has begun again"

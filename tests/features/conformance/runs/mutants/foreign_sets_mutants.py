@@ -16,6 +16,7 @@ from tests.features.conformance.runs.mutants.plugin import Mutant, ReadAnew
 
 from robotd.api import (
     BusStatus,
+    CommandMode,
     ConnectionState,
     DescriptorError,
     DeviceContext,
@@ -594,3 +595,61 @@ class StopOfAnIdleAxisIsNotComplete(Mutant):
             for axis in axes:
                 if states.operation[axis] == Operation.IDLE:
                     states.motion_complete[axis] = False
+
+
+class ServosOnAgainWithTheLink(Mutant):
+    breaks = ("AxisDriver/servos", "side effect")
+    found_by = "test_resumption.py::test_nothing_moves_after_a_new_connection"
+    says = "are on when communication has begun again"
+
+    class Device(SimDevice):
+        def __init__(self, simulation: Simulation) -> None:
+            super().__init__(simulation)
+            silence = simulation.silence
+
+            def note() -> None:
+                if simulation.lost_because and simulation.communicating:
+                    self.were_on = np.flatnonzero(simulation.states.servo_on).tolist()
+                silence()
+
+            self.were_on: list[int] = []
+            simulation.silence = note  # type: ignore[method-assign]
+
+        def start_communication(self, timeout_s: float) -> None:
+            super().start_communication(timeout_s)
+            with self.simulation.world.lock:
+                for axis in self.were_on:
+                    self.simulation.power.request(axis, on=True)
+                self.were_on = []
+
+
+class TorqueModeThatIsNotThere(Mutant):
+    breaks = ("AxisDriver.set_command_mode/undeclared", "ignored")
+    found_by = "test_rejections.py::test_the_driver_takes_no_mode_that_is_not_declared"
+    says = "DID NOT RAISE"
+
+    class Axes(SimAxes):
+        def set_command_mode(self, axis: int, mode: CommandMode) -> None:
+            if mode is not CommandMode.TORQUE:
+                super().set_command_mode(axis, mode)
+
+
+class RejectedFileInPart(Mutant):
+    """Windows of a file that the servo of another axis forbids."""
+
+    breaks = ("DeviceDriver.load_parameters/live", "side effect")
+    found_by = "test_parameters.py::test_a_load_that_one_axis_forbids_changes_no_other"
+    says = "rejected for axis"
+
+    class Device(SimDevice):
+        def load_parameters(self, path: Path) -> str:
+            try:
+                return super().load_parameters(path)
+            except NotReady:
+                simulation = self.simulation
+                wanted = read_wmx_parameters(path, simulation.axes)["InPosWidth"]
+                widths = {axis: wanted[axis].item() for axis in range(simulation.axes)}
+                with simulation.world.lock:
+                    values = {"InPosWidth": widths}
+                    simulation.parameters = simulation.parameters.with_values(values)
+                raise
