@@ -605,6 +605,7 @@ class ServosOnAgainWithTheLink(Mutant):
     class Device(SimDevice):
         def __init__(self, simulation: Simulation) -> None:
             super().__init__(simulation)
+            self.were_on: list[int] = []
             silence = simulation.silence
 
             def note() -> None:
@@ -612,7 +613,6 @@ class ServosOnAgainWithTheLink(Mutant):
                     self.were_on = np.flatnonzero(simulation.states.servo_on).tolist()
                 silence()
 
-            self.were_on: list[int] = []
             simulation.silence = note  # type: ignore[method-assign]
 
         def start_communication(self, timeout_s: float) -> None:
