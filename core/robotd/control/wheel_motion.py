@@ -154,7 +154,7 @@ class WheelMotion(SetpointSource):
     def _loss(self, time_ns: int, image: ProcessImage) -> str | None:
         """Return the reason why the claimed wheels cannot move; None: they can."""
         for axis, mode in zip(self._wheel_axes, self._modes, strict=True):
-            if error := self._axes.rejection(axis, mode, OWNER):
+            if error := self._axes.inability(axis, mode, OWNER):
                 return str(error)
             # Values from before the claim cannot show it yet.
             if time_ns > self._claimed_ns and image.operation[axis] != Operation.STREAM:

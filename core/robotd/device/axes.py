@@ -427,9 +427,13 @@ class Axes:
 
     def rejection(self, axis: int, mode: CommandMode, by: str = "") -> NotReady | None:
         """The error of a motion command now, of a client named ``by``; None: accepted."""
-        image = self.image
         if not self.connection.commandable:
             return NotReady(self.connection.rejection)
+        return self.inability(axis, mode, by)
+
+    def inability(self, axis: int, mode: CommandMode, by: str) -> NotReady | None:
+        """The error of motion in ``mode`` by ``by``, also one that goes on; None: it can move."""
+        image = self.image
         if image.fault(axis):
             return self._fault_error(axis)
         if not image.servo_on[axis]:

@@ -258,6 +258,22 @@ def test_after_stop_commands_are_rejected_until_the_engine_restarts(harness: Bas
     assert harness.twist.linear > 0.1
 
 
+def test_a_request_to_end_leaves_the_base_its_own_ramp(harness: BaseHarness) -> None:
+    harness.drive(1.0, 0.0, 2.0)
+    harness.robot.connection.abort_start()
+    with pytest.raises(NotReady, match="being shut down"):
+        harness.base.command(1.0, 0.0)
+    wheels = []
+    while harness.base.moving:
+        harness.step()
+        wheels.append(harness.robot.image.setpoint[1, 0])
+    harness.settle()
+    settings = harness.base.settings
+    step = settings.deceleration_m_s2 * harness.period_s / settings.wheel_radius_m
+    assert np.abs(np.diff(wheels)).max() <= step * (1.0 + 1e-9)
+    assert wheels[-1] == pytest.approx(0.0, abs=1e-9)
+
+
 def test_the_pose_starts_at_zero_for_any_encoder_position(descriptor: RobotDescriptor) -> None:
     options = {"sim": {"initial_position_rad": [123.4, -56.7]}}
     for harness in running(descriptor.model_copy(update={"backends": options})):
