@@ -256,10 +256,13 @@ class Connection:
         Nothing moves, no servo is switched on. Raises as ``open`` and ``start_communication`` do.
         """
         with self._lock:
-            if self._driver.state() is ConnectionState.SHUTDOWN:  # ended by another program
-                self.close()
-            self.open()
-            self.start_communication()
+            try:
+                if self._driver.state() is ConnectionState.SHUTDOWN:  # ended by another program
+                    self.close()
+                self.open()
+                self.start_communication()
+            finally:
+                self._wanted = True  # ``close`` ends that, and a step that failed is tried again
 
     def start_communication(self) -> None:
         """Begin the cyclic exchange and apply the parameter file. Nothing moves.

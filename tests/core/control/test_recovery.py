@@ -261,6 +261,17 @@ def test_a_lost_device_is_reconnected_with_its_servos_off() -> None:
     assert not harness.image.servo_on.any()
 
 
+def test_a_device_that_ended_is_opened_again_until_that_works() -> None:
+    harness = reconnecting().up()
+    harness.simulation.engine = ConnectionState.SHUTDOWN
+    harness.simulation.failures_left = 2
+    harness.run(0.1)
+    for _ in range(3):
+        assert harness.connection.lost
+        harness.robot._reconnector.attempt()
+    assert harness.connection.ready
+
+
 def test_a_device_that_comes_late_is_connected() -> None:
     harness = reconnecting()
     harness.simulation.failures_left = 2
