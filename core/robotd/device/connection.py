@@ -264,6 +264,12 @@ class Connection:
             finally:
                 self._wanted = True  # ``close`` ends that, and a step that failed is tried again
 
+    def restore_if_lost(self) -> None:
+        """Restore a connection that is still ``lost`` when no other command runs."""
+        with self._lock:
+            if self.lost:
+                self.restore()
+
     def start_communication(self) -> None:
         """Begin the cyclic exchange and apply the parameter file. Nothing moves.
 

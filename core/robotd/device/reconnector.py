@@ -45,7 +45,7 @@ class Reconnector:
             self._failure = None
             return
         try:
-            self._connection.restore()
+            self._connection.restore_if_lost()  # it may be being stopped on purpose now
         except RobotdError as error:
             self._report(str(error))
         except Exception as error:  # noqa: BLE001 - of a plugin; the next attempt may succeed

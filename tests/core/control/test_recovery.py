@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from tests.core.control.harness import Harness, arm
 
 from robotd.control.recovery import NOTHING_WRONG
 from robotd.control.trajectory_execution import Outcome
+from robotd.control.watchdog import place_of
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import ConnectionState
 from robotd.errors import ConnectError, NotReady, RobotdError
@@ -292,6 +294,34 @@ def test_what_was_stopped_on_purpose_stays_stopped() -> None:
     harness.connection.close()
     harness.robot._reconnector.attempt()
     assert harness.connection.state is ConnectionState.IDLE
+
+
+@pytest.mark.parametrize("command", ["stop_communication", "close"])
+def test_what_is_being_stopped_on_purpose_is_not_reconnected(command: str) -> None:
+    harness = reconnecting().up()
+    driver, attempt = harness.connection._driver, harness.robot._reconnector.attempt
+    stop, attempts = driver.stop_communication, []
+
+    def slow(timeout_s: float) -> None:
+        stop(timeout_s)
+        harness.run(0.1)
+        assert harness.connection.lost, "until the command has ended"
+        attempts.append(threading.Thread(target=attempt))
+        attempts[0].start()
+        wait_for_waiting(attempts[0], "restore")
+
+    driver.stop_communication = slow  # type: ignore[method-assign]
+    getattr(harness.connection, command)()
+    attempts[0].join(10.0)
+    assert harness.connection.state in (ConnectionState.RUNNING, ConnectionState.IDLE)
+
+
+def wait_for_waiting(thread: threading.Thread, function: str) -> None:
+    """Wait until ``thread`` has called a function whose name begins so."""
+    end_s = time.monotonic() + 10.0
+    while function not in place_of(thread):
+        assert time.monotonic() < end_s
+        time.sleep(1e-3)
 
 
 def test_a_robot_that_shuts_down_is_not_reconnected() -> None:
