@@ -84,6 +84,7 @@ class Connection:
             Communication that ``start_communication`` has not brought about does not count.
         established: True from the end of ``start_communication`` until it is stopped on purpose.
             While it is, a device that is not ready has been lost.
+        stale: values of the device are too old to be trusted.
         parameters_file: applied whenever communication starts on a newly opened device; None leaves
             the device's own parameters.
     """
@@ -98,7 +99,7 @@ class Connection:
         has_parameters: bool = True,
     ) -> None:
         self.settings = settings
-        self.ready = self.established = False
+        self.ready = self.established = self.stale = False
         self.scaling_lock = threading.Lock()
         self._driver = driver
         self._backend = backend
@@ -108,7 +109,6 @@ class Connection:
         self._ending = threading.Event()
         self._closed = False
         self.step = StartupStep()
-        self._stale = False
         self._stale_reason = ""
         self._hang = ""
         self._start_failure = ""
@@ -124,7 +124,7 @@ class Connection:
         if self._closed:
             return ConnectionState.SHUTDOWN
         state = self._driver.state()
-        stale = self._stale and state is ConnectionState.COMMUNICATING
+        stale = self.stale and state is ConnectionState.COMMUNICATING
         return ConnectionState.UNKNOWN if stale else state
 
     @property
@@ -366,8 +366,8 @@ class Connection:
     def set_stale(self, stale: bool, reason: str = "") -> None:
         """Cycle thread: the device's values are (no longer) too old to be trusted, and why."""
         self._hang, self._stale_reason = "", reason
-        if stale is not self._stale:
-            self._stale = stale
+        if stale is not self.stale:
+            self.stale = stale
             self.update_ready()
 
     def abandon(self, reason: str) -> None:
@@ -375,7 +375,7 @@ class Connection:
 
         A cycle that goes on after all says by ``set_stale`` how old the values are.
         """
-        self._stale, self._hang = True, reason
+        self.stale, self._hang = True, reason
         self._set_ready(False)  # without the lock: its holder may hang
 
     def update_ready(self) -> ConnectionState:

@@ -10,9 +10,11 @@ import pytest
 from tests.core.control.harness import ACCELERATION, FAR, HOME, PERIOD_S, Harness, arm
 
 from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
+from robotd.device.axes import Jog, Move
 from robotd.device.process_image import ProcessImage
-from robotd.device.state import ConnectionState, Operation
+from robotd.device.state import CommandMode, ConnectionState, Operation
 from robotd.errors import ConnectError, NotReady
+from robotd.motion.profile import Profile
 
 OTHERS = [1, 2]
 
@@ -299,6 +301,27 @@ def test_old_values_end_the_goal_and_readiness(frozen: Harness) -> None:
     assert harness.connection.ready
     assert heard == [True, False, True]
     assert_works(harness)
+
+
+@pytest.mark.parametrize("seen", [True, False])
+def test_old_values_end_what_the_device_moves_by_itself(harness: Harness, seen: bool) -> None:
+    """Nobody sees how far it goes: the soft limits neither."""
+    axes = harness.robot.axes
+    axes.set_command_mode(1, CommandMode.VELOCITY)
+    harness.faults.freeze(not seen)
+    axes.jog([Jog(1, Profile(1.0, 5.0, 5.0))])
+    axes.move([Move(2, 2.0, Profile(1.0, 5.0, 5.0))])
+    harness.run(0.05)
+    harness.faults.freeze(True)
+    harness.run(0.6)
+    assert not harness.connection.ready
+    at_rest = [harness.faults.position(axis) for axis in (1, 2)]
+    assert 0.0 < max(at_rest) < 0.4
+    harness.run(0.5)
+    assert [harness.faults.position(axis) for axis in (1, 2)] == pytest.approx(at_rest, abs=1e-3)
+    harness.faults.freeze(False)
+    harness.run(0.1)
+    assert harness.image.operation.tolist() == [Operation.IDLE] * 3
 
 
 def test_a_failing_read_is_tolerated_until_the_values_are_stale(harness: Harness) -> None:
