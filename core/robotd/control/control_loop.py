@@ -21,7 +21,7 @@ from robotd.control.watchdog import SIMULATED_HANG_S, Watchdog, place_of
 from robotd.device.connection import Connection
 from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage
-from robotd.device.state import ConnectionState
+from robotd.device.state import COMMUNICATES
 from robotd.errors import RobotdError
 from robotd.log import get_logger
 from robotd.realtime import control_loop_thread, request_realtime
@@ -258,7 +258,7 @@ class ControlLoop:
     def _communicates(self, time_ns: int) -> bool:
         """Query the state of the device; the end of communication fails all motion."""
         state = self._connection.update_ready()
-        if state in (ConnectionState.COMMUNICATING, ConnectionState.UNKNOWN):
+        if state in COMMUNICATES:
             return True
         self._lose(state, f"communication has ended (engine state {state.value})")
         if self._since_ns:  # the image holds values of the communication that has ended

@@ -19,7 +19,7 @@ from robotd.device.drivers import AxisDriver
 from robotd.device.motion_limits import MotionLimits
 from robotd.device.process_image import ProcessImage
 from robotd.device.speed_scale import SpeedScale
-from robotd.device.state import CommandMode, Operation
+from robotd.device.state import COMMUNICATES, CommandMode, Operation
 from robotd.device.stops import StopLatch, StopRequests
 from robotd.errors import DeviceTimeout, InvalidArgument, NotReady, RobotdError, Unsupported
 from robotd.events import EventKind, EventLog, noted
@@ -335,7 +335,11 @@ class Axes:
 
     @noted
     def stop(self, axes: Sequence[int]) -> None:
-        """Controlled stop; never rejected because of an owner. Not ready: no effect."""
+        """Controlled stop; never rejected because of an owner.
+
+        Also while values are stale or the state of the device is unknown. No effect while it does
+        not communicate.
+        """
         self._stop(axes, self._driver.stop)
 
     @noted
@@ -504,8 +508,9 @@ class Axes:
             raise Unsupported(feature, self.backend)
 
     def _stop(self, axes: Sequence[int], stop: Callable[[Sequence[int]], None]) -> None:
-        if self.connection.ready:
-            self.check_axes(axes)
+        if self.connection.established and self.connection.state in COMMUNICATES:
+            self.stop_latch.check_commandable()
+            self.check_numbers(axes)
             for axis in axes:
                 self._stops[axis] += 1
             with self._naming():

@@ -11,7 +11,7 @@ from pathlib import Path
 from robotd.descriptor import EngineSettings
 from robotd.descriptor.files import is_file
 from robotd.device.drivers import DeviceDriver
-from robotd.device.state import ConnectionState
+from robotd.device.state import COMMUNICATES, ConnectionState
 from robotd.errors import (
     ConnectError,
     DescriptorError,
@@ -301,7 +301,7 @@ class Connection:
         """
         with self._lock:
             try:
-                if self._driver.state() in (ConnectionState.COMMUNICATING, ConnectionState.UNKNOWN):
+                if self._driver.state() in COMMUNICATES:
                     try:
                         self.before_stop()
                     finally:

@@ -15,6 +15,9 @@ class ConnectionState(Enum):
     UNKNOWN = "Unknown"  # the device does not say
 
 
+COMMUNICATES = (ConnectionState.COMMUNICATING, ConnectionState.UNKNOWN)  # as far as is known
+
+
 class CommandMode(IntEnum):
     """Quantity of an axis' setpoint; the numbers of ``/wmx/axis/set_mode``."""
 

@@ -324,6 +324,18 @@ def test_old_values_end_what_the_device_moves_by_itself(harness: Harness, seen: 
     assert harness.image.operation.tolist() == [Operation.IDLE] * 3
 
 
+def test_a_stop_reaches_a_device_whose_values_are_old(harness: Harness) -> None:
+    axes, stopped = harness.robot.axes, []
+    axes.move([Move(1, 2.5, Profile(1.0, 5.0, 5.0))])
+    harness.run(0.5)
+    harness.robot.axes._driver.stop = stopped.append  # type: ignore[method-assign]
+    harness.faults.freeze(True)
+    harness.run(0.5)
+    assert not harness.connection.ready
+    axes.stop([1])
+    assert stopped == [[0, 1, 2], [1]]
+
+
 def test_a_failing_read_is_tolerated_until_the_values_are_stale(harness: Harness) -> None:
     driver = harness.robot.control_loop._driver
     read = driver.read
