@@ -88,18 +88,22 @@ class MotionStop:
         """Allow motion again; returns what was reset, as text. Any worker. Nothing moves.
 
         Raises:
-            NotReady: the input forbids motion.
+            NotReady: the input forbids motion, or motion is stopped again meanwhile.
             DeviceTimeout: axes still move after ``timeout_s``.
         """
         latch = self._axes.stop_latch
-        if not latch.reason:
+        reason, stops = latch.reason, latch.stops
+        if not reason:
             return "motion was not stopped"
-        if self._forbids_motion():
-            raise NotReady(f"{self._input_name} forbids motion: release it first")
-        if not wait_until(lambda: self.at_rest, timeout_s, self._clock):
+        if not wait_until(self._may_reset, timeout_s, self._clock):
             raise DeviceTimeout(f"axes still move after {timeout_s:g} s; motion stays stopped")
-        reason = latch.reason
-        latch.release()
+        latch.release(stops)
         if still := self._axes.speed.rejection:
             return f"the stop is over; it was: {reason}; {still}"
         return f"motion is allowed again; it was stopped: {reason}"
+
+    def _may_reset(self) -> bool:
+        """Return True at standstill. Raises NotReady while the input forbids motion."""
+        if self._forbids_motion():
+            raise NotReady(f"{self._input_name} forbids motion: release it first")
+        return self.at_rest

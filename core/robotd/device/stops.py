@@ -27,13 +27,14 @@ class StopLatch:
         reason: of the first stop since the last reset; "" while motion is allowed.
         inactive: state of a managed robot in which nothing moves; "": it is active, or not managed.
         servos_allowed: servos may be switched on.
+        stops: number of stops so far, those of motion that was stopped already included.
     """
 
     def __init__(self, read_only: str = "", repeated: StopListener = lambda reason: None) -> None:
         self.read_only = read_only
         self._repeated = repeated
         self.reason = self.inactive = ""
-        self.servos_allowed = True
+        self.servos_allowed, self.stops = True, 0
         self._lock = threading.Lock()
         self._listeners: list[StopListener] = []
 
@@ -85,14 +86,20 @@ class StopLatch:
         with self._lock:
             if not reason or self.read_only:
                 return
+            self.stops += 1
             if self.reason:
                 self._repeated(reason)
             else:
                 self._change(reason)
 
-    def release(self) -> None:
-        """Allow motion again; nothing starts to move."""
+    def release(self, stops: int) -> None:
+        """Allow motion again; nothing starts to move.
+
+        Raises NotReady: there were more than ``stops``, the stop of a moment ago stays in force.
+        """
         with self._lock:
+            if self.stops != stops:
+                raise NotReady("motion was stopped again meanwhile")
             if self.reason:
                 self._change("")
 

@@ -365,7 +365,7 @@ def test_a_stop_brakes_on_the_arc_and_a_command_has_to_be_neutral_first(
     harness.settle()
     with pytest.raises(NotReady, match="motion is stopped: by the operator; robotd reset"):
         harness.base.command(0.8, 0.4)
-    harness.robot.axes.stop_latch.release()
+    harness.robot.axes.stop_latch.release(1)
     for _ in range(20):  # the client goes on as before
         harness.run(COMMAND_S)
         with pytest.raises(NotReady, match=r"send nothing for 0\.5 s\), or send a zero twist"):
@@ -381,7 +381,7 @@ def test_after_a_stop_a_pause_as_long_as_the_time_out_is_neutral_too(harness: Ba
     harness.robot.axes.stop_latch.engage("by the operator")
     harness.run(1.0)
     harness.settle()
-    harness.robot.axes.stop_latch.release()
+    harness.robot.axes.stop_latch.release(1)
     harness.drive(0.8, 0.4, 0.5)
     assert harness.twist.linear > 0.1
 

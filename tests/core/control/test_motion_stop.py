@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from structlog.testing import capture_logs
-from tests.core.control.harness import ACCELERATION, Harness, arm
+from tests.core.control.harness import ACCELERATION, RATE_HZ, Harness, arm
 
 from robotd.control.trajectory_execution import Outcome
 from robotd.device.axes import Jog, Move
+from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode
 from robotd.errors import DeviceTimeout, NotReady
 from robotd.motion.profile import Profile
@@ -134,6 +137,42 @@ def test_a_reset_waits_for_standstill() -> None:
     with pytest.raises(DeviceTimeout, match=r"axes still move after 0\.5 s"):
         harness.robot.reset()
     assert axes.stop_latch.reason
+
+
+def test_a_stop_during_a_reset_stays_in_force(harness: Harness) -> None:
+    latch = harness.robot.axes.stop_latch
+    stop_while_braking(harness, lambda: latch.engage("by the second"))
+    with pytest.raises(NotReady, match="motion was stopped again meanwhile"):
+        harness.robot.reset()
+    with pytest.raises(NotReady, match="motion is stopped: by the first"):
+        harness.move(0, 0.0)
+    harness.robot.reset()
+    harness.move(0, 0.0)
+
+
+def test_an_input_that_stops_during_a_reset_stays_in_force() -> None:
+    harness = Harness(arm(stop_input=SWITCH | {"motion_level": 0})).up()
+    stop_while_braking(harness, lambda: harness.faults.set_input_bit(0, 3, True))
+    with pytest.raises(NotReady, match=r"stop input 0\.3 forbids motion: release it first"):
+        harness.robot.reset()
+    harness.faults.set_input_bit(0, 3, False)
+    harness.run(0.5)
+    with pytest.raises(NotReady, match="motion is stopped: by the first"):
+        harness.move(0, 0.0)
+
+
+def stop_while_braking(harness: Harness, stop: Callable[[], None]) -> None:
+    """Stop a moving axis; ``stop`` is called when it has half of its speed."""
+    harness.move(0, 2.0)
+    harness.run(0.5)
+    harness.robot.axes.stop_latch.engage("by the first")
+    stops = [stop]
+
+    def look(image: ProcessImage) -> None:
+        if stops and np.abs(image.velocity).max() < 0.5:
+            stops.pop()()
+
+    harness.robot.control_loop.every(RATE_HZ, "second stop", look)
 
 
 def test_stopped_stays_stopped_over_a_restart_of_the_device(harness: Harness) -> None:

@@ -422,7 +422,7 @@ def test_a_stall_of_the_computer_is_no_silence(harness: Harness) -> None:
     harness.robot.axes.stop_latch.engage("by the operator")
     client.go(1.0)
     with client.commanding():
-        harness.robot.axes.stop_latch.release()
+        harness.robot.axes.stop_latch.release(1)
     for _ in range(3):
         harness.stall(2.0)
         assert client.go(0.1) < 1e-4

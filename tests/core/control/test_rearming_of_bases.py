@@ -57,7 +57,7 @@ def set_active(harness: BaseHarness) -> None:
 
 State = tuple[Callable[[BaseHarness], None], Callable[[BaseHarness], None]]
 STATES: dict[str, State] = {
-    "stop": (stop, lambda harness: harness.robot.axes.stop_latch.release()),
+    "stop": (stop, lambda harness: harness.robot.axes.stop_latch.release(1)),
     "alarm": (trip, switch_on),
     "servo off": (lambda harness: harness.robot.axes.servo(0, False), switch_on),
     "device lost": (lose, lambda harness: harness.up()),
