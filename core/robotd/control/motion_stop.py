@@ -12,7 +12,7 @@ from robotd.device.axes import Axes
 from robotd.device.io import Io
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation
-from robotd.errors import DeviceTimeout, NotReady
+from robotd.errors import DeviceTimeout, NotReady, RobotdError
 
 BY_DEVICE = (Operation.POSITION, Operation.VELOCITY, Operation.HOMING)
 QUICK_STOP_S = 1.0  # for what a controlled stop has not brought to rest
@@ -51,8 +51,8 @@ class MotionStop:
     def enforce(self, image: ProcessImage) -> None:
         """Check the input, and request the end of all motion while stopped. Control loop."""
         latch = self._axes.stop_latch
-        if not latch.reason and self._forbids_motion():
-            latch.engage(f"{self._input_name} forbids motion")
+        if not latch.reason and (rejection := self._input_rejection):
+            latch.engage(rejection)
         if latch.reason:
             self._mixer.end_all(Outcome.STOPPED, f"stopped: {latch.reason}")
             operations = image.operation.tolist()
@@ -88,7 +88,7 @@ class MotionStop:
         """Allow motion again; returns what was reset, as text. Any worker. Nothing moves.
 
         Raises:
-            NotReady: the input forbids motion, or motion is stopped again meanwhile.
+            NotReady: the input forbids motion or cannot be read, or motion is stopped again.
             DeviceTimeout: axes still move after ``timeout_s``.
         """
         latch = self._axes.stop_latch
@@ -103,7 +103,15 @@ class MotionStop:
         return f"motion is allowed again; it was stopped: {reason}"
 
     def _may_reset(self) -> bool:
-        """Return True at standstill. Raises NotReady while the input forbids motion."""
-        if self._forbids_motion():
-            raise NotReady(f"{self._input_name} forbids motion: release it first")
+        """Return True at standstill. Raises NotReady by the input."""
+        if rejection := self._input_rejection:
+            raise NotReady(f"{rejection}: release it first")
         return self.at_rest
+
+    @property
+    def _input_rejection(self) -> str:
+        """Text of an input that forbids motion, or cannot be read; "" where it allows it."""
+        try:
+            return f"{self._input_name} forbids motion" if self._forbids_motion() else ""
+        except RobotdError as error:
+            return f"{self._input_name} cannot be read ({error})"

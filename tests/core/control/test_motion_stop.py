@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 import numpy as np
@@ -13,7 +14,7 @@ from robotd.control.trajectory_execution import Outcome
 from robotd.device.axes import Jog, Move
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode
-from robotd.errors import DeviceTimeout, NotReady
+from robotd.errors import DeviceTimeout, NotReady, OperationError
 from robotd.motion.profile import Profile
 
 FAR = (1.0, -0.6, 0.3)
@@ -203,6 +204,29 @@ def test_an_input_stops_and_has_to_be_released_before_the_reset() -> None:
     harness.robot.reset()
     with harness.goal(FAR) as execution:
         assert harness.end(execution).outcome is Outcome.SUCCEEDED
+
+
+def test_an_input_that_cannot_be_read_stops() -> None:
+    harness = Harness(arm(stop_input=SWITCH | {"motion_level": 0})).up()
+    driver = harness.robot.io._maybe_driver
+    assert driver is not None
+    read = driver.read_inputs
+
+    def fail(byte: int, length: int) -> bytes:
+        raise OperationError("no such module")
+
+    with harness.goal(FAR) as execution:
+        harness.run(0.4)
+        driver.read_inputs = fail  # type: ignore[method-assign]
+        harness.end(execution)
+    reason = "stop input 0.3 cannot be read (no such module)"
+    assert execution.message == f"stopped: {reason}"
+    harness.setpoints.assert_smooth(ACCELERATION)
+    with pytest.raises(NotReady, match=re.escape(reason)):
+        harness.robot.reset()
+    driver.read_inputs = read  # type: ignore[method-assign]
+    harness.robot.reset()
+    harness.move(0, 0.0)
 
 
 def test_an_input_may_stop_at_level_1() -> None:
