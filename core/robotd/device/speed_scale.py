@@ -48,15 +48,15 @@ class SpeedScale:
         """Set the speed, also while paused. Raises InvalidArgument."""
         if not (speed == 0.0 or MIN_SPEED <= speed <= 1.0) or math.isnan(speed):
             raise InvalidArgument(f"speed {speed:g} is neither 0 nor {MIN_SPEED:g} to 1")
-        self._change(speed, self.paused)
+        self._change(speed=speed)
 
     def pause(self) -> None:
         """Bring motion to rest on its path, to be continued; twice is no error."""
-        self._change(self.speed, True)
+        self._change(paused=True)
 
     def resume(self) -> None:
         """Continue at the speed as set."""
-        self._change(self.speed, False)
+        self._change(paused=False)
 
     @property
     def rejection(self) -> str:
@@ -79,8 +79,11 @@ class SpeedScale:
             self._listeners.append(listener)
             listener(self.scale)
 
-    def _change(self, speed: float, paused: bool) -> None:
+    def _change(self, *, speed: float | None = None, paused: bool | None = None) -> None:
+        """Change what is not None."""
         with self._lock:
+            speed = self.speed if speed is None else speed
+            paused = self.paused if paused is None else paused
             if (speed, paused) == (self.speed, self.paused):
                 return
             self.speed, self.paused = speed, paused

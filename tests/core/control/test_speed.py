@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import ExitStack
 
 import numpy as np
@@ -14,6 +15,7 @@ from robotd.control.path_rate import MAX_SLOPE, MIN_SHARE
 from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
 from robotd.device.axes import Jog, Move
 from robotd.device.process_image import ProcessImage
+from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import CommandMode
 from robotd.errors import InvalidArgument, NotReady
 from robotd.motion.profile import Profile
@@ -272,6 +274,36 @@ def test_a_speed_out_of_range_is_rejected(harness: Harness, speed: float) -> Non
     with pytest.raises(InvalidArgument, match=r"is neither 0 nor 0\.01 to 1"):
         harness.robot.set_speed(speed)
     assert harness.robot.axes.speed.speed == 1.0
+
+
+@pytest.mark.parametrize(
+    ("call", "overtaking", "result"),
+    [
+        (lambda speed: speed.set(0.5), lambda speed: speed.pause(), "paused (50 %)"),
+        (lambda speed: speed.pause(), lambda speed: speed.set(0.5), "paused (50 %)"),
+        (lambda speed: speed.resume(), lambda speed: speed.set(0.5), "50 %"),
+    ],
+)
+def test_changes_of_two_threads_are_both_in_force(
+    call: Callable[[SpeedScale], None], overtaking: Callable[[SpeedScale], None], result: str
+) -> None:
+    speed = SpeedScale()
+    lock, first = speed._lock, [overtaking]
+
+    class Overtaken:
+        """The lock, which another thread gets first."""
+
+        def __enter__(self) -> None:
+            while first:
+                first.pop()(speed)
+            lock.acquire()
+
+        def __exit__(self, *_: object) -> None:
+            lock.release()
+
+    speed._lock = Overtaken()  # type: ignore[assignment]
+    call(speed)
+    assert speed.text == result
 
 
 def test_every_change_is_told(harness: Harness) -> None:
