@@ -34,7 +34,7 @@ Error = TypeVar("Error", bound=RobotdError)
 MIN_RATIO_PART, MAX_RATIO_PART = 1e-6, 2**31 - 1  # of a gear ratio's numerator and denominator
 SHOWN_S = 0.1  # for the image, a period or two behind, to show what a driver has reported
 SAMPLES = 3  # slow feedback periods in which it does
-FIRST_S = 1.0  # for the first values of a device that has begun to communicate
+FIRST_S = 1.0  # for values that a command needs: of a new connection, or after a stall
 
 
 def each(axes: Sequence[int], command: Callable[[int], None]) -> Mapping[int, Exception | None]:
@@ -365,8 +365,11 @@ class Axes:
         self._wait_for_newer(switched_ns)
 
     def wait_for_motion(self) -> None:
-        """Wait for an image that shows the last move or jog, if it was accepted."""
-        self._wait_for_newer(self._commanded_ns)
+        """Wait for an image that shows the last move or jog, if it was accepted.
+
+        Raises NotReady when none comes: an older one proves no standstill.
+        """
+        self._require_newer(self._commanded_ns)
 
     @contextmanager
     def kept_at_rest(self, what: str) -> Iterator[None]:
@@ -493,6 +496,8 @@ class Axes:
             raise self._error(NotReady, axis, reason)
 
     def _check_servo_off(self, axis: int, what: str) -> None:
+        if not self.image.servo_on[axis]:
+            self._require_newer(self.clock.now_ns())  # it may have been switched on just now
         if self.image.servo_on[axis]:
             reason = f"{what} can change only while the servo is off"
             raise self._error(NotReady, axis, reason)
@@ -527,10 +532,20 @@ class Axes:
         timeout_s = max(at_least_s, self._shown_s)
         wait_until(lambda: condition() or not self.connection.ready, timeout_s, self.clock)
 
-    def _wait_for_newer(self, time_ns: int) -> None:
+    def _wait_for_newer(self, time_ns: int, at_least_s: float = 0.0) -> None:
         """Wait for an image that is newer than ``time_ns``."""
+        self._wait_for(lambda: self._is_newer(time_ns), at_least_s)
+
+    def _require_newer(self, time_ns: int) -> None:
+        """Wait for an image that is newer than ``time_ns``. Raises NotReady: none comes."""
+        self._wait_for_newer(time_ns, FIRST_S)
+        if not self._is_newer(time_ns):
+            self.connection.require_ready()
+            raise NotReady("the device has sent no values since the last command")
+
+    def _is_newer(self, time_ns: int) -> bool:
         image, slow = self.image, self.feedback_period_s > 0.0
-        self._wait_for(lambda: (image.fresh_ns if slow else image.stamp_ns) > time_ns)
+        return (image.fresh_ns if slow else image.stamp_ns) > time_ns
 
     def _begin(
         self, commands: Sequence[Command], stops: Sequence[int], begin: Callable[[Command], None]

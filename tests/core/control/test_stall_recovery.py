@@ -15,6 +15,7 @@ from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS
 from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
 from robotd.device.state import Underrun
+from robotd.errors import NotReady
 
 SWING = ([0.8, -0.6, 0.45], [-0.4, 0.4, 0.2], [0.5, 0.2, -0.3], [0.0, 0.0, 0.0])
 SWING_S = 0.8
@@ -57,6 +58,20 @@ def harness() -> Iterator[Harness]:
     harness = Harness().up()
     yield harness
     harness.robot.shutdown()
+
+
+def test_a_goal_is_not_planned_by_an_image_from_before_a_move(harness: Harness) -> None:
+    """It would begin with a jump back to where the move began."""
+    harness.clock.detach()
+    harness.move(0, 2.0)
+    text = "the device has sent no values since the last command"
+    with pytest.raises(NotReady, match=text), harness.goal((0.5, 0.0, 0.0)):
+        pass
+    harness.stall(0.1)
+    text = "follow_joint_trajectory needs an idle axis, this one is in position"
+    with pytest.raises(NotReady, match=text), harness.goal((0.5, 0.0, 0.0)):
+        pass
+    assert not harness.setpoints.rows
 
 
 def peak_of(execution: TrajectoryExecution) -> float:

@@ -90,7 +90,9 @@ class Harness:
         self.fieldbus = Fieldbus(self.fieldbus_driver, self.connection, self.capabilities, "fake")
 
     def refresh(self) -> None:
+        self.clock.advance(0.002)
         self.driver.read(self.image)
+        self.image.stamp_ns = self.clock.now_ns()
 
     def make_ready(self) -> Harness:
         """Communicating, servos on, at rest; earlier calls forgotten."""

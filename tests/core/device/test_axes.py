@@ -140,9 +140,21 @@ def test_scaling_changes_only_while_the_servo_is_off(harness: Harness) -> None:
         lambda: harness.axes.set_gear_ratio(0, 1, 1),
     )
     servo_off(harness)
+    harness.clock.sleep_until_ns = lambda time_ns: harness.refresh()  # type: ignore[method-assign]
     harness.axes.set_polarity(0, -1)
     harness.axes.set_gear_ratio(0, 1000.0, 2.0)
     assert harness.driver.calls == [("set_polarity", 0, -1), ("set_gear_ratio", 0, 1000.0, 2.0)]
+
+
+@pytest.mark.parametrize("command", ["set_polarity", "set_gear_ratio"])
+def test_scaling_stays_where_a_servo_has_just_been_switched_on(
+    harness: Harness, command: str
+) -> None:
+    servo_off(harness)
+    harness.driver.image.servo_on[0] = True  # the image does not show it yet
+    text = "joint1: .* can change only while the servo is off"
+    harness.clock.sleep_until_ns = lambda time_ns: harness.refresh()  # type: ignore[method-assign]
+    rejected(harness, NotReady, text, lambda: ONE_AXIS[command](harness.axes, 0))
 
 
 @pytest.mark.parametrize("polarity", [0, 2, -2])
