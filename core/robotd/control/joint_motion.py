@@ -221,7 +221,8 @@ class JointMotion:
         for axis in self._joint_axes:
             if error := self._axes.rejection(axis, CommandMode.POSITION, self._owner):
                 raise error
-        state = MotionState.at_rest(self.command())  # a plan from the measured position would jump
+        # A plan from the measured position would jump.
+        state = MotionState.at_rest(self._axes.known_commands(self._joint_axes))
         make = plan(state)
         if not self._slot.release_after(running):
             return None

@@ -269,8 +269,7 @@ class MobileBase:
         wheels, axes = self.wheels, self.settings.axes
         if not isinstance(wheels, SteeredKinematics):
             return RollingFollower(wheels)
-        positions = self._axes.image.position_command
-        angles = [float(positions[axes[place]]) for place in wheels.steered]
+        angles = self._axes.known_commands([axes[place] for place in wheels.steered]).tolist()
         return wheels.follower(angles, self._wheel_acceleration, self._period_s)
 
     def _end_motion(self) -> None:

@@ -12,6 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from robotd.arrays import FloatArray
 from robotd.clock import Clock, wait_until
 from robotd.device.capabilities import Capability
 from robotd.device.connection import Connection
@@ -453,6 +454,14 @@ class Axes:
         else:
             return None
         return self._error(NotReady, axis, reason)
+
+    def known_commands(self, axes: Sequence[int]) -> FloatArray:
+        """Return position commands (m,) in rad or m. Raises NotReady: one is not known."""
+        commands = self.image.position_command[list(axes)]
+        for axis, command in zip(axes, commands.tolist(), strict=True):
+            if not math.isfinite(command):
+                raise self._error(NotReady, axis, "the present position is not known")
+        return commands
 
     def _end_stream(self, axes: Sequence[int]) -> None:
         """End streaming and wait until the image shows it; log a failure."""

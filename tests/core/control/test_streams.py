@@ -13,6 +13,7 @@ from robotd.clock import NANOSECONDS
 from robotd.control.completion import Outcome
 from robotd.control.joint_stream import JointStream
 from robotd.device.axes import Axes
+from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation
 from robotd.errors import InvalidArgument, NotReady, Unsupported
 from robotd.motion import TrajectoryRejected
@@ -43,6 +44,22 @@ def test_targets_at_30_hz_are_followed_smoothly(robot: Harness, mode: str) -> No
         assert stream.statistics.commands == 150
     robot.setpoints.assert_smooth(ACCELERATION)
     assert stream.message == "closed by the client"
+
+
+def test_a_stream_needs_known_commands(robot: Harness) -> None:
+    driver = robot.robot.control_loop._driver
+    read = driver.read
+
+    def read_partly(image: ProcessImage) -> None:
+        read(image)
+        image.position_command[1] = math.nan
+
+    driver.read = read_partly  # type: ignore[method-assign]
+    robot.run(PERIOD_S)
+    with pytest.raises(NotReady, match="joint2: the present position is not known"):
+        robot.robot.stream()
+    robot.run(0.1)
+    assert not robot.setpoints.rows
 
 
 @pytest.mark.parametrize(("mode", "velocity"), [("smooth", None), ("target", [0.0])])

@@ -6,9 +6,12 @@ import math
 from collections.abc import Iterator
 
 import pytest
+from structlog.testing import capture_logs
 from tests.core.control.base_harness import BaseHarness, running
 
+from robotd.arrays import FloatArray
 from robotd.descriptor import load_robot_descriptor
+from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode
 from robotd.errors import InvalidArgument
 from robotd.motion.planar import PlanarTwist
@@ -48,6 +51,26 @@ def test_the_base_comes_to_rest_with_its_angle_and_odometry_holds(harness: BaseH
     rest = (back / turn) * pose.heading
     assert pose.heading > 0.5
     assert harness.base.pose.heading == pytest.approx(rest, abs=0.05)
+
+
+def test_the_base_stays_where_the_angle_of_its_steering_is_not_known(harness: BaseHarness) -> None:
+    driver = harness.robot.control_loop._driver
+    read, stream, sent = driver.read, driver.stream, []
+
+    def read_partly(image: ProcessImage) -> None:
+        read(image)
+        image.position_command[STEERING] = math.nan
+
+    def record(position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
+        sent.append(position[STEERING])
+        stream(position, velocity, due_ns)
+
+    driver.read, driver.stream = read_partly, record  # type: ignore[method-assign]
+    harness.step()
+    with capture_logs() as logs:
+        harness.drive(0.3, 0.2, 0.5)
+    assert not sent
+    assert logs[0]["reason"].endswith(": the present position is not known")
 
 
 def test_a_fixed_axle_drives_the_same_arc() -> None:
