@@ -304,7 +304,7 @@ class Axes:
             for move in moves:
                 with self._naming(move.axis):
                     check_move(self.limits[move.axis], move.target, move.profile)
-            scale *= self._limited_scale(moves)
+            scale *= self._limited_scale(moves, scale)
             begin = self._driver.move
             self._begin(moves, stops, lambda a: begin(a.axis, a.target, a.profile.scaled(scale)))
 
@@ -324,13 +324,13 @@ class Axes:
                 with self._naming(jog.axis):
                     check_jog(self.limits[jog.axis], position, jog.profile)
             scale = self.speed.at_start() if any(jog.profile.velocity for jog in jogs) else 1.0
-            scale *= self._limited_scale(jogs)
+            scale *= self._limited_scale(jogs, scale)
             begin = self._driver.jog
             self._begin(jogs, stops, lambda a: begin(a.axis, a.profile.scaled(scale)))
 
-    def _limited_scale(self, commands: Sequence[Move] | Sequence[Jog]) -> float:
-        """Return the scale that the limits of the groups' speeds leave. Raises NotReady."""
-        velocities = {each.axis: each.profile.velocity * self.speed.scale for each in commands}
+    def _limited_scale(self, commands: Sequence[Move] | Sequence[Jog], scale: float) -> float:
+        """Return what the limits of the groups' speeds leave of ``scale``. Raises NotReady."""
+        velocities = {each.axis: each.profile.velocity * scale for each in commands}
         scales = [each.scale(velocities, self.image) for each in self.motion_limits]
         return min(scales, default=1.0)
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -22,6 +23,7 @@ from tests.fakes import FakeAxes
 
 from robotd.device.axes import Axes, Jog, Move, each
 from robotd.device.capabilities import Capability
+from robotd.device.motion_limits import MotionLimits
 from robotd.device.state import CommandMode, Operation
 from robotd.errors import (
     DeviceTimeout,
@@ -218,6 +220,22 @@ def test_what_the_backend_cannot_do_is_unsupported(
 def test_moves_start_together(harness: Harness) -> None:
     harness.axes.move([Move(1, 0.5, PROFILE), Move(0, -0.5, PROFILE)])
     assert harness.driver.calls == [("move", 1, 0.5, PROFILE), ("move", 0, -0.5, PROFILE)]
+
+
+def test_a_pause_meanwhile_removes_no_limit_of_the_speed(harness: Harness) -> None:
+    limits = MotionLimits([0, 1])
+    limits.set_speed(lambda positions, velocities: np.array([0.25]), "reduced speed", "")
+    harness.axes.motion_limits.append(limits)
+    at_start = harness.axes.speed.at_start
+
+    def paused() -> float:
+        scale = at_start()
+        harness.axes.speed.pause()  # by another client
+        return scale
+
+    harness.axes.speed.at_start = paused  # type: ignore[method-assign]
+    harness.axes.move([Move(0, 1.0, PROFILE)])
+    assert harness.driver.calls == [("move", 0, 1.0, PROFILE.scaled(0.25))]
 
 
 def test_a_relative_move_counts_from_the_position_command(harness: Harness) -> None:
