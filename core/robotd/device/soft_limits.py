@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from robotd.device.axes import Axes
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation
@@ -38,7 +40,8 @@ class SoftLimitGuard:
 
     def _ends(self, axis: int) -> bool:
         axes, image = self._axes, self._axes.image
-        velocity = max(float(image.velocity[axis]), float(image.velocity_command[axis]), key=abs)
-        position = float(image.position[axis])
+        # A device may measure no velocity.
+        known = filter(math.isfinite, (image.velocity[axis], image.velocity_command[axis]))
+        velocity, position = float(max(known, key=abs, default=0.0)), float(image.position[axis])
         room = room_to_stop(axes.limits[axis], position, velocity, axes.deceleration[axis])
-        return room <= abs(velocity) * self._reaction_s
+        return not room > abs(velocity) * self._reaction_s  # also of a position that is not known

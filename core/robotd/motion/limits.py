@@ -95,7 +95,7 @@ def check_jog(limits: AxisLimits, position: float, profile: Profile) -> None:
     velocity, unit = profile.velocity, limits.unit
     _check_finite("velocity", velocity)
     _check_speed_and_ramps(limits, profile)
-    if room_to_stop(limits, position, velocity, profile.deceleration) < 0.0:
+    if not room_to_stop(limits, position, velocity, profile.deceleration) >= 0.0:  # also NaN
         begin, limit = distinct(position, limits.upper if velocity > 0.0 else limits.lower, 6)
         raise InvalidArgument(
             f"from {begin} {unit}, {velocity:.6g} {unit}/s cannot be stopped"
@@ -108,12 +108,17 @@ def room_to_stop(
 ) -> float:
     """Return the distance to a position limit after braking; negative where it is too late.
 
+    NaN where there is a limit and a value is not known.
+
     Args:
         position, velocity: now; the limit is the one that ``velocity`` leads to.
         deceleration: of the stop, positive.
     """
-    ahead = limits.upper - position if velocity > 0.0 else position - limits.lower
-    return ahead - velocity * velocity / (2.0 * deceleration) if velocity else math.inf
+    limit = limits.upper if velocity > 0.0 else limits.lower
+    if not velocity or math.isinf(limit):
+        return math.inf
+    ahead = limit - position if velocity > 0.0 else position - limit
+    return ahead - velocity * velocity / (2.0 * deceleration)
 
 
 def _check_speed_and_ramps(limits: AxisLimits, profile: Profile) -> None:

@@ -50,7 +50,7 @@ def stopped(harness: Harness) -> list[object]:
         (-0.897, -1.0, True),
         (5.0, -1.0, False),  # beyond, on the way back
         (5.0, 0.1, True),
-        (math.nan, 1.0, False),  # not known: the engine is not ready then
+        (math.nan, 1.0, True),  # not known
     ],
 )
 def test_a_velocity_command_ends_where_just_enough_room_is_left(
@@ -59,6 +59,25 @@ def test_a_velocity_command_ends_where_just_enough_room_is_left(
     jogged.axes.jog([Jog(0, Profile(0.1, 5.0, 5.0))])
     place(jogged, 0, position, velocity)
     assert stopped(jogged) == ([[0]] if stops else [])
+
+
+def test_a_device_may_measure_no_velocity(jogged: Harness) -> None:
+    jogged.axes.jog([Jog(axis, Profile(0.1, 5.0, 5.0)) for axis in range(3)])
+    jogged.driver.image.velocity[:] = math.nan
+    place(jogged, 0, 1.897, 1.0)
+    place(jogged, 1, 1.7, 1.0)
+    place(jogged, 2, math.nan, 1.0)  # no limits
+    assert stopped(jogged) == [[0]]
+
+
+def test_a_jog_from_an_unknown_position_is_rejected(jogged: Harness) -> None:
+    jogged.driver.image.position[:] = math.nan
+    jogged.refresh()
+    with pytest.raises(
+        InvalidArgument, match=r"^joint1: from nan rad, .* cannot be stopped before"
+    ):
+        jogged.axes.jog([Jog(0, Profile(0.1, 5.0, 5.0))])
+    jogged.axes.jog([Jog(2, Profile(0.1, 5.0, 5.0))])
 
 
 def test_other_motion_and_unlimited_axes_are_left_alone(jogged: Harness) -> None:
