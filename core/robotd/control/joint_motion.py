@@ -151,6 +151,7 @@ class JointMotion:
                 self._slot.release()
                 self._is_alone = False
                 self._claim.close()
+            self._slot.end_splice()  # ``source`` may have waited for its start
 
     def stop(self, timeout_s: float = STOP_TIMEOUT_S) -> None:
         """Stop the active sources and wait for their ends.
@@ -191,6 +192,7 @@ class JointMotion:
         except BaseException:
             if self._active == 0:
                 self._claim.close()
+            self._slot.end_splice()
             raise
 
     def _splice(

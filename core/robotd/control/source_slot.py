@@ -58,6 +58,9 @@ class SetpointSource(ABC):
         """
         return None
 
+    def end_splice(self) -> None:  # noqa: B027 - most sources do as planned
+        """Note that no successor is planned from a ``splice_state``. Any thread."""
+
     def take_over(  # noqa: B027 - most sources start at rest
         self, running: SetpointSource, advanced_ns: int, delay_ns: int
     ) -> None:
@@ -156,6 +159,12 @@ class SourceSlot:
             self._drop_next(Outcome.PREEMPTED, PREEMPTED)
             self.running = None
             return True
+
+    def end_splice(self) -> None:
+        """Let the running source go on by itself unless a successor waits; none is planned now."""
+        with self._handover:
+            if self.running is not None and self._next is None:
+                self.running.end_splice()
 
     def release(self) -> None:
         """Stop streaming; after the last source has ended, before ``end_stream``."""

@@ -87,11 +87,14 @@ class StreamMotion(JointSource):
         with self._lock:
             if not self.completion.goes_on:
                 return None
-            self._settled_until_ns = time_ns
+            self._settled_until_ns = max(self._settled_until_ns, time_ns)  # another may wait
             if not self._due_ns:
                 return MotionState.at_rest(self.setpoint[0])
             self._setpoints.settle()
             return self._setpoints.after((time_ns - self._due_ns) / NANOSECONDS)
+
+    def end_splice(self) -> None:
+        self._settled_until_ns = 0
 
     def take_over(self, running: SetpointSource, advanced_ns: int, delay_ns: int) -> None:
         """Continue from the setpoint of ``running``, made in the period ``advanced_ns``."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -189,6 +190,33 @@ def test_a_rejected_goal_does_not_change_the_start_of_one_that_waits(
             robot.end(goal)
     assert goal.outcome is Outcome.SUCCEEDED
     robot.setpoints.assert_smooth(1.2 * ACCELERATION)
+
+
+def test_a_rejected_goal_lets_no_command_pass_before_the_one_that_waits() -> None:
+    robot = Harness(arm(stream={"takeover": True})).up()
+    with robot.robot.stream() as stream, robot.goal([0.5] * 3, start_in_s=1.0) as goal:
+        with pytest.raises(TrajectoryRejected), robot.goal((0.5, 9.0, 0.0)):
+            pass
+        for index in range(8):
+            stream.send([-0.05 * index] * 3)
+            robot.run(0.1)
+        robot.end(goal)
+    assert goal.outcome is Outcome.SUCCEEDED
+    robot.setpoints.assert_smooth(ACCELERATION)
+
+
+@pytest.mark.parametrize("target", [(0.5, 9.0, 0.0), (0.5, 0.5, 0.5)])
+def test_a_stream_goes_on_when_no_goal_takes_over(target: tuple[float, float, float]) -> None:
+    """It was rejected, or canceled before its start."""
+    robot = Harness(arm(stream={"takeover": True})).up()
+    with robot.robot.stream() as stream:
+        with suppress(TrajectoryRejected), robot.goal(target, start_in_s=60.0):
+            pass
+        for _ in range(10):
+            stream.send([0.2] * 3)
+            robot.run(0.05)
+        assert robot.image.position == pytest.approx([0.2] * 3, abs=1e-3)
+    robot.setpoints.assert_smooth(ACCELERATION)
 
 
 def test_commands_wait_for_a_goal_that_is_planned_before_the_first_period() -> None:
