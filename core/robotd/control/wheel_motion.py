@@ -122,7 +122,7 @@ class WheelMotion(SetpointSource):
         """Compute the wheel speeds one step further; False after its end."""
         if self.completion.done:
             return False
-        if (loss := self._loss(time_ns, image)) is not None:
+        if (loss := self._loss(image)) is not None:
             self.completion.finish(Outcome.FAULT, loss)
             return False
         ending = self.completion.requested
@@ -151,12 +151,12 @@ class WheelMotion(SetpointSource):
         self.setpoint[2] = (velocities - self.setpoint[1]) * (NANOSECONDS / period_ns)
         self.setpoint[1] = velocities
 
-    def _loss(self, time_ns: int, image: ProcessImage) -> str | None:
+    def _loss(self, image: ProcessImage) -> str | None:
         """Return the reason why the claimed wheels cannot move; None: they can."""
         for axis, mode in zip(self._wheel_axes, self._modes, strict=True):
             if error := self._axes.inability(axis, mode, OWNER):
                 return str(error)
             # Values from before the claim cannot show it yet.
-            if time_ns > self._claimed_ns and image.operation[axis] != Operation.STREAM:
+            if image.fresh_ns > self._claimed_ns and image.operation[axis] != Operation.STREAM:
                 return f"{self._axes.names[axis]} was stopped by something else"
         return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 
@@ -15,6 +16,7 @@ from robotd.clock import NANOSECONDS, MonotonicClock
 from robotd.control.axis_limits import twist_limits
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.device.axes import Jog
+from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, Operation
 from robotd.errors import InvalidArgument, LateSetpoint, NotReady
 from robotd.motion.planar import ORIGIN, ZERO_TWIST, PlanarTwist, Pose, along_arc
@@ -256,6 +258,21 @@ def test_after_stop_commands_are_rejected_until_the_engine_restarts(harness: Bas
     harness.up()
     harness.drive(0.5, 0.0, 0.5)
     assert harness.twist.linear > 0.1
+
+
+def test_a_device_may_report_less_often_than_the_control_loop_runs(harness: BaseHarness) -> None:
+    driver = harness.robot.control_loop._driver
+    read, periods = driver.read, itertools.count()
+
+    def read_slowly(image: ProcessImage) -> None:
+        if next(periods) % 10 == 0:
+            read(image)
+
+    driver.read = read_slowly  # type: ignore[method-assign]
+    with capture_logs() as logs:
+        harness.drive(0.5, 0.0, 2.0)
+    assert logs == []
+    assert harness.base.limited == PlanarTwist(0.5, 0.0)
 
 
 def test_a_request_to_end_leaves_the_base_its_own_ramp(harness: BaseHarness) -> None:
