@@ -157,6 +157,7 @@ class Robot:
             self.connection,
             self.image,
             mixer,
+            self.axes.stops.request,
             realtime_priority=descriptor.cycle.realtime_priority,
             clock=clock,
         )

@@ -10,7 +10,7 @@ from __future__ import annotations
 import ctypes
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from robotd.clock import NANOSECONDS, Clock, MonotonicClock
 from robotd.clock.simulated import PacedClock, SteppedClock
@@ -75,6 +75,7 @@ class ControlLoop:
     """Fixed-rate thread ``robotd-control``; only it calls ``AxisDriver.read`` and ``stream``.
 
     Args:
+        request_stop: starts a controlled stop of axes soon, and never blocks.
         realtime_priority: SCHED_FIFO priority to ask for, 1..99; 0 asks for none.
         clock: time base of the deadlines. On a ``SteppedClock`` there is no thread: periods
             run in the thread that sleeps on the clock.
@@ -90,6 +91,7 @@ class ControlLoop:
         connection: Connection,
         image: ProcessImage,
         mixer: SetpointMixer,
+        request_stop: Callable[[Sequence[int]], None],
         *,
         realtime_priority: int = 0,
         clock: Clock | None = None,
@@ -99,7 +101,7 @@ class ControlLoop:
         clock = clock or MonotonicClock()
         self._simulated = isinstance(clock, PacedClock)
         self._clock: Clock = clock.leader if isinstance(clock, PacedClock) else clock
-        self._driver, self._connection = driver, connection
+        self._driver, self._connection, self._request_stop = driver, connection, request_stop
         self._image, self._mixer, self.stats = image, mixer, mixer.stats
         stale_after_s = connection.settings.stale_after_s
         self._stale_after_ns = round(stale_after_s * NANOSECONDS)
@@ -229,10 +231,11 @@ class ControlLoop:
                 self._tasks.run(nominal_ns, first=False)
             self._failing = False
         except Exception as error:
+            self._mixer.device_lost(f"{type(error).__name__}: {error}")
             if not self._failing:
                 log.exception("a control period failed")
+                self._stop_all()
             self._failing = True
-            self._mixer.device_lost(f"{type(error).__name__}: {error}")
 
     def _run(self) -> None:
         sys.setswitchinterval(SWITCH_INTERVAL_S)
@@ -303,13 +306,20 @@ class ControlLoop:
             self._loss.end()
             return True
         reason = self._read_failure or f"the fieldbus values are {age_ns / 1e6:.0f} ms old"
+        was_stale = self._connection.stale
         self._connection.set_stale(True, reason)
         self._lose(self._read_failure, reason)
+        if not was_stale:
+            self._stop_all()
         return False
 
     def _lose(self, key: object, reason: str) -> None:
         """Fail all motion; ``key`` identifies the reason while its text changes."""
         self._mixer.device_lost(self._loss.find(key, reason))
+
+    def _stop_all(self) -> None:
+        """Stop what got setpoints, and what the device moves by itself, seen or not."""
+        self._request_stop(range(self._image.axes))
 
     def _hang(self, reason: str) -> None:
         """Fail running motion, reject commands and stop the axes. Watchdog thread."""

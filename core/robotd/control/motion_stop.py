@@ -22,8 +22,6 @@ class MotionStop:
     """Ends all motion while the latch is engaged, and engages it by an input.
 
     Setpoint sources come to rest along their paths, moves, jogs and homing by their own ramps.
-    When the values become stale, the device is asked once to stop all axes: what it moves by itself
-    is not seen any more, and what has just begun was never seen.
 
     ``stop_input``: forbids motion, and counts while the device is ready; None: there is none.
     """
@@ -33,7 +31,7 @@ class MotionStop:
     ) -> None:
         self._axes, self._mixer = axes, mixer
         self._connection, self._clock = axes.connection, axes.clock
-        self._input_name, self._was_stale = "", False
+        self._input_name = ""
         self._forbids_motion: Callable[[], bool] = lambda: False  # by the input
         if stop_input is not None:
             level, byte, bit = stop_input.motion_level, stop_input.input_byte, stop_input.input_bit
@@ -59,9 +57,6 @@ class MotionStop:
             moved = [axis for axis, each in enumerate(operations) if each in BY_DEVICE]
             if moved:
                 self._axes.stops.request(moved)
-        was_stale, self._was_stale = self._was_stale, self._connection.stale
-        if self._was_stale and not was_stale and not latch.read_only:
-            self._axes.stops.request(range(image.axes))
 
     def stop(self, reason: str, timeout_s: float) -> None:
         """Engage the latch and wait for standstill. Any worker; raises as ``wait_at_rest``."""

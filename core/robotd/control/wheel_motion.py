@@ -124,6 +124,7 @@ class WheelMotion(SetpointSource):
             return False
         if (loss := self._loss(image)) is not None:
             self.completion.finish(Outcome.FAULT, loss)
+            self._axes.stops.request(self._wheel_axes)  # setpoints of others would keep them going
             return False
         ending = self.completion.requested
         twist = ZERO_TWIST if ending else self._command.target(time_ns)

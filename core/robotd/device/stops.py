@@ -122,13 +122,19 @@ class StopRequests:
 
     def __init__(self, driver: AxisDriver, names: Sequence[str]) -> None:
         self._driver, self._names = driver, names
+        self._read_only = bool(driver.read_only)
         self._requested = [False] * len(names)
         self._wake: SimpleQueue[None] = SimpleQueue()  # its ``put`` never waits
         self._closing = False
         self._thread: threading.Thread | None = None
 
     def request(self, axes: Sequence[int]) -> None:
-        """Start a controlled stop of ``axes`` soon. Control loop; never blocks, never raises."""
+        """Start a controlled stop of ``axes`` soon; read-only ones: no effect.
+
+        Control loop; never blocks, never raises.
+        """
+        if self._read_only:
+            return
         new = [axis for axis in axes if not self._requested[axis]]
         for axis in new:
             self._requested[axis] = True

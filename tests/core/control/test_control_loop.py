@@ -42,6 +42,7 @@ class Harness:
             self.connection,
             self.image,
             SetpointMixer(self.driver, 2, 500.0),
+            self.driver.stop,
             clock=self.clock,
         )
         self.connection.start()
@@ -176,6 +177,15 @@ def test_an_exception_of_state_is_logged_once_and_survived(harness: Harness) -> 
     assert harness.connection.ready
 
 
+def test_an_exception_stops_the_axes_once(harness: Harness) -> None:
+    """Those that got setpoints have none now, and extrapolate."""
+    harness.run(1)
+    assert not harness.driver.calls
+    harness.control_loop._mixer.advance = _broken  # type: ignore[assignment,method-assign]
+    harness.run(20)
+    assert harness.driver.calls == [("stop", [0, 1])]
+
+
 def test_a_listener_that_raises_stops_neither_the_others_nor_the_loop(harness: Harness) -> None:
     heard: list[bool] = []
 
@@ -213,7 +223,7 @@ def test_yield_waits_for_a_period_that_is_due(
     harness.control_loop.yield_to_control_loop()  # a second period would not be this one's
 
 
-def _broken() -> ConnectionState:
+def _broken(*_: object) -> ConnectionState:
     raise OSError("no answer")
 
 

@@ -87,3 +87,15 @@ def test_an_arm_that_was_moved_by_hand_does_not_return_when_it_is_claimed(robot:
         until(robot, lambda: streams(robot, 0) and len(commands) > 50)
     steps = np.abs(np.diff(commands))
     assert steps.max(initial=0.0) < 1e-6, "claimed while the base streams, the arm moved"
+
+
+def test_a_wheel_stops_beside_a_faulty_one_while_the_arm_moves(robot: Robot) -> None:
+    """Its claim may end late: the lock of the axes waits for a slow driver."""
+    request = TrajectoryRequest.from_rows(["arm"], [5.0], [[1.0]])
+    with robot.follower.follow(request) as execution:
+        until(robot, lambda: robot.image.velocity[1] > 2.0)
+        with robot.axes._lock:
+            robot.fault_injector.trip(2, 17)
+            robot.step(200)
+            assert robot.image.velocity[1] == pytest.approx(0.0, abs=1e-3)
+            assert not execution.done

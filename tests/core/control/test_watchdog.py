@@ -43,7 +43,9 @@ class Harness:
         self.axes, self.image = HangingAxes(clock), ProcessImage(2)
         self.connection = Connection(FakeDevice(), settings, None, "fake")
         mixer = SetpointMixer(self.axes, 2, 500.0)
-        self.control_loop = ControlLoop(self.axes, self.connection, self.image, mixer, clock=clock)
+        self.control_loop = ControlLoop(
+            self.axes, self.connection, self.image, mixer, self.axes.stop, clock=clock
+        )
         self.reported: list[bool] = []
         self.connection.on_ready(self.reported.append)
 
