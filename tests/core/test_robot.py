@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -125,6 +125,24 @@ def test_a_move_that_the_image_does_not_show_yet_is_stopped_too(harness: Harness
     harness.robot.shutdown()
     assert not harness.simulation.world.moves(0)
     assert abs(harness.simulation.servo.position[0]) < 0.1
+
+
+def test_no_motion_begins_while_communication_is_stopped(harness: Harness) -> None:
+    """A client goes on sending goals; its joints must stand when their servos go off."""
+    rest, rejections = harness.up().robot.axes.rest, []
+
+    def resting(axes: Sequence[int], timeout_s: float) -> None:
+        rest(axes, timeout_s)
+        with pytest.raises(NotReady) as caught, harness.goal(FAR):
+            pass
+        rejections.append(str(caught.value))
+
+    harness.robot.axes.rest = resting  # type: ignore[assignment,method-assign]
+    harness.connection.stop_communication()
+    assert rejections == ["communication is being stopped: nothing is started any more"]
+    harness.robot.recover()
+    with harness.goal(FAR) as execution:
+        assert harness.end(execution).outcome is Outcome.SUCCEEDED
 
 
 def test_shutdown_twice_and_before_start_is_fine() -> None:

@@ -29,6 +29,7 @@ ReadyListener = Callable[[bool], None]
 ANSWER_S = 1.0  # longest wait for a device that another thread is asking for its state
 REPORT_INTERVAL_S = 5.0  # of a start-up step that takes long
 ENDING = "the robot is being shut down: nothing is started or switched on any more"
+STOPPING = "communication is being stopped: nothing is started any more"
 
 
 class StartupStep:
@@ -113,6 +114,7 @@ class Connection:
         self._hang = ""
         self._start_failure = ""
         self._wanted = False  # communication should run
+        self._stopping = False  # from before motion is brought to rest until it is not ready
         self._listeners: list[ReadyListener] = []
         # One thread at a time: else an older answer of the device could overwrite a newer one.
         self._ready_lock = threading.RLock()
@@ -134,14 +136,16 @@ class Connection:
 
     @property
     def commandable(self) -> bool:
-        """True while motion may start: ready, and no request to end has come."""
-        return self.ready and not self._ending.is_set()
+        """True while motion may start: ready, and no request to end or to stop has come."""
+        return self.ready and not self._stopping and not self._ending.is_set()
 
     @property
     def rejection(self) -> str:
         """Reason for rejecting axis commands while ``commandable`` is False."""
         if self._ending.is_set():
             return ENDING
+        if self._stopping:
+            return STOPPING
         text, reason = f"engine is not ready (state {self.state.value})", self.reason
         return f"{text}: {reason}" if reason else text
 
@@ -302,6 +306,7 @@ class Connection:
         with self._lock:
             try:
                 if self._driver.state() in COMMUNICATES:
+                    self._stopping = True
                     try:
                         self.before_stop()
                     finally:
@@ -311,6 +316,7 @@ class Connection:
             finally:
                 self.established, self._wanted, self._start_failure = False, False, ""
                 self.update_ready()
+                self._stopping = False
 
     def scan_network(self) -> str:
         """Look for devices on the fieldbus; a one-line summary for people."""
