@@ -146,12 +146,18 @@ class Gripper:
         """Open or close, whichever end is nearer, and wait until the fingers are at rest.
 
         Any worker. A later command replaces it. Canceling leaves the output as it is: a valve has
-        no position between its ends. Raises NotReady without the engine.
+        no position between its ends. Raises NotReady without the engine, also where it is lost
+        meanwhile: nobody knows where the fingers are.
 
         Args:
             position_m: of the gripper, from ``checked`` or ``checked_fingers``.
             is_canceled: ends the wait.
         """
+        state = self._move(position_m, is_canceled)
+        self._io.output_bit(self._byte, self._bit)  # raises NotReady
+        return state
+
+    def _move(self, position_m: float, is_canceled: Callable[[], bool]) -> GripperState:
         closes = abs(position_m - self.closed_m) < abs(position_m - self.open_m)
         move, end = self.command(closes), float(closes)
 

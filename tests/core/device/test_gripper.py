@@ -13,7 +13,7 @@ from robotd.arrays import FloatArray
 from robotd.descriptor import GripperSettings
 from robotd.device.gripper import Gripper
 from robotd.device.process_image import ProcessImage
-from robotd.errors import InvalidArgument
+from robotd.errors import InvalidArgument, NotReady
 
 GRIPPER = {
     "output_byte": 0,
@@ -60,6 +60,20 @@ def test_a_canceled_move_is_not_at_rest(robot: Harness) -> None:
     state = gripper.move(0.04, lambda: robot.now_s > begun_s + 0.1)
     assert not state.at_rest
     assert state.position_m == pytest.approx(0.02, abs=2e-3)
+
+
+def test_a_move_without_the_device_has_no_result(robot: Harness) -> None:
+    gripper = robot.robot.gripper
+    assert gripper is not None
+    begun_s, lose = robot.now_s, iter([robot.faults.drop_communication])
+
+    def lost() -> bool:
+        if robot.now_s > begun_s + 0.1:
+            next(lose, lambda: None)()
+        return False
+
+    with pytest.raises(NotReady, match="engine is not ready"):
+        gripper.move(0.0, lost)
 
 
 @pytest.mark.parametrize("position", [0.1, -0.01, math.nan])
