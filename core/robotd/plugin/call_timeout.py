@@ -6,6 +6,7 @@ import os
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import Any, TypeVar
 
@@ -86,7 +87,8 @@ def call_with_timeout(budget_s: float, call: Callable[[], Result], name: str) ->
 
 def end_idle_threads() -> None:
     """End the threads that no call needs now, and wait for them."""
-    while _CallThread.idle:
-        thread = _CallThread.idle.pop()
-        thread.calls.put(None)
-        thread.join(END_S)
+    with suppress(IndexError):  # another thread may take the last one
+        while True:
+            thread = _CallThread.idle.pop()
+            thread.calls.put(None)
+            thread.join(END_S)

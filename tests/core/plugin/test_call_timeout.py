@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from robotd.errors import PluginError
-from robotd.plugin import manager
+from robotd.plugin import call_timeout, manager
 from robotd.plugin.call_timeout import CallTimeout, call_with_timeout, end_idle_threads
 from robotd.plugin.manager import load_backend
 
@@ -111,6 +111,17 @@ def test_idle_threads_end() -> None:
     thread = call_with_timeout(5.0, threading.current_thread, "work")
     end_idle_threads()
     assert not thread.is_alive()
+
+
+def test_an_idle_thread_may_be_taken_while_they_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Taken(list[object]):
+        """The last thread, which another one takes after a look at their number."""
+
+        def __len__(self) -> int:
+            return 1
+
+    monkeypatch.setattr(call_timeout._CallThread, "idle", Taken())
+    end_idle_threads()
 
 
 def test_a_forked_process_waits_for_no_thread_of_its_parent() -> None:
