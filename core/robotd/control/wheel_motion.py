@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS
 from robotd.control.completion import Outcome
 from robotd.control.rearming import Admission
 from robotd.control.source_slot import SetpointSource
+from robotd.control.stall_recovery import StallRecovery, after_stall
 from robotd.device.axes import Axes
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, Operation
 from robotd.log import get_logger
+from robotd.motion import JointLimits
 from robotd.motion.base_kinematics import WheelFollower
 from robotd.motion.planar import ZERO_TWIST, PlanarTwist
 from robotd.motion.twist_limits import TwistLimiter
@@ -84,7 +88,8 @@ class WheelMotion(SetpointSource):
     """Motion of the wheels from a claim to standstill, within the limits of the base.
 
     A setpoint that was not sent is repeated in the next period, so that the speed changes by one
-    step from the last one that the device has.
+    step from the last one that the device has. Steering axes continue after an underrun where the
+    device has led them, as joints do (``StallRecovery``).
 
     Args:
         wheel_axes: axes of the wheels, in the order of ``follower``.
@@ -117,29 +122,42 @@ class WheelMotion(SetpointSource):
         self._follower, self._limiter, self._command = follower, limiter, command
         self._claimed_ns = claimed_ns
         self._sent = True
+        if self._steered:
+            self._path: FloatArray = np.array([follower.angles, np.zeros(len(self._steered))])
+            steering = [wheel_axes[place] for place in self._steered]
+            self.stall_recovery = StallRecovery(
+                self._path,
+                start_ns,
+                _limits_of(axes, steering),
+                axes.underrun,
+                axes.stream_buffer_s,
+            )
 
     def advance(self, time_ns: int, period_ns: int, image: ProcessImage) -> bool:
         """Compute the wheel speeds one step further; False after its end."""
         if self.completion.done:
             return False
         if (loss := self._loss(image)) is not None:
-            self.completion.finish(Outcome.FAULT, loss)
-            self._axes.stops.request(self._wheel_axes)  # setpoints of others would keep them going
+            self._fail(loss)
             return False
         ending = self.completion.requested
         twist = ZERO_TWIST if ending else self._command.target(time_ns)
         twist = twist.scaled(self._axes.speed.scale)
         if self._sent:
-            is_at_rest = self._limiter.at_rest and self._follower.at_rest
+            is_at_rest = self._limiter.at_rest and self._follower.at_rest and not self._deviates
             if is_at_rest and (ending or self._command.ended):
                 self.completion.finish(*(ending or (Outcome.SUCCEEDED, "at rest")))
                 return False
             self._follow(self._limiter.step(twist), period_ns)
         self._sent = False
-        return True
+        if self.stall_recovery is not None:
+            self._recover(self.stall_recovery, time_ns + period_ns, period_ns / NANOSECONDS)
+        return not self.completion.done
 
     def sent(self, due_ns: int) -> None:
         self._sent = True
+        if self.stall_recovery is not None:
+            self.stall_recovery.sent(self.setpoint[:2, self._steered], due_ns)
 
     def _follow(self, twist: PlanarTwist, period_ns: int) -> None:
         """Set the next setpoint of each axis; ``twist`` is within the limits."""
@@ -147,10 +165,29 @@ class WheelMotion(SetpointSource):
         follower.step(twist)
         self.twist = follower.twist
         velocities = np.array(follower.velocities)
-        for place, angle in zip(self._steered, follower.angles, strict=True):
-            self.setpoint[0, place] = angle
+        if self._steered:
+            self._path[:] = follower.angles, velocities[self._steered]
         self.setpoint[2] = (velocities - self.setpoint[1]) * (NANOSECONDS / period_ns)
         self.setpoint[1] = velocities
+
+    @property
+    def _deviates(self) -> bool:
+        """A steering axis is off its path, after a stall."""
+        return self.stall_recovery is not None and self.stall_recovery.active
+
+    def _recover(self, recovery: StallRecovery, due_ns: int, period_s: float) -> None:
+        """Set the setpoints of steering, from where they are after an underrun."""
+        steering = self._path.copy()
+        if recovery.lay_over(steering, due_ns, period_s) and recovery.is_far.any():
+            far = int(np.argmax(recovery.is_far))
+            name = self._axes.names[self._wheel_axes[self._steered[far]]]
+            off = f"{name} is {abs(recovery.offset[far]):.3f} rad off its path"
+            self._fail(f"{off} {after_stall(recovery.pause_s)}")
+        self.setpoint[:2, self._steered] = steering
+
+    def _fail(self, reason: str) -> None:
+        self.completion.finish(Outcome.FAULT, reason)
+        self._axes.stops.request(self._wheel_axes)  # setpoints of others would keep them going
 
     def _loss(self, image: ProcessImage) -> str | None:
         """Return the reason why the claimed wheels cannot move; None: they can."""
@@ -161,3 +198,14 @@ class WheelMotion(SetpointSource):
             if image.fresh_ns > self._claimed_ns and image.operation[axis] != Operation.STREAM:
                 return f"{self._axes.names[axis]} was stopped by something else"
         return None
+
+
+def _limits_of(axes: Axes, chosen: Sequence[int]) -> JointLimits:
+    limits = [axes.limits[axis] for axis in chosen]
+    return JointLimits(
+        tuple(axes.names[axis] for axis in chosen),
+        np.array([each.lower for each in limits]),
+        np.array([each.upper for each in limits]),
+        np.array([each.velocity for each in limits]),
+        np.array([each.acceleration for each in limits]),
+    )

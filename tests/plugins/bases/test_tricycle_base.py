@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 from structlog.testing import capture_logs
 from tests.core.control.base_harness import BaseHarness, running
@@ -18,6 +19,7 @@ from robotd.motion.planar import PlanarTwist
 
 WHEELBASE_M, RADIUS_M = 0.8, 0.1
 TRACTION, STEERING = 0, 1
+TICK_S = 0.001
 
 
 @pytest.fixture
@@ -71,6 +73,51 @@ def test_the_base_stays_where_the_angle_of_its_steering_is_not_known(harness: Ba
         harness.drive(0.3, 0.2, 0.5)
     assert not sent
     assert logs[0]["reason"].endswith(": the present position is not known")
+
+
+@pytest.mark.parametrize("stall_s", [0.01, 0.04])
+def test_the_steering_continues_where_a_stall_has_led_it(
+    harness: BaseHarness, stall_s: float
+) -> None:
+    world, servo = harness.simulation.world, harness.simulation.servo
+    limits = harness.robot.axes.limits[STEERING]
+    angles: list[float] = []
+
+    def run(seconds: float, periods: int) -> None:
+        for _ in range(periods):
+            for _ in range(round(seconds / TICK_S)):
+                harness.clock.advance(TICK_S)
+                with world.lock:
+                    world.advance()
+                angles.append(float(servo.command[STEERING]))
+            harness.robot.control_loop.step(harness.clock.now_ns())
+
+    harness.drive(0.3, 0.0, 1.0)
+    harness.drive(0.3, 0.3, 0.2)
+    run(stall_s, 1)
+    harness.base.command(0.3, 0.3)
+    run(harness.period_s, 100)
+    speed = np.diff(angles) / TICK_S
+    assert speed.max() == pytest.approx(limits.velocity, rel=0.1), "it turned in the stall"
+    assert speed.min() > -0.1
+    assert np.abs(np.diff(speed)).max() < 3.0 * limits.acceleration * harness.period_s
+    assert harness.base.moving
+    harness.drive(0.3, 0.3, 1.0)
+    assert angles[-1] == pytest.approx(math.atan2(WHEELBASE_M * 0.3, 0.3), abs=1e-3)
+
+
+def test_a_long_stall_while_it_steers_ends_the_motion(harness: BaseHarness) -> None:
+    harness.drive(0.3, 0.0, 1.0)
+    harness.drive(0.3, 0.3, 0.2)
+    harness.clock.advance(0.1)
+    with capture_logs() as logs:
+        harness.robot.control_loop.step(harness.clock.now_ns())
+        harness.settle()
+    assert [log["reason"] for log in logs] == [
+        "steering wheel is 0.114 rad off its path after a control-loop stall of 95 ms"
+    ]
+    harness.run(1.0)
+    assert harness.twist == pytest.approx(PlanarTwist(0.0, 0.0), abs=1e-3)
 
 
 def test_a_fixed_axle_drives_the_same_arc() -> None:
