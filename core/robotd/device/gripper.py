@@ -86,8 +86,8 @@ class Gripper:
         self._fingers: FloatArray = self.multipliers * self.open_m
         self._moving = np.flatnonzero(self.multipliers)
         self._shares = 1.0 / (self.multipliers[self._moving] * len(self._moving))
-        # Where the fingers were last in motion, and when.
-        self._still_m, self._still_ns = math.inf, 0
+        # Where the fingers were last in motion, and when; and when they were measured last.
+        self._still_m, self._still_ns, self._seen_ns = math.inf, 0, 0
 
     def configure(self, open_m: float, closed_m: float) -> None:
         """Set the positions of the two ends, which differ. Before the start only."""
@@ -190,7 +190,8 @@ class Gripper:
                 abs(self.position_m - start_m) > TOLERANCE * stroke_m
                 or now_ns - began_ns > START_S * NANOSECONDS
             )
-            return has_begun and now_ns - self._still_ns > SETTLE_S * NANOSECONDS
+            settle_ns = SETTLE_S * NANOSECONDS
+            return has_begun and now_ns - self._still_ns > settle_ns > now_ns - self._seen_ns
 
         limit_s = max(travel_s, START_S) + TRAVEL_LIMIT_S
         stopped = wait_until(lambda: interrupted() or at_rest(), limit_s, self._clock)
@@ -244,6 +245,7 @@ class Gripper:
         position_m = float(self._fingers[self._moving] @ self._shares)
         if not math.isfinite(position_m):
             return
+        self._seen_ns = now_ns
         self.closed = (position_m - self.open_m) / (self.closed_m - self.open_m)
         if not abs(position_m - self._still_m) <= STILL * abs(self.closed_m - self.open_m):
             self._still_m, self._still_ns = position_m, now_ns

@@ -182,3 +182,22 @@ def test_a_canceled_move_of_measured_fingers_is_not_at_rest(measured: MeasuredGr
     state = measured.gripper.move(0.04, lambda: measured.fingers[0] > 0.01)
     assert not state.at_rest
     assert 0.01 < state.position_m < 0.02
+
+
+@pytest.mark.parametrize("error", [None, OSError("no sensor")])
+def test_fingers_that_are_not_measured_any_more_are_not_at_rest(
+    measured: MeasuredGripper, error: OSError | None
+) -> None:
+    measured.end_m = 0.04
+    read = measured._read
+
+    def fail(positions: FloatArray) -> None:
+        read(positions)
+        if positions[0] > 0.01:
+            positions[:] = np.nan
+            if error:
+                raise error
+
+    measured.gripper._measured = fail
+    state = measured.gripper.move(0.04, lambda: False)
+    assert (state.reached, state.stalled, state.at_rest) == (False, False, False)
