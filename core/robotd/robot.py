@@ -363,7 +363,7 @@ class Robot:
         Every step is tried whatever the one before it did. Twice is not an error.
         """
         if isinstance(self.clock, PacedClock):
-            self.clock.resume()
+            self.clock.release()
         self.connection.abort_start()
         self._reconnector.stop()
         try:

@@ -12,6 +12,7 @@ from structlog.testing import capture_logs
 from tests.core.control.harness import Harness, arm
 
 from robotd.clock import MonotonicClock
+from robotd.clock.simulated import PacedClock
 from robotd.control.trajectory_execution import Outcome
 from robotd.device.axes import Jog
 from robotd.device.state import CommandMode, ConnectionState
@@ -187,6 +188,27 @@ def test_a_failing_stop_is_logged_and_the_rest_is_done_all_the_same(harness: Har
 
 
 @pytest.mark.usefixtures("threads")
+def test_simulated_time_is_not_paused_in_a_shutdown() -> None:
+    """A client of the simulation goes on stepping it."""
+    clock = PacedClock()
+    robot = Robot(arm(), load_backend("sim"), clock)
+    robot.start()
+    disable = robot.connection.before_stop
+
+    def step_and_disable() -> None:
+        clock.step(1, 10.0)
+        clock.pause()
+        disable()
+
+    robot.connection.before_stop = step_and_disable
+    ending = threading.Thread(target=robot.shutdown)
+    ending.start()
+    ending.join(10.0)
+    ended = not ending.is_alive()
+    clock.resume()
+    assert ended
+
+
 def test_shutdown_ends_a_start_that_waits_for_the_device() -> None:
     keys = {"backends": {"sim": {"fail_open": 1000}}}
     robot = make(**keys, engine={"open_tries": 1000, "open_retry_s": 3600.0})

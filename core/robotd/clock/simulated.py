@@ -122,7 +122,7 @@ class PacedClock:
         self._holds = self._sleepers = 0
         self._dues: list[_Due] = []
         self._standing = False
-        self._ended = False
+        self._released = self._ended = False
         self._changed = threading.Condition()
 
     def now_ns(self) -> int:
@@ -182,9 +182,9 @@ class PacedClock:
                 self._changed.notify_all()
 
     def pause(self) -> None:
-        """Pause time from the next period on; no effect on a clock that has ended."""
+        """Pause time from the next period on; no effect after ``release``."""
         with self._changed:
-            if not self._ended:
+            if not self._released:
                 self._limit_ns = self._now_ns
                 self._changed.notify_all()
 
@@ -194,8 +194,16 @@ class PacedClock:
             self._limit_ns = None
             self._changed.notify_all()
 
+    def release(self) -> None:
+        """Resume time for good: what waits for it while the robot ends is not held up."""
+        with self._changed:
+            self._released, self._limit_ns = True, None
+            self._changed.notify_all()
+
     def step(self, time_ns: int, timeout_s: float | None = None) -> bool:
         """Advance by ``time_ns``, then pause; return when its periods have run.
+
+        No effect after ``release``.
 
         Args:
             time_ns: simulated time, on top of steps that are still running.
@@ -205,7 +213,7 @@ class PacedClock:
             False when the periods have not run by then; they still will.
         """
         with self._changed:
-            if self._ended:
+            if self._released:
                 return True
             limit_ns = (self._now_ns if self._limit_ns is None else self._limit_ns) + time_ns
             self._limit_ns, self._standing = limit_ns, False
@@ -217,7 +225,7 @@ class PacedClock:
     def end(self) -> None:
         """Release all waiting threads, now and later. Idempotent."""
         with self._changed:
-            self._ended, self._limit_ns = True, None
+            self._released, self._ended, self._limit_ns = True, True, None
             self._changed.notify_all()
 
     def _lead(self, deadline_ns: int) -> None:
