@@ -11,6 +11,7 @@ from robotd.arrays import FloatArray, IntArray
 from robotd.clock import NANOSECONDS
 from robotd.control.source_slot import SetpointSource
 from robotd.control.stall_recovery import after_stall
+from robotd.device.axes import SHOWN_S
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation
 from robotd.motion import JointLimits
@@ -54,7 +55,7 @@ class JointSource(SetpointSource):
         self._limits, self._axes, self._stopped_velocity = limits, axes, stopped_velocity
         self._phase, self._phase_since_ns, self._settled_periods = Phase.RUNNING, start_ns, 0
         self._advanced_ns = start_ns
-        self._was_streaming = False
+        self._was_streaming, self._first_ns = False, 0  # time of its first image
         self._healthy = b""  # flags and operations of an image without a fault
 
     def _continue(self, running: SetpointSource, advanced_ns: int, delay_ns: int) -> None:
@@ -114,7 +115,7 @@ class JointSource(SetpointSource):
         if seen == self._healthy:
             return
         if self._all_follow(image):
-            self._healthy = seen
+            self._healthy = seen if self._was_streaming or not self.streams else b""
         elif not self.completion.is_fault:
             self.completion.escalate(self._fault_text(image, time_s, pause_ns))
 
@@ -129,11 +130,13 @@ class JointSource(SetpointSource):
         )
 
     def _obey(self, image: ProcessImage) -> bool:
-        """Check that no other command moves the axes; older images do not show it yet."""
+        """Check that no other command moves the axes; the first images do not show it yet."""
         if not self.streams:
             return True
         streaming = bool((image.operation[self._axes] == Operation.STREAM).all())
-        self._was_streaming |= streaming
+        self._first_ns = self._first_ns or image.stamp_ns
+        is_shown = image.fresh_ns - self._first_ns > SHOWN_S * NANOSECONDS
+        self._was_streaming |= streaming or is_shown
         return streaming or not self._was_streaming
 
     def _fault_text(self, image: ProcessImage, time_s: float, pause_ns: int) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -334,6 +335,23 @@ def test_a_stop_reaches_a_device_whose_values_are_old(harness: Harness) -> None:
     assert not harness.connection.ready
     axes.stop([1])
     assert stopped == [[0, 1, 2], [1]]
+
+
+def test_a_stop_before_the_image_shows_the_claim_ends_a_stream(harness: Harness) -> None:
+    driver = harness.robot.axes._driver
+    begin_stream = driver.begin_stream
+
+    def stopped(axes: Sequence[int]) -> None:
+        begin_stream(axes)
+        harness.robot.axes.stop([0])  # of another client
+
+    driver.begin_stream = stopped  # type: ignore[method-assign]
+    with harness.robot.stream() as stream:
+        stream.send_velocity([0.1] * 3)
+        harness.run(0.2)
+        assert not stream.open
+        assert "stopped by the device or another command" in stream.message
+    assert harness.image.position == pytest.approx([0.0] * 3, abs=0.02)
 
 
 def test_a_failing_read_is_tolerated_until_the_values_are_stale(harness: Harness) -> None:
