@@ -70,6 +70,7 @@ class MotionStop:
 
         Raises:
             DeviceTimeout: axes still move after the quick stop; the latch stays engaged.
+            NotReady: no values show what moves, or the device is lost meanwhile.
             OperationError: the axes are read-only.
         """
         self._axes.stop_latch.check_commandable()

@@ -1,4 +1,4 @@
-"""Axis commands: every argument and every state is checked here, once, for all backends."""
+"""Commands of single axes, with all checks of arguments and states, for all backends."""
 
 from __future__ import annotations
 
@@ -256,7 +256,7 @@ class Axes:
 
     @noted
     def set_polarity(self, axis: int, polarity: int) -> None:
-        """1 or -1, with the servo off."""
+        """Set polarity 1 or -1, with the servo off."""
         self._check_axis(axis)
         self.check_polarity(axis, polarity)
         self._require(Capability.SCALING, "polarity")
@@ -267,7 +267,7 @@ class Axes:
 
     @noted
     def set_gear_ratio(self, axis: int, numerator: float, denominator: float) -> None:
-        """Encoder counts per unit as a fraction, both parts positive, with the servo off."""
+        """Set encoder counts per unit, a fraction of positive parts, with the servo off."""
         self._check_axis(axis)
         self.check_gear_ratio(axis, numerator, denominator)
         self._require(Capability.SCALING, "gear ratio")
@@ -336,7 +336,7 @@ class Axes:
 
     @noted
     def stop(self, axes: Sequence[int]) -> None:
-        """Controlled stop; never rejected because of an owner.
+        """Start a controlled stop; never rejected because of an owner.
 
         Also while values are stale or the state of the device is unknown. No effect while it does
         not communicate.
@@ -345,11 +345,11 @@ class Axes:
 
     @noted
     def quick_stop(self, axes: Sequence[int]) -> None:
-        """The fastest controlled stop; never rejected because of an owner."""
+        """Start the fastest controlled stop; otherwise as ``stop``."""
         self._stop(axes, self._driver.quick_stop)
 
     def rest(self, axes: Sequence[int], timeout_s: float, *, quick: bool = False) -> None:
-        """Controlled stop, or a quick one, and wait until the axes are idle.
+        """Stop the axes, or quick-stop them, and wait until they are idle.
 
         Raises DeviceTimeout naming the axes that still move.
         """
@@ -434,13 +434,13 @@ class Axes:
         self._owners.update(dict.fromkeys(axes, owner))
 
     def rejection(self, axis: int, mode: CommandMode, by: str = "") -> NotReady | None:
-        """The error of a motion command now, of a client named ``by``; None: accepted."""
+        """Return the error of a motion command now, of client ``by``; None: it is accepted."""
         if not self.connection.commandable:
             return NotReady(self.connection.rejection)
         return self.inability(axis, mode, by)
 
     def inability(self, axis: int, mode: CommandMode, by: str) -> NotReady | None:
-        """The error of motion in ``mode`` by ``by``, also one that goes on; None: it can move."""
+        """Return the error of motion in ``mode``, also of one that runs; None: it can move."""
         image = self.image
         if image.fault(axis):
             return self._fault_error(axis)

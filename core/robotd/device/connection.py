@@ -50,7 +50,7 @@ class StartupStep:
 
     @contextmanager
     def running(self, name: str) -> Iterator[None]:
-        """The block is step ``name``; the log has a line for every ``report_interval_s`` of it."""
+        """Run the block as step ``name``, with a log line every ``report_interval_s``."""
         before, self._step = self._step, (name, time.monotonic())
         ended = threading.Event()
         reporting = threading.Thread(
@@ -200,7 +200,7 @@ class Connection:
             listener(self.ready)
 
     def start(self) -> None:
-        """The whole start-up: open with retries, scan, start communication.
+        """Open with retries, scan, and start communication.
 
         Raises the last error when every try has failed, or after one that is permanent; returns
         early when it is asked to end.
@@ -319,7 +319,7 @@ class Connection:
                 self._stopping = False
 
     def scan_network(self) -> str:
-        """Look for devices on the fieldbus; a one-line summary for people."""
+        """Scan the fieldbus; return a one-line summary for people."""
         with self._lock:
             if self._driver.state() is ConnectionState.IDLE:
                 raise NotReady("device is not open")
@@ -348,12 +348,12 @@ class Connection:
                 self._parameters_applied = True
 
     def dump_parameters(self, axis: int) -> str:
-        """The parameters of one axis in force, as text for people."""
+        """Return the parameters of one axis in force, as text for people."""
         self._require_parameters()
         return self._driver.dump_parameters(axis)
 
     def abort_start(self) -> None:
-        """The robot is asked to end: no try, start, motion or servo-on begins any more.
+        """Begin no try, start, motion or servo-on any more: the robot is asked to end.
 
         Any thread; stops are accepted as before.
         """
@@ -370,16 +370,16 @@ class Connection:
                 self.update_ready()
 
     def set_stale(self, stale: bool, reason: str = "") -> None:
-        """Cycle thread: the device's values are (no longer) too old to be trusted, and why."""
+        """Note that the device's values are stale, and why, or fresh again. Control-loop thread."""
         self._hang, self._stale_reason = "", reason
         if stale is not self.stale:
             self.stale = stale
             self.update_ready()
 
     def abandon(self, reason: str) -> None:
-        """Watchdog: the control loop hangs in the driver. Not ready, without asking the device.
+        """Reject commands while the control loop hangs, without asking the device. Watchdog.
 
-        A cycle that goes on after all says by ``set_stale`` how old the values are.
+        A period that goes on after all calls ``set_stale``.
         """
         self.stale, self._hang = True, reason
         self._set_ready(False)  # without the lock: its holder may hang

@@ -85,12 +85,12 @@ class Io:
         self._driver("output", byte, len(data)).write_outputs(byte, data)
 
     def output_watcher(self, byte: int, bit: int) -> Callable[[], bool]:
-        """A check-free reader of one output bit for the control loop; False while not ready."""
+        """Return a reader of one output bit, without checks, for the control loop."""
         driver, mask = self._watched("output", byte, bit)
         return lambda: bool(driver.read_outputs(byte, 1)[0] & mask)
 
     def input_watcher(self, byte: int, bit: int) -> Callable[[], bool]:
-        """A check-free reader of one input bit for the control loop; invalid while not ready."""
+        """Return a reader of one input bit, without checks; its value counts while ready."""
         driver, mask = self._watched("input", byte, bit)
         return lambda: bool(driver.read_inputs(byte, 1)[0] & mask)
 

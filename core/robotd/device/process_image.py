@@ -1,4 +1,4 @@
-"""The process image: what the fieldbus said last, and what was commanded, per axis."""
+"""Process image: measured values, commands and states of all axes."""
 
 from __future__ import annotations
 
@@ -150,15 +150,15 @@ class ProcessImage:
         self.alarm_code[:] = code
 
     def begin_write(self) -> None:
-        """Cycle thread: the arrays are about to change."""
+        """Begin to change the arrays. Control-loop thread."""
         self._sequence += 1
 
     def end_write(self) -> None:
-        """Cycle thread: the arrays are consistent again."""
+        """End the change: the arrays are consistent. Control-loop thread."""
         self._sequence += 1
 
     def forget(self) -> None:
-        """Cycle thread: nothing is known any more, as before the first ``read``."""
+        """Clear all values, as before the first ``read``. Control-loop thread."""
         self.begin_write()
         blank = ProcessImage(self.axes)
         self.memory[:] = blank.memory
@@ -168,7 +168,7 @@ class ProcessImage:
         self.end_write()
 
     def copy(self) -> ProcessImage:
-        """A consistent copy. Any thread may call; retries while the control loop writes.
+        """Return a consistent copy. Any thread; retries while the control loop writes.
 
         Of a write that does not end, because the driver hangs, it is a copy of what there is.
         """
@@ -186,7 +186,7 @@ class ProcessImage:
 
 
 def columns(axes: Sequence[int] | IntArray) -> slice | IntArray:
-    """The index of ``axes``: a slice, which NumPy copies several times faster, where one does."""
+    """Return the index of ``axes``: a slice where one does, which NumPy copies faster."""
     index = np.asarray(axes, np.int64)
     if len(index) and (np.diff(index) == 1).all():
         return slice(int(index[0]), int(index[-1]) + 1)

@@ -1,4 +1,4 @@
-"""The enums that describe an engine and its axes."""
+"""Enums of the states of a device and its axes."""
 
 from __future__ import annotations
 
