@@ -125,7 +125,7 @@ class Interruptions:
         for axis, mode in zip(axes, modes or self._modes[list(axes)], strict=True):
             if self._unable[axis] or self._modes[axis] != mode:
                 owner = self._axes.owner(axis)
-                if error := self._axes.rejection(axis, CommandMode(int(mode)), owner):
+                if error := self._axes.inability(axis, CommandMode(int(mode)), owner):
                     return error
         return None
 

@@ -60,9 +60,14 @@ class Recovery:
         self._axes.stop_latch.check_commandable()
         if not self._running.acquire(blocking=False):
             raise NotReady("another recovery is running")
+
+        def logged(line: str) -> None:
+            log.info("recovery", step=line)
+            report(line)
+
         try:
             self._connection.require_alive()
-            self._recover(lambda line: _tell(report, line))
+            self._recover(logged)
         finally:
             self._running.release()
 
@@ -244,8 +249,3 @@ class Recovery:
 def _raise_failures(message: str, failures: dict[str, str]) -> None:
     if failures:
         raise ConnectError(message, failures)
-
-
-def _tell(report: Report, line: str) -> None:
-    log.info("recovery", step=line)
-    report(line)

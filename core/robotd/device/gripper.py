@@ -235,7 +235,7 @@ class Gripper:
             return
         closes = self._commanded()
         elapsed_ns, self._last_ns = image.stamp_ns - self._last_ns, image.stamp_ns
-        if closes and self._has_sensor and self._holds_part():
+        if closes and self._holds_part():
             return
         step = elapsed_ns / self._travel_ns if self._travel_ns else 1.0
         self.closed += min(max(float(closes) - self.closed, -step), step)
