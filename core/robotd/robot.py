@@ -202,6 +202,7 @@ class Robot:
             ConnectError: the device did not open, or an axis did not come up (all are named).
             RobotdError: communication or parameters failed.
         """
+        self.connection.require_alive()
         if not isinstance(self.clock, SimulatedClock):
             self.axes.stops.start()
         self.connection.ask_fault()

@@ -19,6 +19,7 @@ from robotd.device.state import CommandMode, ConnectionState
 from robotd.errors import ConnectError, NotReady, OperationError, RobotdError
 from robotd.motion import TrajectoryRequest
 from robotd.motion.profile import Profile
+from robotd.plugin.call_timeout import end_idle_threads
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot, build_robot, open_robot
 
@@ -152,6 +153,26 @@ def test_shutdown_twice_and_before_start_is_fine() -> None:
     robot.shutdown()
     with pytest.raises(NotReady, match="shut down"):
         robot.start()
+
+
+@pytest.mark.usefixtures("threads")
+def test_a_start_after_a_shutdown_or_overtaken_by_one_leaves_no_thread() -> None:
+    robot = make()
+    require_alive, overtaking = robot.connection.require_alive, [robot.shutdown]
+
+    def overtaken() -> None:
+        require_alive()
+        while overtaking:
+            overtaking.pop()()
+
+    robot.connection.require_alive = overtaken  # type: ignore[method-assign]
+    for _ in range(2):
+        with pytest.raises(NotReady, match="shut down"):
+            robot.start()
+    end_idle_threads()
+    for thread in threading.enumerate():
+        if thread.name in ("robotd-axis-stops", "robotd-control", "robotd-watchdog"):
+            thread.join(10.0)
 
 
 @pytest.mark.usefixtures("threads")

@@ -144,17 +144,16 @@ class StopRequests:
             self._wake.put(None)
 
     def start(self) -> None:
-        """Start the thread ``robotd-axis-stops``. A second call has no effect."""
+        """Start the thread ``robotd-axis-stops``; no effect while it runs, or after ``close``."""
         if self._thread is None:
-            self._closing = False
             self._thread = threading.Thread(target=self._run, name="robotd-axis-stops", daemon=True)
             self._thread.start()
 
     def close(self, timeout_s: float) -> None:
         """End the thread; one that hangs in the driver is abandoned after ``timeout_s``."""
+        self._closing = True
         thread = self._thread
         if thread is not None:
-            self._closing = True
             self._wake.put(None)
             thread.join(timeout_s)
             self._thread = None
