@@ -51,7 +51,6 @@ class DeviceTrajectory(TrajectoryExecution):
 
     def __init__(self, driver: AxisDriver, goal: PlannedGoal, start_ns: int) -> None:
         super().__init__(goal, start_ns)
-        self.setpoint[2] = 0.0  # the device reports its position and velocity only
         self._driver = driver
         self.completion.on_end = self._wake
         self._times_s, self._points = spline_points(self.trajectory, driver.max_trajectory_points)

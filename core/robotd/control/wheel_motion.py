@@ -148,7 +148,7 @@ class WheelMotion(SetpointSource):
             if is_at_rest and (ending or self._command.ended):
                 self.completion.finish(*(ending or (Outcome.SUCCEEDED, "at rest")))
                 return False
-            self._follow(self._limiter.step(twist), period_ns)
+            self._follow(self._limiter.step(twist))
         self._sent = False
         if self.stall_recovery is not None:
             self._recover(self.stall_recovery, time_ns + period_ns, period_ns / NANOSECONDS)
@@ -159,7 +159,7 @@ class WheelMotion(SetpointSource):
         if self.stall_recovery is not None:
             self.stall_recovery.sent(self.setpoint[:2, self._steered], due_ns)
 
-    def _follow(self, twist: PlanarTwist, period_ns: int) -> None:
+    def _follow(self, twist: PlanarTwist) -> None:
         """Set the next setpoint of each axis; ``twist`` is within the limits."""
         follower = self._follower
         follower.step(twist)
@@ -167,7 +167,6 @@ class WheelMotion(SetpointSource):
         velocities = np.array(follower.velocities)
         if self._steered:
             self._path[:] = follower.angles, velocities[self._steered]
-        self.setpoint[2] = (velocities - self.setpoint[1]) * (NANOSECONDS / period_ns)
         self.setpoint[1] = velocities
 
     @property
