@@ -22,6 +22,7 @@ class MotionStop:
     """Ends all motion while the latch is engaged, and engages it by an input.
 
     Setpoint sources come to rest along their paths, moves, jogs and homing by their own ramps.
+    A move or jog that begins after its call was given up is stopped, too.
 
     ``stop_input``: forbids motion, and counts while the device is ready; None: there is none.
     """
@@ -53,10 +54,10 @@ class MotionStop:
             latch.engage(rejection)
         if latch.reason:
             self._mixer.end_all(Outcome.STOPPED, f"stopped: {latch.reason}")
-            operations = image.operation.tolist()
-            moved = [axis for axis, each in enumerate(operations) if each in BY_DEVICE]
-            if moved:
-                self._axes.stops.request(moved)
+        ended = range(image.axes) if latch.reason else self._axes.given_up.copy()
+        moved = [axis for axis in ended if image.operation[axis] in BY_DEVICE]
+        if moved:
+            self._axes.stops.request(moved)
 
     def stop(self, reason: str, timeout_s: float) -> None:
         """Engage the latch and wait for standstill. Any worker; raises as ``wait_at_rest``."""

@@ -98,6 +98,7 @@ class Axes:
         speed: of all motion.
         motion_limits: of the joint groups.
         deceleration: ramp by which the move or velocity command of each axis ends, rad/s² or m/s².
+        given_up: axes whose last move or jog was not answered in time; it may begin later.
     """
 
     def __init__(
@@ -124,6 +125,7 @@ class Axes:
         self.speed.on_change(self._note_speed)
         self.motion_limits: list[MotionLimits] = []
         self.deceleration = [math.inf] * len(names)
+        self.given_up: set[int] = set()
         self._driver = driver
         self._capabilities = capabilities
         self._shown_s = max(SHOWN_S, SAMPLES * self.feedback_period_s)
@@ -570,13 +572,15 @@ class Axes:
                 with self._naming(axis):
                     self._check_not_stopped(axis, stops)
                     self.deceleration[axis] = command.profile.deceleration
+                    self.given_up.discard(axis)
                     begin(command)
                     begun.append(axis)
                     self._commanded_ns = self.clock.now_ns()
                     self._check_not_stopped(axis, stops)
             except RobotdError as error:
-                if isinstance(error, DeviceTimeout):  # the call may begin the motion later
+                if isinstance(error, DeviceTimeout):
                     begun.append(axis)
+                    self.given_up.add(axis)
                 if begun:
                     self._driver.stop(begun)
                 raise

@@ -13,7 +13,7 @@ from tests.core.control.harness import ACCELERATION, RATE_HZ, Harness, arm
 from robotd.control.trajectory_execution import Outcome
 from robotd.device.axes import Jog, Move
 from robotd.device.process_image import ProcessImage
-from robotd.device.state import CommandMode
+from robotd.device.state import CommandMode, Operation
 from robotd.errors import DeviceTimeout, NotReady, OperationError
 from robotd.motion.profile import Profile
 
@@ -138,6 +138,27 @@ def test_a_reset_waits_for_standstill() -> None:
     with pytest.raises(DeviceTimeout, match=r"axes still move after 0\.5 s"):
         harness.robot.reset()
     assert axes.stop_latch.reason
+
+
+def test_a_move_that_begins_after_its_time_out_is_stopped(harness: Harness) -> None:
+    driver = harness.robot.axes._driver
+    move = driver.move
+
+    def hang(*_: object) -> None:
+        raise DeviceTimeout("no answer")
+
+    driver.move = hang  # type: ignore[method-assign]
+    with pytest.raises(DeviceTimeout):
+        harness.move(0, 2.0)
+    driver.move = move  # type: ignore[method-assign]
+    harness.run(0.1)
+    driver.move(0, 2.0, Profile(1.0, 5.0, 5.0))  # the abandoned call goes on
+    harness.run(0.5)
+    assert harness.image.operation[0] == Operation.IDLE
+    assert harness.image.position[0] < 0.01
+    harness.move(0, 0.5)
+    harness.run(1.5)
+    assert harness.image.position[0] == pytest.approx(0.5, abs=1e-3)
 
 
 def test_a_stop_during_a_reset_stays_in_force(harness: Harness) -> None:
