@@ -69,9 +69,13 @@ class Power:
         position, velocity = float(servo.position[axis]), servo.velocity(axis)
         servo.close_loop(axis, closed=False)
         servo.place(axis, position, position, velocity)
-        self._motion.coast(axis, float(self._coasting[axis]))
+        self.coast(axis)
         if self._home_lost_when_off[axis]:
             self.lose_home(axis)
+
+    def coast(self, axis: int) -> None:
+        """Slow down by friction, from the present position and speed. The servo is off."""
+        self._motion.coast(axis, float(self._coasting[axis]))
 
     def trip(self, axis: int, code: int) -> None:
         """The drive reports the alarm ``code``."""

@@ -258,6 +258,8 @@ class Simulation:
         initial = np.rint(self._initial * self.scaling.gain)
         origin = np.where(absolute, counts - wrap32(counts), counts - initial)
         self._rescale(origin, np.where(absolute, self.scaling.home, 0.0))
+        for axis in range(self.axes):  # what still coasts has been planned in the old numbers
+            self.power.coast(axis)
 
     def _absolute(self, parameters: WmxParameters) -> np.ndarray:
         return parameters["AbsoluteEncoderMode"][: self.axes]

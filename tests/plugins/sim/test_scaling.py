@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from tests.plugins.sim.harness import PROFILE, harness
+from tests.plugins.sim.harness import PROFILE, TICK_S, harness
 
 from robotd.api import NotReady, Operation
 
@@ -109,3 +109,17 @@ def test_the_joints_start_where_the_options_say(absolute: int) -> None:
 def test_incremental_encoders_start_where_the_options_say() -> None:
     made = harness(initial_position_rad=(0.5, -1.0))
     assert made.look().position == pytest.approx([0.5, -1.0], abs=1e-5)
+
+
+def test_an_axis_that_coasts_while_its_encoder_wakes_up_goes_on_without_a_jump() -> None:
+    made = harness(1, coast_deceleration_rad_s2=2.0)
+    made.axes.jog(0, PROFILE)
+    made.look(1.0)
+    made.faults.drop_communication()
+    made.device.start_communication(1.0)
+    made.look()
+    record = made.record(2.0)
+    assert record.velocity[0, 0] > 1.9
+    assert record.velocity[-1, 0] == 0.0
+    steps = np.diff(record.position[:, 0])
+    assert np.abs(steps).max() < 1.01 * record.velocity.max() * TICK_S
