@@ -228,15 +228,18 @@ class Stream:
 
     def begin(self, axis: int, *, by_velocity: bool = False) -> None:
         """``axis`` follows from now on; until the first setpoint its velocity stays."""
-        servo = self._world.servo
-        _, commands, speeds, _ = servo.state()
-        self.position[axis], self.velocity[axis] = commands[axis], speeds[axis]
-        servo.follow(axis, self._world.tick, *self._setpoint(axis), 0.0)
+        servo, tick = self._world.servo, self._world.tick
+        if not self._followers:
+            self.end, self._fed = float(tick), False
+            self._world.lapse = FOREVER
+        position, speed = float(servo.command[axis]), float(servo.command_velocity[axis])
+        servo.follow(axis, tick, position, speed, 0.0)
+        # Others that follow have a setpoint that is still due: where this axis is by then.
+        self.position[axis] = position + speed * (self.end - tick) * servo.tick_s
+        self.velocity[axis] = speed
         self.following[axis], self.by_velocity[axis] = True, by_velocity
         self._take_stock()
-        self.end = float(self._world.tick)
-        self._world.lapse = FOREVER
-        self._called, self._fed = self._world.tick, False
+        self._called = tick
         self._watch()
 
     def drop(self, axis: int) -> None:

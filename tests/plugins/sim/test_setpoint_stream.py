@@ -106,6 +106,24 @@ def test_an_axis_may_wait_for_its_first_setpoint_for_long() -> None:
     assert (made.look(5.0).operation == Operation.STREAM).all()
 
 
+def test_an_axis_that_joins_leaves_the_overdue_setpoint_of_another_one_as_it_is() -> None:
+    made = harness(stream_timeout_s=0.05)
+    made.axes.jog(1, PROFILE)
+    made.axes.begin_stream([0])
+    made.look(0.5)
+    made.axes.stream(np.array([0.002, np.nan]), np.array([0.5, np.nan]), due(made))
+    made.look(TICK_S)
+    made.axes.begin_stream([1])
+    record = made.record(0.04)
+    assert record.command_velocity[2:, 0] == pytest.approx(0.5)
+    assert record.command_velocity[:, 1] == pytest.approx(2.0)
+    for axis in (0, 1):
+        steps = np.diff(record.command[2:, axis])
+        assert steps == pytest.approx(record.command_velocity[3:, axis] * TICK_S)
+    record = made.record(0.4)
+    assert (record.operation[-1] == Operation.IDLE).all()  # the time-out is in force
+
+
 def test_a_stream_takes_over_a_move_and_refuses_other_commands() -> None:
     made = harness()
     made.axes.move(0, 1.0, PROFILE)
