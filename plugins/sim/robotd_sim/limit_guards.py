@@ -90,7 +90,7 @@ class Guards:
             np.where(self._positive_types[SWITCH] == LimitType.NONE, np.inf, high_switch),
             _where_set(positive, home & (self._positive_types[SOFT] != LimitType.NONE)),
         ])  # fmt: skip
-        armed = np.isfinite(self._low).any() or np.isfinite(self._high).any() or self._watch_error
+        armed = (self._low > -np.inf).any() or (self._high < np.inf).any() or self._watch_error
         self._world.watch = self._look if armed else None
 
     def blocked(self, axis: int, direction: float) -> str | None:

@@ -86,6 +86,18 @@ def test_a_limit_switch_shows_in_the_image_and_stops_the_axis() -> None:
     assert not made.look(0.5).positive_limit[0]
 
 
+@pytest.mark.parametrize(("switch", "sign"), [("positive_limit", 1), ("negative_limit", -1)])
+def test_a_switch_that_closes_in_motion_stops_the_axis(switch: str, sign: int) -> None:
+    made = harness()
+    made.axes.jog(0, Profile(sign * 1.0, 10.0, 10.0))
+    before = made.look(0.5).position[0]
+    made.faults.press_switch(0, switch, True)
+    image = made.look(0.5)
+    assert image.operation[0] == Operation.IDLE
+    assert image.reason[0] == f"{switch.removesuffix('_limit')} limit switch is closed"
+    assert image.position[0] == pytest.approx(before, abs=0.01)
+
+
 def test_too_large_a_following_error_stops_the_axis() -> None:
     made = harness()
     made.set(FollowingErrorType=1, FollowingErrorMoving=0.0004, QuickStopDec=100.0)
