@@ -78,8 +78,7 @@ class SimAxes(AxisDriver):
             self._world.advance()
             self._require_online(axis)
             self._simulation.power.clear(axis)
-        alarms = states.amp_alarm, states.following_alarm
-        if not self._wait(lambda: not any(alarm[axis] for alarm in alarms), timeout_s):
+        if not self._wait(lambda: not (states.amp_alarm[axis] or states.reason[axis]), timeout_s):
             raise DeviceTimeout(f"the alarm is still there after {timeout_s:g} s", axis=axis)
 
     def set_command_mode(self, axis: int, mode: CommandMode) -> None:

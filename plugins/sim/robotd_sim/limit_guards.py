@@ -50,6 +50,7 @@ class Guards:
         self._seen = np.zeros((2, axes), bool)
         self._switches = switches
         self._acted = [0] * axes  # number of the plan that a limit made
+        self._reported: list[str | None] = [None] * axes  # the last following error
         world.on_watch = self._act
         power.on_home_lost = self.refresh
 
@@ -132,17 +133,20 @@ class Guards:
             for axis in np.flatnonzero(outwards):
                 self._limit(int(axis), LimitType(int(self._negative_types[kind, axis])), -1.0)
         if self._watch_error:
-            for axis in np.flatnonzero(self._error_axes() & on & ~self._states.following_alarm):
+            for axis in np.flatnonzero(self._error_axes() & on):
                 self._follow_up(int(axis))
 
     def _follow_up(self, axis: int) -> None:
-        """Stop an axis whose following error is too large, with an alarm."""
+        """Stop an axis whose following error is too large, once for each command."""
+        reason = self._states.reason
+        if reason[axis] == self._reported[axis]:
+            return
         servo = self._servo
         error = abs(servo.command[axis] - servo.position[axis])
         limits = self._error_moving if servo.command_velocity[axis] else self._error_stopped
-        self._states.following_alarm[axis] = True
         self._motion.quick_stop(axis)
-        self._states.reason[axis] = f"following error {error:.3g} is above {limits[axis]:g}"
+        what = f"following error {error:.3g} is above {limits[axis]:g}"
+        reason[axis] = self._reported[axis] = what
 
     def _limit(self, axis: int, limit: LimitType, direction: float) -> None:
         reason = self.blocked(axis, direction) or ""

@@ -93,7 +93,6 @@ class Power:
         def clear() -> None:
             self._states.amp_alarm[axis] = False
             self._states.alarm_code[axis] = 0
-            self._states.following_alarm[axis] = False
             if self._states.connected[axis]:
                 self._states.reason[axis] = ""
 

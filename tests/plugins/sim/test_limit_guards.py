@@ -113,3 +113,15 @@ def test_too_large_a_following_error_stops_the_axis() -> None:
     assert made.look().reason == ["", ""]
     made.axes.move(0, -1.0, Profile(1.0, 8.0, 8.0))
     assert made.look(3.0).motion_complete[0]
+
+
+def test_each_command_of_an_axis_that_does_not_follow_is_stopped() -> None:
+    made = harness()
+    made.set(FollowingErrorType=1, FollowingErrorMoving=0.01, FollowingErrorStopped=0.02)
+    made.faults.block(0, True)
+    for _ in range(2):  # the second one without an acknowledgement of the alarm
+        made.axes.move(0, 1.0, PROFILE)
+        image = made.look(2.0)
+        assert image.operation[0] == Operation.IDLE
+        assert image.reason[0].startswith("following error 0.01")
+        assert image.position_command[0] < 0.05
