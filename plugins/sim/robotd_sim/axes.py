@@ -226,7 +226,7 @@ class Readout:
 
     def fill(self, image: ProcessImage) -> None:
         simulation = self._simulation
-        if simulation.network.frozen:
+        if simulation.network.is_silent(simulation.world.tick):
             return
         if image is not self._image or image.fresh_ns != self._fresh_ns:
             self._image, self._states, self._motion = image, None, None

@@ -89,7 +89,9 @@ class SimDevice(DeviceDriver):
         return simulation.engine
 
     def fault(self) -> str:
-        return NO_FRAMES if self.simulation.network.frozen else self.simulation.lost_because
+        simulation = self.simulation
+        silent = simulation.network.is_silent(simulation.world.tick)
+        return NO_FRAMES if silent else simulation.lost_because
 
     def scan_network(self) -> str:
         simulation = self.simulation

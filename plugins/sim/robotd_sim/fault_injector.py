@@ -87,10 +87,7 @@ class SimFaultInjector(FaultInjector):
     def lose_packets(self, count: int) -> None:
         """Lose ``count`` frames in a row: no values for as many ticks."""
         with self._now() as simulation:
-            network = simulation.network
-            network.packet_loss += count
-            network.frozen = True
-            self._world.at(self._world.tick + count, network.thaw)
+            simulation.network.lose_packets(self._world.tick, count)
 
     def drop_communication(self) -> None:
         with self._now() as simulation:

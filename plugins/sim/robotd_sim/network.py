@@ -76,17 +76,24 @@ class Network:
         self._axes, self._period_s = robot.axes, options.tick_s
         self.packet_loss = 0
         self.frozen = False  # frames are lost unnoticed
+        self._silent_until = 0  # tick
         self._reset_at = 0
         self._slips = 0
 
-    def thaw(self) -> None:
-        """Frames arrive again."""
-        self.frozen = False
+    def lose_packets(self, tick: int, count: int) -> None:
+        """Lose the next ``count`` frames; those that are lost already count once."""
+        until = max(self._silent_until, tick + count)
+        self.packet_loss += until - max(self._silent_until, tick)
+        self._silent_until = until
+
+    def is_silent(self, tick: int) -> bool:
+        """Return True while no frame arrives."""
+        return self.frozen or tick < self._silent_until
 
     def up(self, tick: int) -> None:
         """Communication begins: counters start anew."""
         self.frozen = False
-        self._reset_at = tick
+        self._silent_until = self._reset_at = tick
         self.packet_loss = 0
 
     def reset(self, tick: int, slips: int) -> None:

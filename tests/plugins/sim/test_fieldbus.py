@@ -83,6 +83,26 @@ def test_statistics_count_and_can_be_reset() -> None:
     assert (state.lost_frames, state.extra["tx_delay"], state.extra["max_tx_delay"]) == (0, 0, 0)
 
 
+def test_losses_that_overlap_end_with_the_last_one() -> None:
+    made = harness()
+    made.look(0.1)
+    made.faults.lose_packets(100)
+    made.clock.advance(0.01)
+    made.faults.lose_packets(10)
+    fresh_ns = made.image.fresh_ns
+    assert made.look(0.08).fresh_ns == fresh_ns
+    assert made.device.fault() == "no frame comes back from the fieldbus"
+    assert bus_of(made).status(0).lost_frames == 100
+    assert made.look(0.02).fresh_ns == made.clock.now_ns()
+    assert made.device.fault() == ""
+    made.faults.freeze(True)
+    made.faults.lose_packets(3)
+    fresh_ns = made.image.fresh_ns
+    assert made.look(0.1).fresh_ns == fresh_ns
+    made.faults.freeze(False)
+    assert made.look(0.1).fresh_ns > fresh_ns
+
+
 def test_hot_connect_brings_a_lost_slave_back_with_its_servo_off() -> None:
     made = harness(hot_connect_delay_s=0.2)
     bus = bus_of(made)
