@@ -45,6 +45,8 @@ class SimFaultInjector(FaultInjector):
 
     def reconnect(self, axis: int) -> None:
         """A slave is taken in again by ``start_hot_connect``, its plug alone does nothing."""
+        with self._now() as simulation:
+            simulation.network.slaves[axis].plugged = True
 
     def freeze(self, frozen: bool) -> None:
         """Freeze the values without an error; the axes continue their motion."""

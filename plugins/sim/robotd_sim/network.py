@@ -21,11 +21,15 @@ _DELAYS_NS = (1840, 1846, 1842, 1851, 1839, 1844, 1848, 1841)  # of a frame, in 
 
 @dataclass
 class Slave:
-    """One device on the line; ``axis`` is None for the I/O module."""
+    """One device on the line; ``axis`` is None for the I/O module.
+
+    ``connected`` it answers; once ``plugged`` again it does so from the next hot connect on.
+    """
 
     id: int
     axis: int | None
     connected: bool = True
+    plugged: bool = True
 
     @property
     def address(self) -> int:

@@ -189,12 +189,13 @@ class Simulation:
         self._rescale(self.scaling.origin, self.scaling.home)
 
     def disconnect(self, slave: int) -> None:
+        self.network.slaves[slave].plugged = False
         self._connect(slave, connected=False)
 
     def reconnect(self) -> None:
-        """Every slave answers again."""
+        """Every slave whose plug is in answers again."""
         for slave in self.network.slaves:
-            if not slave.connected:
+            if slave.plugged and not slave.connected:
                 self._connect(slave.id, connected=True)
 
     def request_communication(self) -> None:

@@ -97,6 +97,7 @@ def test_a_drive_that_is_lost_is_a_fault_until_it_is_back(harness: Harness) -> N
     )
     with pytest.raises(NotReady, match="joint3: drive is offline"), harness.goal(HOME):
         pass
+    harness.faults.reconnect(2)
     harness.robot.fieldbus.start_hot_connect(0)
     harness.run(0.5)
     assert_works(harness)

@@ -110,6 +110,7 @@ def test_a_device_without_fresh_values_is_closed_and_opened(harness: Harness) ->
 def test_a_drive_that_is_offline_joins_the_bus(harness: Harness) -> None:
     harness.faults.disconnect(1)
     harness.run(0.3)
+    harness.faults.reconnect(1)
     lines = recover(harness)
     assert lines[0].startswith("found: joint2: drive is offline")
     assert lines[1] == "connecting again: joint2"

@@ -135,6 +135,16 @@ def test_a_blocked_axis_stays_where_it_is_while_others_rest() -> None:
     assert result.failures == []
 
 
+def test_a_slave_that_is_back_brings_no_other_one_back() -> None:
+    result = run(
+        {"wait_s": 1.0},
+        check(offline=[1]),
+        check(offline=[], within_s=2.0),
+        faults=[{"slave_lost": {"axis": 0, "for_s": 0.5}}, {"slave_lost": {"axis": 1, "for_s": 2}}],
+    )
+    assert result.failures == []
+
+
 @pytest.mark.parametrize(
     ("fault", "text"),
     [

@@ -122,9 +122,13 @@ def test_hot_connect_brings_a_lost_slave_back_with_its_servo_off() -> None:
     with pytest.raises(NotReady, match="axis 0: the drive is offline"):
         made.axes.servo(0, True, 1.0)
     bus.start_hot_connect(0)
+    assert made.look(0.3).offline[0], "its plug is still out"
+    made.faults.disconnect(1)
+    made.faults.reconnect(0)
+    bus.start_hot_connect(0)
     assert made.look(0.19).offline[0]
     image = made.look(0.02)
-    assert not image.offline[0]
+    assert image.offline.tolist() == [False, True]
     assert not image.servo_on[0]
     made.axes.servo(0, True, 1.0)
 
