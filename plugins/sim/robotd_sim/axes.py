@@ -163,7 +163,8 @@ class SimAxes(AxisDriver):
     def _home(self, axis: int) -> None:
         if self._states.operation[axis] == Operation.HOMING:
             self._states.operation[axis] = Operation.IDLE
-            self._simulation.home(axis)
+            if self._simulation.communicating and self._states.connected[axis]:
+                self._simulation.home(axis)
 
     def _require_online(self, axis: int) -> None:
         if not self._simulation.communicating:

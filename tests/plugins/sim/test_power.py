@@ -1,10 +1,13 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from tests.plugins.sim.harness import PROFILE, TICK_S, harness
 
-from robotd.api import DeviceTimeout, NotReady, Operation, Profile
+from robotd.api import DeviceTimeout, NotReady, Operation, OperationError, Profile
+from robotd_sim.fault_injector import SimFaultInjector
 
 
 def test_enabling_is_bumpless_wherever_the_axis_was_put() -> None:
@@ -124,3 +127,22 @@ def test_a_lost_slave_hides_an_alarm_until_it_is_back() -> None:
     with made.simulation.world.lock:
         made.simulation.reconnect()
     assert made.look().reason == ["DC link over-voltage", ""]
+
+
+@pytest.mark.parametrize(
+    "lose", [lambda faults: faults.disconnect(0), SimFaultInjector.drop_communication]
+)
+def test_an_axis_that_is_lost_while_it_homes_has_no_home(
+    lose: Callable[[SimFaultInjector], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = harness(on=False)
+    sleep = made.clock.sleep_until_ns
+
+    def lose_and_sleep(deadline_ns: int) -> None:  # ``home`` waits for the drive
+        lose(made.faults)
+        sleep(deadline_ns)
+
+    monkeypatch.setattr(made.clock, "sleep_until_ns", lose_and_sleep)
+    with pytest.raises(OperationError, match="homing was interrupted"):
+        made.axes.home(0, 1.0)
+    assert not made.look().home_done[0]
