@@ -69,6 +69,8 @@ class SimFaultInjector(FaultInjector):
     def block(self, axis: int, blocked: bool) -> None:
         with self._now() as simulation:
             simulation.servo.grip(axis, held=blocked)
+            if blocked and not simulation.states.servo_on[axis]:  # what coasts ends here
+                self._place(axis, float(simulation.servo.position[axis]))
             self._world.stir()
 
     def press_switch(self, axis: int, switch: str, pressed: bool) -> None:

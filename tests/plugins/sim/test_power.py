@@ -55,6 +55,19 @@ def test_without_servo_the_axis_coasts_and_its_command_follows() -> None:
     assert not made.image.torque.any()
 
 
+def test_a_coasting_axis_that_is_blocked_stays_there_when_it_is_let_go() -> None:
+    made = harness(coast_deceleration_rad_s2=1.0)
+    made.axes.jog(0, PROFILE)
+    made.look(1.0)
+    made.axes.servo(0, False, 1.0)
+    held = made.look(0.1).position[0]
+    made.faults.block(0, True)
+    assert made.look(1.0).position[0] == held
+    made.faults.block(0, False)
+    image = made.look(1.0)
+    assert image.position[0] == image.position_command[0] == held
+
+
 def test_a_coasting_axis_is_caught_without_a_jump_if_it_is_slow_enough() -> None:
     made = harness(coast_deceleration_rad_s2=4.0, feedforward=0.0)
     made.set(QuickStopDec=20.0, ServoOnFollowingError=100)
