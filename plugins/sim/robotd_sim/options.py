@@ -38,7 +38,7 @@ class SimOptions(BackendOptions):
     """Options of the simulation; a list is per axis, a number holds for all."""
 
     tick_s: float = Field(0.001, ge=0.000_25, le=0.01, description="Fieldbus cycle.")
-    seed: int = Field(0, description="Seed of the noise.")
+    seed: int = Field(0, ge=0, description="Seed of the noise.")
     bandwidth_hz: Positive | tuple[Positive, ...] = Field(
         50.0,
         description="Position loop: the measured position lags as behind a first-order filter.",

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 from tests.plugins.sim.harness import PROFILE, closed_rig, harness
 
 import robotd_sim
@@ -170,3 +171,5 @@ def test_options_that_do_not_fit_the_robot_are_rejected() -> None:
         closed_rig(2, bandwidth_hz=(1.0, 2.0, 3.0))
     with pytest.raises(DescriptorError, match=r"sim.limit_switches: axis 2 does not exist"):
         closed_rig(2, limit_switches={2: {"positive_rad": 1.0}})
+    with pytest.raises(ValidationError, match="greater than or equal to 0"):
+        closed_rig(2, seed=-1)
