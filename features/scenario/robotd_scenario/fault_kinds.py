@@ -13,7 +13,7 @@ from robotd.api.models import validate
 from robotd.api.robots import Robot
 
 AxisNumber = Annotated[int, Field(ge=0, le=127)]
-Seconds = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Seconds = Annotated[float, Field(gt=0, le=1e6)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Byte = Annotated[int, Field(ge=0, le=7999)]
 Bit = Annotated[int, Field(ge=0, le=7)]
@@ -140,7 +140,7 @@ class EncoderJump(FaultKind):
     """Jump of the measured position of one axis."""
 
     axis: AxisNumber
-    delta_rad: Finite
+    delta_rad: float = Field(ge=-1e6, le=1e6)
 
     def begin(self, robot: Robot) -> None:
         robot.fault_injector.jump_encoder(self.axis, self.delta_rad)
@@ -197,7 +197,7 @@ class Fault(Part):
         when: begins as soon as a joint crosses a value, but not before ``at_s``.
     """
 
-    at_s: float = Field(0.0, ge=0, le=1e6, allow_inf_nan=False)
+    at_s: float = Field(0.0, ge=0, le=1e6)
     when: Crossing | None = None
     amp_alarm: AmpAlarm | None = None
     following_error: FollowingError | None = None

@@ -136,7 +136,8 @@ def test_mistakes_in_a_file_are_told_with_their_lines(tmp_path: Path) -> None:
         "  - {at_s: 1.0}\n"
         "program:\n"
         "  - move: {to_rad: {joint1: 1.0}, tim_s: 1.0}\n"
-        "  - {wait_s: 1.0, expect: fault}\n",
+        "  - {wait_s: 1.0, expect: fault}\n"
+        "  - {wait_s: 1.0e+300}\n",
         encoding="utf-8",
     )
     with pytest.raises(DescriptorError) as caught:
@@ -148,6 +149,7 @@ def test_mistakes_in_a_file_are_told_with_their_lines(tmp_path: Path) -> None:
         f"{path}:6: program.0.move.tim_s: unknown key; did you mean 'time_s'?",
         f"{path}:6: program.0.move.time_s: missing",
         f"{path}:7: program.1: expect and reason do not go with wait_s",
+        f"{path}:8: program.2.wait_s: must be at most 1e+06",
     ):
         assert any(line.startswith(expected.split(" must")[0]) for line in lines), expected
 
