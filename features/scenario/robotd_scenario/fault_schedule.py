@@ -11,6 +11,8 @@ from robotd.api import NANOSECONDS, Capability, ProcessImage, RobotdError, Unsup
 from robotd.api.robots import Robot
 from robotd_scenario.fault_kinds import FAULTS, Fault, LateCycles, validate_fault
 
+FOREVER = 2**62  # ns
+
 log = get_logger("scenario")
 
 
@@ -113,8 +115,10 @@ class FaultSchedule:
         if now_ns < entry.due_ns or (fault.when and not fault.when.happens(self._robot)):
             return False
         self._do(fault, now_ns, over=False)
-        duration_s = getattr(fault.kind, "for_s", None)
-        if duration_s is not None:
+        duration_s = getattr(fault.kind, "for_s", 0.0)
+        if duration_s is None:
+            entry.end_ns = FOREVER
+        elif duration_s:
             entry.end_ns = now_ns + round(duration_s * NANOSECONDS)
         if isinstance(fault.kind, LateCycles):
             entry.left = fault.kind.count - 1
@@ -127,8 +131,18 @@ class FaultSchedule:
             return entry.left == 0
         if entry.end_ns is None or now_ns < entry.end_ns:
             return False
-        self._do(entry.fault, now_ns, over=True)
+        if not self._continues(entry.fault, now_ns):
+            self._do(entry.fault, now_ns, over=True)
         return True
+
+    def _continues(self, fault: Fault, now_ns: int) -> bool:
+        """Return True while another entry, which ends later, keeps up the same fault."""
+        lasting = {"for_s": None}
+        return any(
+            each.fault.kind.model_copy(update=lasting) == fault.kind.model_copy(update=lasting)
+            for each in self._entries
+            if each.end_ns is not None and each.end_ns > now_ns
+        )
 
     def _do(self, fault: Fault, now_ns: int, *, over: bool) -> None:
         failure = None

@@ -135,6 +135,22 @@ def test_a_blocked_axis_stays_where_it_is_while_others_rest() -> None:
     assert result.failures == []
 
 
+@pytest.mark.parametrize("for_s", [{}, {"for_s": 2.0}], ids=["for ever", "for 2 s"])
+def test_a_fault_lasts_as_long_as_the_longest_of_its_kind(for_s: dict[str, float]) -> None:
+    blocked = [
+        {"following_error": {"axis": 0, **for_s}},
+        {"at_s": 0.2, "following_error": {"axis": 0, "for_s": 0.3}},
+        {"at_s": 0.2, "following_error": {"axis": 0, "for_s": 0.3}},
+    ]
+    result = run({"wait_s": 1.0}, {**MOVE, "expect": "path_tolerance"}, faults=blocked)
+    assert result.failures == []
+
+
+def test_faults_that_end_together_end() -> None:
+    blocked = {"following_error": {"axis": 0, "for_s": 0.3}}
+    assert run({"wait_s": 0.5}, MOVE, faults=[blocked, blocked]).failures == []
+
+
 def test_a_slave_that_is_back_brings_no_other_one_back() -> None:
     result = run(
         {"wait_s": 1.0},
