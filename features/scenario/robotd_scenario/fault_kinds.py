@@ -8,7 +8,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from robotd.api import InvalidArgument
+from robotd.api import Capability, InvalidArgument
 from robotd.api.models import validate
 from robotd.api.robots import Robot
 
@@ -78,7 +78,8 @@ class SlaveLost(FaultKind):
 
     def end(self, robot: Robot) -> None:
         robot.fault_injector.reconnect(self.axis)
-        robot.fieldbus.start_hot_connect(0)
+        if Capability.HOT_CONNECT in robot.capabilities:
+            robot.fieldbus.start_hot_connect(0)
 
 
 class PacketLoss(FaultKind):
@@ -128,6 +129,11 @@ class InputBit(FaultKind):
     bit: Bit
     value: bool
     for_s: Seconds | None = None
+
+    def check(self, robot: Robot) -> None:
+        size, _ = robot.io.sizes
+        if self.byte >= size:
+            raise InvalidArgument(f"input byte {self.byte} does not exist, there are {size} bytes")
 
     def begin(self, robot: Robot) -> None:
         robot.fault_injector.set_input_bit(self.byte, self.bit, self.value)
