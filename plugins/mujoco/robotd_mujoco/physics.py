@@ -221,10 +221,10 @@ class Physics:
         if self.servo_on[axis]:
             self._switch(axis, on=False)
 
-    def trip(self, axis: int, code: int, reason: str = "") -> None:
+    def trip(self, axis: int, code: int) -> None:
         """Put the drive into alarm."""
         self.alarm_code[axis] = code
-        self.reason[axis] = reason or ALARMS.get(code, f"error 0x{code:04X}")
+        self.reason[axis] = _alarm_text(code)
         self.disable(axis)
 
     def clear(self, axis: int) -> None:
@@ -236,7 +236,9 @@ class Physics:
     def connect(self, axis: int, *, connected: bool) -> None:
         """Plug the drive in, or pull its plug."""
         self.connected[axis] = connected
-        self.reason[axis] = "" if connected else "does not answer: cable or power supply"
+        code = int(self.alarm_code[axis])
+        back = _alarm_text(code) if code else ""
+        self.reason[axis] = back if connected else "does not answer: cable or power supply"
         if not connected:
             self.disable(axis)
 
@@ -425,3 +427,7 @@ ALARMS = {
     0x7305: "encoder fault",
     FOLLOWING_ERROR: "following error",
 }
+
+
+def _alarm_text(code: int) -> str:
+    return ALARMS.get(code, f"error 0x{code:04X}")

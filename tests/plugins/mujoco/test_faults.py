@@ -28,3 +28,16 @@ def test_an_input_that_does_not_exist_is_rejected(tmp_path: Path) -> None:
         fault = validate_fault({"input_bit": {"byte": 64, "bit": 0, "value": True}})
         with pytest.raises(InvalidArgument, match="input byte 64 does not exist, there are 64"):
             FaultSchedule(arm.robot).add(fault)
+
+
+def test_an_alarm_says_its_reason_again_when_the_drive_is_back(tmp_path: Path) -> None:
+    with cell(robot=robot_file(tmp_path)) as arm:
+        faults, image = arm.robot.fault_injector, arm.robot.image
+        faults.trip(0, 0x2310)
+        faults.disconnect(0)
+        arm.robot.step(2)
+        assert image.reason[0] == "does not answer: cable or power supply"
+        faults.reconnect(0)
+        arm.robot.step(2)
+        assert image.amp_alarm[0]
+        assert image.reason[0] == "continuous overcurrent"
