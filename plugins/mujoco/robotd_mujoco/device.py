@@ -278,13 +278,14 @@ class MujocoAxes(ProfiledAxes):
             image.fresh_ns = physics.now_ns
             online = physics.connected
             np.copyto(image.position, physics.positions() + physics.encoder_offset, where=online)
-            np.copyto(image.velocity, physics.velocities(), where=online)
-            np.copyto(image.torque, physics.torques(), where=online)
-        torque, velocity = self._noise
-        if torque:
-            image.torque += torque * self._random.standard_normal(physics.axes)
-        if velocity:
-            image.velocity += velocity * self._random.standard_normal(physics.axes)
+            velocities, torques = physics.velocities(), physics.torques()
+            torque, velocity = self._noise
+            if torque:
+                torques += torque * self._random.standard_normal(physics.axes)
+            if velocity:
+                velocities += velocity * self._random.standard_normal(physics.axes)
+            np.copyto(image.velocity, velocities, where=online)
+            np.copyto(image.torque, torques, where=online)
 
     def send_targets(self, positions: FloatArray) -> None:
         with self._physics.lock:

@@ -41,3 +41,14 @@ def test_an_alarm_says_its_reason_again_when_the_drive_is_back(tmp_path: Path) -
         arm.robot.step(2)
         assert image.amp_alarm[0]
         assert image.reason[0] == "continuous overcurrent"
+
+
+def test_a_lost_drive_keeps_its_last_values_also_with_noise(tmp_path: Path) -> None:
+    robot = robot_file(tmp_path, "torque_noise_nm: 1.0, velocity_noise_rad_s: 1.0")
+    with cell(robot=robot) as arm:
+        image = arm.robot.image
+        arm.robot.fault_injector.disconnect(0)
+        arm.robot.step(2)
+        last = float(image.torque[0]), float(image.velocity[0])
+        arm.robot.step(20)
+        assert (image.torque[0], image.velocity[0]) == last
