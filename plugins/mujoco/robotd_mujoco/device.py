@@ -124,6 +124,7 @@ class MujocoDevice(DeviceDriver):
 
     def close(self) -> None:
         with self.physics.lock:
+            self.physics.advance()
             self.physics.silence()
             self.physics.is_open = self.physics.frozen = False
             self.physics.lost_because = ""

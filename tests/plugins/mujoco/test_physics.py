@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import mujoco
 import numpy as np
 import pytest
@@ -9,6 +11,8 @@ from tests.plugins.mujoco.cell import LEFT, cell
 
 from robotd.control.trajectory_execution import Outcome
 from robotd.descriptor import load_robot_descriptor
+from robotd_mujoco.device import MujocoDevice
+from robotd_mujoco.fault_injector import MujocoFaultInjector
 from robotd_mujoco.options import MujocoOptions
 from robotd_mujoco.physics import Physics
 
@@ -84,6 +88,42 @@ def test_brakes_stop_a_loaded_arm_that_trips_in_motion(late: int) -> None:
         physics.advance()
     assert physics.positions() == pytest.approx(before, abs=2e-3)
     assert physics.velocities() == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        lambda faults: faults.drop_communication(),
+        lambda faults: faults.stop_engine(),
+        lambda faults: faults.disconnect(1),
+        lambda faults: faults.trip(1, 1),
+        lambda faults: MujocoDevice(faults._physics).close(),
+    ],
+    ids=["drop_communication", "stop_engine", "disconnect", "trip", "close"],
+)
+def test_a_fault_acts_at_its_time_whoever_has_looked(
+    fault: Callable[[MujocoFaultInjector], None],
+) -> None:
+    ends = []
+    for looks in (False, True):
+        physics, clock = late_arm()
+        physics.is_open = physics.talking = True
+        for axis in range(physics.axes):
+            physics.enable(axis)
+        targets = physics.positions()
+        for _ in range(100):
+            targets[1] -= 0.002
+            physics.follow(targets)
+            clock.ns += 2 * MILLISECOND
+            physics.advance()
+        clock.ns += 20 * MILLISECOND
+        if looks:
+            physics.advance()
+        fault(MujocoFaultInjector(physics))
+        clock.ns += 100 * MILLISECOND
+        physics.advance()
+        ends.append(physics.positions().tolist())
+    assert ends[0] == ends[1]
 
 
 def test_a_joint_without_a_brake_falls_and_is_enabled_without_a_jump() -> None:
