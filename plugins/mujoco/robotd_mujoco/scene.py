@@ -163,7 +163,7 @@ def describe_objects(spec: mujoco.MjSpec, links: Sequence[str]) -> list[WorldObj
         red, green, blue, opacity = map(float, geom.rgba)
         color = red, green, blue, opacity
         file = Path(mesh.file) if mesh else None
-        moves = len(body.joints) > 0
+        moves = any(joint.type == mujoco.mjtJoint.mjJNT_FREE for joint in body.joints)
         found.append(WorldObject(body.name.removeprefix(PREFIX), shape, size, color, moves, file))
     return found
 

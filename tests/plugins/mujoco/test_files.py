@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from tests.plugins.mujoco.cell import cell
 
 from robotd import log
 from robotd.control.trajectory_execution import Outcome
-from robotd.errors import DescriptorError
+from robotd.errors import DescriptorError, InvalidArgument
 
 URDF = """<robot name="arm">
   <link name="base"><visual><geometry><mesh filename="package://none/base.dae"/></geometry></visual></link>
@@ -71,6 +72,22 @@ def test_an_mjcf_and_a_scene_in_mjcf_make_a_robot(tmp_path: Path) -> None:
         assert arm.robot.image.position == pytest.approx([0.5], abs=1e-3)
         # Seen from the root of the robot, which the MJCF puts 0.3 m above the floor.
         assert arm.pose("ball")[:3] == pytest.approx([0.5, 0.0, 0.05 - 0.3], abs=2e-3)
+
+
+def test_a_body_on_a_hinge_cannot_be_placed_and_moves_no_object(tmp_path: Path) -> None:
+    robot = robot_file(tmp_path, "mjcf: arm.xml, scene: scene.xml", urdf=False)
+    door = """<body name="door" pos="2 0 .5"><joint axis="0 0 1"/><geom size=".1" mass="1"/></body>
+      <body name="ball" """
+    (tmp_path / "scene.xml").write_text(SCENE_XML.replace('<body name="ball" ', door))
+    with cell(robot=robot) as arm:
+        world, before = arm.robot.world, arm.pose("ball")
+        assert world is not None
+        with pytest.raises(InvalidArgument, match="door is fixed"):
+            world.place("door", before)
+        world.place("ball", np.array([0.5, 0.5, 0.5, 0.0, 0.0, 0.0, 1.0]))
+        world.reset()
+        arm.robot.step(1)
+        assert arm.pose("ball") == pytest.approx(before, abs=1e-4)
 
 
 @pytest.mark.parametrize(
