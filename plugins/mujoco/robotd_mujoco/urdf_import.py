@@ -12,7 +12,14 @@ from typing import Any
 import mujoco
 from lxml import etree
 
-from robotd.api import DescriptorError, find_mesh, get_logger, read_urdf, read_urdf_text
+from robotd.api import (
+    DescriptorError,
+    UrdfRobot,
+    find_mesh,
+    get_logger,
+    read_urdf,
+    read_urdf_text,
+)
 
 MESH_SUFFIXES = (".stl", ".obj")
 LIGHT_KG, LIGHT_KG_M2 = 1e-3, 1e-6  # of a moving link that has no mass in the file
@@ -25,9 +32,9 @@ def import_urdf(path: Path) -> mujoco.MjSpec:
 
     Raises DescriptorError: the file is wrong, or MuJoCo does not take it.
     """
-    read_urdf(path)  # reports every error with its line
+    robot = read_urdf(path)  # reports every error with its line
     root = etree.fromstring(read_urdf_text(path).encode())
-    notes = [*_resolve_meshes(root, path), *_add_masses(root)]
+    notes = [*_hold_joints(root, robot), *_resolve_meshes(root, path), *_add_masses(root)]
     if any(joint.find("safety_controller") is not None for joint in root.iterfind("joint")):
         notes.append("safety controllers are not simulated")
     for note in notes:
@@ -44,6 +51,19 @@ def import_urdf(path: Path) -> mujoco.MjSpec:
         return mujoco.MjSpec.from_string(etree.tostring(root).decode())
     except ValueError as error:
         raise DescriptorError(f"MuJoCo does not read it: {error}", path=path) from error
+
+
+def _hold_joints(root: Any, robot: UrdfRobot) -> list[str]:
+    """Fix what no axis moves, as all of robotd reads it. Return which."""
+    held = [
+        joint
+        for joint in root.iterfind("joint")
+        if joint.get("type") != "fixed" and not robot.joint[joint.get("name")].moves
+    ]
+    for joint in held:
+        joint.set("type", "fixed")
+    names = ", ".join(str(joint.get("name")) for joint in held)
+    return [f"joints that no axis moves are fixed: {names}"] if held else []
 
 
 def _resolve_meshes(root: Any, path: Path) -> list[str]:

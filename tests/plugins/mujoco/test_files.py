@@ -64,6 +64,15 @@ def test_what_the_import_loses_is_told_and_links_stay(tmp_path: Path) -> None:
     assert any("links without mass weigh 1 g: beam" in note for note in notes)
 
 
+@pytest.mark.parametrize("kind", ["floating", "planar", "revolute"])
+def test_a_joint_that_no_axis_moves_is_fixed(kind: str, tmp_path: Path) -> None:
+    robot = robot_file(tmp_path)
+    loose = f'<joint name="fixed" type="{kind}"><axis xyz="0 0 0"/>'
+    (tmp_path / "arm.urdf").write_text(URDF.replace('<joint name="fixed" type="fixed">', loose))
+    with cell(robot=robot, start=False) as arm:
+        assert arm.physics.model.nv == 1
+
+
 def test_an_mjcf_and_a_scene_in_mjcf_make_a_robot(tmp_path: Path) -> None:
     robot = robot_file(tmp_path, "mjcf: arm.xml, scene: scene.xml", urdf=False)
     with cell(robot=robot) as arm:
