@@ -114,7 +114,14 @@ class RobotModel:
 
 
 def build_model(robot: RobotDescriptor, options: MujocoOptions) -> RobotModel:
-    """Put the model together. Raises DescriptorError: a file is wrong, or a joint is missing."""
+    """Put the model together. Raises DescriptorError: a file is wrong, or MuJoCo rejects it."""
+    try:
+        return _build_model(robot, options)
+    except ValueError as error:
+        raise DescriptorError(f"MuJoCo rejects the model: {error}", path=robot.path) from error
+
+
+def _build_model(robot: RobotDescriptor, options: MujocoOptions) -> RobotModel:
     spec = _robot_spec(robot, options)
     stands = is_free(robot, options, spec)
     scene = Scene(floor=stands)
@@ -143,11 +150,11 @@ def build_model(robot: RobotDescriptor, options: MujocoOptions) -> RobotModel:
     if stands:
         add_base(spec, robot, options)
     _set_physics(spec, options)
-    model = _compile(spec, robot)
+    model = spec.compile()
     start = start_positions(robot, options)
     if options.self_collision:
         _exclude_touching(spec, model, links, joints, start)
-        model = _compile(spec, robot)
+        model = spec.compile()
     _tune(model, robot, joints, options)
     return _described(model, robot, objects, wrists, joints, root, options, scene)
 
@@ -169,6 +176,8 @@ def _robot_spec(robot: RobotDescriptor, options: MujocoOptions) -> mujoco.MjSpec
             spec.delete(actuator)
         for key in list(spec.keys):
             spec.delete(key)
+        if not all(body.name for body in spec.bodies):
+            raise DescriptorError("a body has no name", path=robot_file(robot, options.mjcf))
         return spec
     return import_urdf(robot.urdf) if robot.urdf else mujoco.MjSpec()
 
@@ -281,13 +290,6 @@ def _set_physics(spec: mujoco.MjSpec, options: MujocoOptions) -> None:
     spec.option.impratio = 10.0
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
     spec.visual.quality.shadowsize = 0
-
-
-def _compile(spec: mujoco.MjSpec, robot: RobotDescriptor) -> mujoco.MjModel:
-    try:
-        return spec.compile()
-    except ValueError as error:
-        raise DescriptorError(f"MuJoCo rejects the model: {error}", path=robot.path) from error
 
 
 def _exclude_touching(

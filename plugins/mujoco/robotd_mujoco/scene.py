@@ -63,6 +63,12 @@ class SceneCamera(_Keys):
     fov_deg: float = Field(50.0, gt=1, lt=170)  # vertical
     rate_hz: float = Field(10.0, gt=0, le=100)
 
+    @model_validator(mode="after")
+    def _check_direction(self) -> SceneCamera:
+        if self.at_m == self.look_at_m:
+            raise ValueError("at_m and look_at_m are the same point")
+        return self
+
 
 class Scene(_Keys):
     """Content of a scene file."""
@@ -157,6 +163,8 @@ def describe_objects(spec: mujoco.MjSpec, links: Sequence[str]) -> list[WorldObj
         geom = next(iter(body.geoms), None)
         if body.name in links or geom is None or geom.type not in shapes:
             continue
+        if not body.name:
+            raise DescriptorError("a body of the scene has no name, which its frame needs")
         shape, size_of = shapes[geom.type]
         mesh = spec.mesh(geom.meshname) if shape is Shape.MESH else None
         size = tuple(map(float, mesh.scale if mesh else size_of(geom.size)))

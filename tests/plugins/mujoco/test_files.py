@@ -112,11 +112,25 @@ def test_a_body_on_a_hinge_cannot_be_placed_and_moves_no_object(tmp_path: Path) 
             "cameras: [{name: c, link: arm9, at_m: [0, 0, 1], look_at_m: [0, 0, 0]}]",
             "link .arm9",
         ),
+        ("cameras: [{name: c, at_m: [0, 0, 1], look_at_m: [0, 0, 1]}]", "are the same point"),
+        ("objects: [{name: floor, sphere_m: 1, at_m: [0, 0, 0]}]", "repeated name 'floor'"),
+        ("objects: [{name: world, sphere_m: 1, at_m: [0, 0, 0]}]", "repeated name 'world'"),
     ],
 )
 def test_a_wrong_scene_is_an_error_with_its_reason(scene: str, reason: str, tmp_path: Path) -> None:
     (tmp_path / "scene.yaml").write_text(scene)
     robot = robot_file(tmp_path, "scene: scene.yaml")
+    with pytest.raises(DescriptorError, match=reason), cell(robot=robot, start=False):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("file", "reason"), [("arm.xml", "a body has no name"), ("scene.xml", "scene has no name")]
+)
+def test_a_body_without_a_name_is_an_error(file: str, reason: str, tmp_path: Path) -> None:
+    robot = robot_file(tmp_path, "mjcf: arm.xml, scene: scene.xml", urdf=False)
+    text = (tmp_path / file).read_text()
+    (tmp_path / file).write_text(text.replace('name="beam"', "").replace('name="ball"', ""))
     with pytest.raises(DescriptorError, match=reason), cell(robot=robot, start=False):
         pass
 
