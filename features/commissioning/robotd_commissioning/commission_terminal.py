@@ -211,12 +211,11 @@ class _Homing:
             self._axis.stop()
 
     def end(self) -> None:
-        """Stop, and wait for the thread."""
-        if self._thread is not None:
-            if not self.ended:
-                self._released = True
-                self._axis.stop()
-            self._thread.join()
+        """Stop until it has ended: a stop before the drive begins has no effect."""
+        while self._thread is not None and not self.ended:
+            self._released = True
+            self._axis.stop()
+            self._thread.join(TICK_S)
 
     def check(self) -> None:
         """Raise OperationError unless the axis was homed."""
