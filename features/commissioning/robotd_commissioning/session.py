@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import io
 import json
+import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,6 +23,7 @@ from robotd.api import (
     PluginError,
     unknown_name,
 )
+from robotd.api.commands import stop_signals
 from robotd.api.models import (
     JointSettings,
     RobotDescriptor,
@@ -284,7 +286,25 @@ class Commissioning:
             axis = CommissionedAxis(robot)
             yield Bench(axis, self._make_operator(axis), drive, self._keys), edit
         finally:
-            robot.shutdown()
+            with _uninterrupted():
+                robot.shutdown()
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Defer Ctrl-C and the loss of the terminal, however often they come, to the end."""
+    came: list[int] = []
+    before = {
+        number: signal.signal(number, lambda number, _: came.append(number))
+        for number in stop_signals()
+    }
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        if came:
+            raise KeyboardInterrupt
 
 
 def _joint_of(descriptor: RobotDescriptor, name: str) -> JointSettings:
