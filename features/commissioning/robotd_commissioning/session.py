@@ -94,7 +94,8 @@ class DescriptorEdit:
         """
         copy = self.path.with_name(f".{self.path.stem}.new.yaml")
         try:
-            copy.write_text(text, encoding="utf-8")
+            newline = "\r\n" if b"\r\n" in self.path.read_bytes() else None
+            copy.write_text(text, encoding="utf-8", newline=newline)
             copy.chmod(self.path.stat().st_mode)
             check(copy)
             copy.replace(self.path)

@@ -82,6 +82,15 @@ def test_a_file_that_fails_its_check_is_not_written(path: Path) -> None:
     assert [each.name for each in path.parent.iterdir()] == ["robot.yaml"]
 
 
+def test_lines_keep_their_ends(path: Path) -> None:
+    path.write_bytes(TEXT.replace("\n", "\r\n").encode())
+    edit = edit_of(path)
+    edit.save(edit.changed([Change(Place.DRIVE, "polarity", -1)]), load_robot_descriptor)
+    written = path.read_bytes()
+    assert b"polarity: -1" in written
+    assert written.count(b"\r\n") == written.count(b"\n") == TEXT.count("\n")
+
+
 def test_inherited_axes_cannot_be_written(path: Path) -> None:
     child = path.with_name("child.yaml")
     child.write_text("extends: robot.yaml\nname: child\n")
