@@ -170,6 +170,8 @@ def _line(prompt: str) -> str:
         pass
     try:
         line = sys.stdin.readline()
+    except UnicodeDecodeError:
+        line = "\N{REPLACEMENT CHARACTER}"
     except OSError:  # the terminal is lost
         line = ""
     if not line:

@@ -51,7 +51,7 @@ def _expect(master: int, text: str) -> None:
     while not shown.endswith(text):
         left_s = until_s - time.monotonic()
         assert select.select([master], [], [], max(0.0, left_s))[0], f"no {text!r} in {shown!r}"
-        shown += os.read(master, 1).decode()
+        shown += os.read(master, 1).decode("latin-1")
 
 
 def test_ctrl_c_at_the_instant_of_a_question_is_never_missed() -> None:
@@ -62,6 +62,7 @@ def test_ctrl_c_at_the_instant_of_a_question_is_never_missed() -> None:
         stdout=slave,
         stderr=slave,
         start_new_session=True,
+        env={**os.environ, "PYTHONIOENCODING": "utf-8:strict"},
         preexec_fn=_control_terminal,  # noqa: PLW1509 - only a system call
     ) as process:
         os.close(slave)
@@ -73,6 +74,9 @@ def test_ctrl_c_at_the_instant_of_a_question_is_never_missed() -> None:
             _expect(master, "question [y/N]: ")
             os.write(master, b"maybe\n")
             _expect(master, "'maybe' is not y or n")
+            _expect(master, "question [y/N]: ")
+            os.write(master, b"\xe9\n")  # of a terminal that is not UTF-8
+            _expect(master, "is not y or n")
             _expect(master, "question [y/N]: ")
             os.write(master, b"yes\n")
             _expect(master, "answer True.")
