@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 
 from robotd.api import DescriptorError, get_logger
-from robotd.api.models import MAX_AXES, UrdfJoint, UrdfRobot, parse_urdf
+from robotd.api.models import MAX_AXES, NAME, UrdfJoint, UrdfRobot, parse_urdf
 from robotd_new_robot.answers import (
     check_joint_names,
     legal_names,
@@ -32,6 +32,7 @@ MAX_BASE_TURNING_RAD_S = 2.0
 BASE_RAMP_S = 0.5
 ASSUMED = "Speeds assumed (0.5 rad/s, 0.05 m/s)"
 WIDTH = 96  # of comments
+LONGEST = 10_000  # line of a text
 SERVICE_NODES = ("wmx_engine_node", "wmx_core_motion_node", "wmx_io_node", "wmx_ethercat_node")
 
 _URDF_LIMITS = (
@@ -139,8 +140,16 @@ def bus_robot_files(name: str, bus: Path, ramp_s: float) -> dict[str, bytes]:
 
 
 def _text(*parts: Iterable[str]) -> bytes:
-    """Return the parts that are not empty, with a blank line between them."""
-    return "\n".join("\n".join(part) + "\n" for part in filter(None, map(list, parts))).encode()
+    """Return the parts that are not empty, with a blank line between them.
+
+    Texts of other files, such as names in comments, begin no line of their own.
+    """
+    lines = ([*map(_printable, part)] for part in parts)
+    return "\n".join("\n".join(part) + "\n" for part in filter(None, lines)).encode()
+
+
+def _printable(line: str) -> str:
+    return "".join(each if each.isprintable() else "\N{REPLACEMENT CHARACTER}" for each in line)
 
 
 def _head(name: str, title: str, path: Path) -> Iterator[str]:
@@ -320,7 +329,7 @@ def _ros_parameters(
         yield "    encoder_vel_topic: cmd_vel_check"
         yield "    encoder_omega_topic: velocity_controller/commands"
         yield "    encoder_odometry_topic: odom"
-        yield f"    base_frame_id: {roles.base.frame}"
+        yield f"    base_frame_id: {_word(roles.base.frame)}"
         yield "    publish_tf: true                    # odom to base, as Nav2 needs it"
 
 
@@ -354,7 +363,7 @@ def _range(first: int, count: int) -> str:
 
 def _word(name: str) -> str:
     """Return a name as YAML, quoted where YAML reads another value (``null``, ``yes``)."""
-    return name if yaml.safe_load(name) == name else _quoted(name)
+    return name if NAME.fullmatch(name) and yaml.safe_load(name) == name else _quoted(name)
 
 
 def _words(joints: Sequence[UrdfJoint]) -> str:
@@ -362,7 +371,9 @@ def _words(joints: Sequence[UrdfJoint]) -> str:
 
 
 def _quoted(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    is_plain = text.isprintable()
+    quoted: str = yaml.safe_dump(text, default_style='"', allow_unicode=is_plain, width=LONGEST)
+    return quoted.removesuffix("\n")
 
 
 def _number(value: float) -> str:

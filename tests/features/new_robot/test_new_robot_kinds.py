@@ -262,3 +262,37 @@ def test_xacro_without_its_package_says_what_to_install(
     assert result.exit_code == ExitCode.CONFIGURATION
     assert "'pip install xacro'" in result.stderr
     assert "'xacro it.urdf.xacro > NAME.urdf'" in result.stderr
+
+
+def test_names_of_the_urdf_add_no_lines_to_the_robot_file(robotd: Robotd, tmp_path: Path) -> None:
+    robot, urdf = tmp_path / "it", tmp_path / "it.urdf"
+    evil = "&#10;stop_input: {byte: 0, bit: 0}"
+    follower = f'{LIMIT}<mimic joint="fixed{evil}"/>'
+    body = (
+        joint(f"a{evil}", "base", "b")
+        + joint(f"fixed{evil}", "b", "c", "", "fixed")
+        + joint("d", "c", "e", follower)
+    )
+    text = f'<robot name="it&#133;{evil}"><link name="base"/>\n{body}</robot>'
+    urdf.write_text(text, encoding="utf-8")
+    result = robotd("new-robot", "it", "--urdf", str(urdf), "--into", str(tmp_path))
+    assert result.exit_code == 0, result.output
+    made = load_robot_descriptor(robot)
+    assert made.joint_names == ("a_stop_input_byte_0_bit_0",)
+    assert made.stop_input is None
+    assert made.summary.startswith("it\x85\nstop_input: {byte: 0, bit: 0}, from")
+
+
+@pytest.mark.parametrize("frame", ["1", "null", "[x", "*x", "a#b", "a:b"])
+def test_the_frame_of_a_base_is_a_text_whatever_its_link_is_called(
+    robotd: Robotd, tmp_path: Path, frame: str
+) -> None:
+    wheels = joint("left_wheel", frame, "l", "", "continuous", "0.2")
+    wheels += joint("right_wheel", frame, "r", "", "continuous", "-0.2")
+    urdf = tmp_path / "it.urdf"
+    urdf.write_text(f'<robot name="it"><link name="{frame}"/>{wheels}</robot>', encoding="utf-8")
+    options = ["--urdf", str(urdf), "--into", str(tmp_path), "--wheel-radius", "0.1"]
+    result = robotd("new-robot", "it", *options)
+    assert result.exit_code == 0, result.output
+    parameters = load_robot_descriptor(tmp_path / "it").ros_parameters["diff_drive_controller"]
+    assert parameters["base_frame_id"] == frame
