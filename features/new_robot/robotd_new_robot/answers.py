@@ -32,7 +32,8 @@ def with_answers(
         needs = joint.type in LIMITED and not joint.has_range
         given = limits.get(joint.name, limits.get(ALL) if needs else None)
         lower, upper = given or (joint.lower, joint.upper)
-        joints.append(replace(joint, lower=lower, upper=upper, velocity=speed))
+        kind = "revolute" if given and joint.type == "continuous" else joint.type
+        joints.append(replace(joint, type=kind, lower=lower, upper=upper, velocity=speed))
     return replace(urdf, joints=tuple(joints))
 
 

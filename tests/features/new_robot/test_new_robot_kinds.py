@@ -296,3 +296,9 @@ def test_the_frame_of_a_base_is_a_text_whatever_its_link_is_called(
     assert result.exit_code == 0, result.output
     parameters = load_robot_descriptor(tmp_path / "it").ros_parameters["diff_drive_controller"]
     assert parameters["base_frame_id"] == frame
+
+
+def test_limits_of_a_continuous_joint_are_taken(make: Make) -> None:
+    robot, _ = make(joint("a", "base", "b", "", "continuous"), "--limits", "a=-2,1.5")
+    assert (robot.joints[0].lower, robot.joints[0].upper) == (-2.0, 1.5)
+    move(robot)
