@@ -128,4 +128,4 @@ def with_joint_names(text: str, renamed: Mapping[str, str], links: Iterable[str]
 
         return re.sub(r"""\b((?:name|joint|reference)\s*=\s*)(["'])(.*?)\2""", attribute, match[0])
 
-    return re.sub(r"<(?:joint|mimic|gazebo)\b[^>]*>", tag, text)
+    return re.sub(r"""<(?:joint|mimic|gazebo)\b(?:"[^"]*"|'[^']*'|[^>"'])*>""", tag, text)

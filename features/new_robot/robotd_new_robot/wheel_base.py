@@ -56,8 +56,8 @@ def wheel_base(
 
     The order wins over the geometry: ``robotd check`` tells where they contradict each other.
 
-    Raises DescriptorError: an odd number of wheels, sides that the geometry does not separate, or
-    no radius.
+    Raises DescriptorError: an odd number of wheels, a joint that does not turn, sides that the
+    geometry does not separate, or no radius.
     """
     half = len(wheels) // 2
     if not half or len(wheels) % 2 or len({joint.name for joint in wheels}) < len(wheels):
@@ -66,6 +66,10 @@ def wheel_base(
             " --no-base makes each wheel an axis"
         )
         raise DescriptorError(what, path=path)
+    for joint in wheels:
+        if joint.type not in ("continuous", "revolute"):
+            what = f"is {joint.type}: the joint of a wheel is continuous"
+            raise DescriptorError(what, path=path, line=joint.line, key=joint.name)
     left, right = tuple(wheels[:half]), tuple(wheels[half:])
     y_left, y_right = ([_side(urdf, joint) for joint in side] for side in (left, right))
     gap = max(min(y_left) - max(y_right), min(y_right) - max(y_left))

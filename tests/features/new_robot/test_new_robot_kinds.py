@@ -302,3 +302,22 @@ def test_limits_of_a_continuous_joint_are_taken(make: Make) -> None:
     robot, _ = make(joint("a", "base", "b", "", "continuous"), "--limits", "a=-2,1.5")
     assert (robot.joints[0].lower, robot.joints[0].upper) == (-2.0, 1.5)
     move(robot)
+
+
+@pytest.mark.parametrize("name", ["a>b", "a/>b", "x='1'>"])
+def test_a_name_that_looks_like_the_end_of_a_tag_is_replaced(make: Make, name: str) -> None:
+    robot, _ = make(joint(name, "base", "b") + joint("c", "b", "d"))
+    assert len(robot.joint_names) == 2
+    assert name not in robot.joint_names
+    move(robot)
+
+
+@pytest.mark.parametrize("kind", ["fixed", "prismatic"])
+def test_a_joint_that_does_not_turn_is_no_wheel(robotd: Robotd, tmp_path: Path, kind: str) -> None:
+    wheels = joint("l", "base", "a", LIMIT, kind, "0.2") + joint("r", "base", "b", LIMIT, kind)
+    urdf = tmp_path / "it.urdf"
+    urdf.write_text(f'<robot name="it"><link name="base"/>\n{wheels}</robot>', encoding="utf-8")
+    options = ["--wheels", "l,r", "--wheel-radius", "0.1"]
+    result = robotd("new-robot", "it", "--urdf", str(urdf), "--into", str(tmp_path), *options)
+    assert result.exit_code == ExitCode.CONFIGURATION
+    assert f"it.urdf:2: l: is {kind}: the joint of a wheel is continuous" in result.output
