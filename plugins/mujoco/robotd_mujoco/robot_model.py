@@ -52,6 +52,7 @@ from robotd_mujoco.scene import (
 from robotd_mujoco.urdf_import import import_urdf
 
 INERTIA_POSES = 64
+FAR = 1e3  # rad or m; exporters write 1e308 for "no limit"
 ROTOR_KG, ROTOR_KG_M2 = 1.0, 0.1  # of an axis that is no joint of the URDF
 BRAKE_SHARE = 1.5  # torque of a brake per torque of its drive
 BRAKE_NM = 200.0  # of one without a torque limit
@@ -324,7 +325,7 @@ def _tune(
     for _ in range(INERTIA_POSES):
         for name in joints:
             joint = model.joint(name)
-            low, high = joint.range if joint.limited[0] else (-np.pi, np.pi)
+            low, high = joint.range.clip(-FAR, FAR) if joint.limited[0] else (-np.pi, np.pi)
             data.joint(name).qpos[0] = random.uniform(low, high)
         mujoco.mj_forward(model, data)
         mujoco.mj_fullM(model, data, full)

@@ -73,6 +73,14 @@ def test_a_joint_that_no_axis_moves_is_fixed(kind: str, tmp_path: Path) -> None:
         assert arm.physics.model.nv == 1
 
 
+def test_limits_that_mean_none_make_a_model(tmp_path: Path) -> None:
+    robot = robot_file(tmp_path)
+    text = URDF.replace('lower="-1"', 'lower="-1.7e308"').replace('upper="1"', 'upper="1.7e308"')
+    (tmp_path / "arm.urdf").write_text(text)
+    with cell(robot=robot) as arm:
+        assert arm.go((0.5,), 1.0).outcome is Outcome.SUCCEEDED
+
+
 def test_an_mjcf_and_a_scene_in_mjcf_make_a_robot(tmp_path: Path) -> None:
     robot = robot_file(tmp_path, "mjcf: arm.xml, scene: scene.xml", urdf=False)
     with cell(robot=robot) as arm:
