@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from robotd.api import NANOSECONDS, Capability, ProcessImage, RobotdError, Unsupported, get_logger
+from robotd.api import NANOSECONDS, ProcessImage, RobotdError, get_logger
 from robotd.api.robots import Robot
 from robotd_scenario.fault_kinds import FAULTS, Fault, LateCycles, validate_fault
 
@@ -53,17 +53,16 @@ class FaultSchedule:
     """
 
     def __init__(self, robot: Robot, faults: Sequence[Fault] = ()) -> None:
-        """Raises Unsupported: the backend offers no faults; InvalidArgument: as ``add``."""
+        """Raises as ``add``."""
         self.happened: list[Happened] = []
         self._planned = faults
         for fault in faults:
-            fault.check(robot)
+            _check(fault, robot)
         self._robot = robot
         self._clock = robot.clock
         self._origin_ns = robot.clock.now_ns()
         self._entries: list[_Entry] = []
         self._lock = threading.Lock()
-        _ = robot.fault_injector
         robot.control_loop.every(robot.descriptor.cycle.rate_hz, "faults", self._look, first=True)
 
     def begin(self) -> None:
@@ -75,9 +74,9 @@ class FaultSchedule:
     def add(self, fault: Fault) -> None:
         """Schedule ``fault``; its ``at_s`` counts from now.
 
-        Raises InvalidArgument: it does not fit the robot.
+        Raises InvalidArgument: it does not fit the robot; Unsupported: the backend offers none.
         """
-        fault.check(self._robot)
+        _check(fault, self._robot)
         due_ns = self._clock.now_ns() + round(fault.at_s * NANOSECONDS)
         with self._lock:
             self._entries.append(_Entry(fault, due_ns))
@@ -183,14 +182,9 @@ class RequestedFaults:
         return str(fault)
 
 
-def requested_faults(robot: Robot, schedule: FaultSchedule | None = None) -> RequestedFaults | None:
-    """Return the faults of a simulation, by ``schedule`` where there is one; None on hardware."""
-    if Capability.SIMULATED not in robot.capabilities:
-        return None
-    try:
-        return RequestedFaults(schedule or FaultSchedule(robot))
-    except Unsupported:
-        return None
+def _check(fault: Fault, robot: Robot) -> None:
+    _ = robot.fault_injector
+    fault.check(robot)
 
 
 def _field(name: str, spec: Mapping[str, Any]) -> dict[str, Any]:

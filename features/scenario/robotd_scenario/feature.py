@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from robotd.api.features import FeatureHost
     from robotd.api.models import RobotDescriptor
     from robotd.api.robots import Backend, Robot
-    from robotd_scenario.fault_schedule import FaultSchedule, RequestedFaults
+    from robotd_scenario.fault_schedule import FaultSchedule
 
 SIMULATION_NODE = "robotd_sim"
 MAX_STEPS = 1_000_000  # periods at once
@@ -69,37 +69,30 @@ def prepare_robot(descriptor: RobotDescriptor, backend: Backend) -> RobotDescrip
 
 @contextmanager
 def open_scenario(host: FeatureHost) -> Iterator[FaultSchedule | None]:
-    """Make the fault schedule of a robot whose backend is simulated and can inject faults.
+    """Make the fault schedule of a robot whose faults can be injected, or whose time be stepped.
 
     What it offers as ``faults`` injects them on request: ``RequestedFaults``.
     """
-    file = host.robot.descriptor.settings(ScenarioKeys).scenario
-    if file is None and not _injects_faults(host.robot):
+    robot = host.robot
+    file, injects = robot.descriptor.settings(ScenarioKeys).scenario, _injects_faults(robot)
+    is_stepped = not isinstance(robot.clock, MonotonicClock)  # by the node of the simulation
+    if file is None and not injects and not is_stepped:
         yield None
         return
-    from robotd_scenario.fault_schedule import FaultSchedule
+    from robotd_scenario.fault_schedule import FaultSchedule, RequestedFaults
     from robotd_scenario.program import load_scenario
 
-    faults = FaultSchedule(host.robot, load_scenario(file).faults if file else ())
-    host.offered["faults"] = lambda: _requested(host, faults)
+    faults = FaultSchedule(robot, load_scenario(file).faults if file else ())
+    if injects:
+        host.offered["faults"] = lambda: RequestedFaults(faults)
     host.on_ready.append(faults.begin)
     yield faults
 
 
 def _injects_faults(robot: Robot) -> bool:
-    """Return whether faults can be injected, or time be stepped."""
-    if not isinstance(robot.clock, MonotonicClock):
-        return True
-    if Capability.SIMULATED not in robot.backend.capabilities:
-        return False
+    """Return whether the backend is simulated and can inject faults."""
     try:
         _ = robot.fault_injector
     except Unsupported:
         return False
     return True
-
-
-def _requested(host: FeatureHost, schedule: FaultSchedule) -> RequestedFaults | None:
-    from robotd_scenario.fault_schedule import requested_faults
-
-    return requested_faults(host.robot, schedule)

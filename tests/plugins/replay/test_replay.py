@@ -16,12 +16,15 @@ from robotd.descriptor import load_robot_descriptor, parse_override
 from robotd.device.axes import Jog, Move
 from robotd.device.state import ConnectionState, Operation
 from robotd.errors import DescriptorError, NotReady, OperationError, Unsupported
+from robotd.feature_host import FeatureHost
 from robotd.motion import TrajectoryRequest
 from robotd.motion.profile import Profile
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
 from robotd_recording.recording_reader import Recording, read_recording
 from robotd_replay.device import READ_ONLY
+from robotd_scenario import validate_fault
+from robotd_scenario.feature import open_scenario
 
 
 @pytest.fixture(scope="module")
@@ -176,3 +179,13 @@ def test_a_file_that_does_not_fit_is_rejected(tmp_path: Path) -> None:
         replay(path)
     with pytest.raises(DescriptorError, match=r"none\.mcap: No such file"):
         replay(tmp_path / "none.mcap")
+
+
+def test_time_of_a_recording_can_be_stepped_and_has_no_faults(recording: Recording) -> None:
+    robot = replay(recording.path)
+    host = FeatureHost(robot, (), "/", print)
+    with open_scenario(host) as faults:
+        assert faults is not None
+        assert "faults" not in host.offered
+        with pytest.raises(Unsupported, match="faults on request: not supported by the replay"):
+            faults.add(validate_fault({"late_cycles": {"late_s": 0.1}}))

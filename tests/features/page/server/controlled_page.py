@@ -16,7 +16,7 @@ from robotd_page.control_server import PageControl
 from robotd_page.page_feed import RobotSource
 from robotd_page.page_server import PageServer
 from robotd_recorder.recorder import observed
-from robotd_scenario.fault_schedule import requested_faults
+from robotd_scenario.fault_schedule import FaultSchedule, RequestedFaults
 
 HOLD_TIMEOUT_S = 600.0  # so that what stops a jog here is never the missing heartbeat
 MOVING = 0.01  # rad/s
@@ -42,7 +42,9 @@ def serve(folder: Path, robot: str | Path = "cr3a") -> Iterator[Served]:
     """A simulated robot in paced time, which no stall of the computer disturbs."""
     made = build_robot(robot, "sim", clock=PacedClock(1.0))
     with observed(made, flight_folder=folder) as recorder:
-        control = PageControl(made, requested_faults(made), hold_timeout_s=HOLD_TIMEOUT_S)
+        control = PageControl(
+            made, RequestedFaults(FaultSchedule(made)), hold_timeout_s=HOLD_TIMEOUT_S
+        )
         source = RobotSource(recorder.tap, made.descriptor.nodes, has_control=True)
         with PageServer(source, 0, control=control) as server:
             made.start()

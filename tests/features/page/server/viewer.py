@@ -20,7 +20,7 @@ from robotd_page.control_server import PageControl
 from robotd_page.live_samples import HEADER
 from robotd_page.page_feed import RobotSource
 from robotd_page.page_server import PageServer
-from robotd_scenario.fault_schedule import requested_faults
+from robotd_scenario.fault_schedule import FaultSchedule, RequestedFaults
 
 TIMEOUT_S = 30.0  # far longer than on an idle computer
 
@@ -41,7 +41,7 @@ def served_page(folder: Path, **options: Any) -> Iterator[tuple[Observed, PageSe
     has_control = options.pop("has_control", False)
     source = RobotSource(arm.tap, nodes, has_control=has_control)
     if has_control:
-        options["control"] = PageControl(arm.robot, requested_faults(arm.robot))
+        options["control"] = PageControl(arm.robot, RequestedFaults(FaultSchedule(arm.robot)))
     try:
         with PageServer(source, 0, **options) as server:
             yield arm, server
