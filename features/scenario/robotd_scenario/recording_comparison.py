@@ -154,10 +154,10 @@ class CommandRepeater:
 
 
 def _from_ready(recording: Recording) -> Frames:
-    """Return the frames from the first with all joints ready and their servos on."""
+    """Return the frames, two at least, from the first with all joints ready and servos on."""
     frames, joints = recording.frames, list(recording.info.joints)
     servo_on = frames["flags"][:, SERVO_ON][:, joints].all(axis=1)
-    ready = np.flatnonzero(servo_on & (frames["ready"] == 1))
+    ready = np.flatnonzero((servo_on & (frames["ready"] == 1))[:-1])
     if len(ready) == 0:
         raise ValueError(f"{recording.path}: the robot was never ready with its servos on")
     return frames[ready[0] :]

@@ -87,6 +87,13 @@ def test_the_first_difference_is_named(arm: Observed) -> None:
     assert "recorded +0.1" in last
 
 
+def test_a_recording_that_ends_when_the_robot_is_ready_is_named(arm: Observed) -> None:
+    recording = read_recording(arm.flight.snapshot("test"))
+    last = replace(recording, frames=recording.frames[-1:])
+    with pytest.raises(ValueError, match="never ready with its servos on"):
+        CommandRepeater(last, arm.robot.descriptor, load_backend("sim"))
+
+
 def test_a_scenario_or_a_recording_is_needed(tmp_path: Path) -> None:
     assert run().exit_code == 2
 
