@@ -224,7 +224,8 @@ class Physics:
     def trip(self, axis: int, code: int) -> None:
         """Put the drive into alarm."""
         self.alarm_code[axis] = code
-        self.reason[axis] = _alarm_text(code)
+        if self.connected[axis]:  # else the reason is that it does not answer
+            self.reason[axis] = _alarm_text(code)
         self.disable(axis)
 
     def clear(self, axis: int) -> None:

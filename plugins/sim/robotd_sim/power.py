@@ -85,7 +85,8 @@ class Power:
             self.turn_off(axis)
         else:
             self._motion.quick_stop(axis)
-        self._states.reason[axis] = alarm_text(code)
+        if self._states.connected[axis]:  # else the reason is that it does not answer
+            self._states.reason[axis] = alarm_text(code)
 
     def clear(self, axis: int) -> None:
         """Clear alarms, effective a tick later."""

@@ -35,6 +35,7 @@ def test_an_alarm_says_its_reason_again_when_the_drive_is_back(tmp_path: Path) -
         faults, image = arm.robot.fault_injector, arm.robot.image
         faults.trip(0, 0x2310)
         faults.disconnect(0)
+        faults.trip(0, 0x2310)
         arm.robot.step(2)
         assert image.reason[0] == "does not answer: cable or power supply"
         faults.reconnect(0)

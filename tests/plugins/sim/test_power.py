@@ -136,6 +136,8 @@ def test_a_lost_slave_hides_an_alarm_until_it_is_back() -> None:
     assert made.look().reason == ["DC link over-voltage", ""]
     made.faults.disconnect(0)
     assert made.look().reason == ["slave 0 does not answer: cable or power supply", ""]
+    made.faults.trip(0, 0x3210)
+    assert made.look().reason == ["slave 0 does not answer: cable or power supply", ""]
     made.faults.reconnect(0)
     with made.simulation.world.lock:
         made.simulation.reconnect()
