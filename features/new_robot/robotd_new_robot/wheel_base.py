@@ -6,12 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from robotd.api import DescriptorError, UrdfJoint, UrdfRobot
+from robotd.api import DescriptorError, UrdfJoint, UrdfRobot, get_logger
 
 DEFAULT_WHEEL_VELOCITY_RAD_S = 10.0
 SAME_RADIUS = 0.01  # part by which the wheels may differ
 MIN_SEPARATION_M = 1e-3
 FOOTPRINT = "base_footprint"
+
+log = get_logger("new-robot")
 
 
 @dataclass(frozen=True)
@@ -82,6 +84,10 @@ def wheel_base(
             " right ones; y of the base must point to the left; --no-base makes each wheel an axis"
         )
         raise DescriptorError(what, path=path, line=left[0].line, key=left[0].name)
+    backwards = [joint.name for joint in wheels if _turns_backwards(urdf, joint)]
+    if backwards:
+        text = "wheels turn backwards in RViz and MuJoCo: let their axes point to the left"
+        log.warning(text, joints=backwards)
     known = [joint.velocity for joint in wheels if joint.velocity is not None]
     return WheelBase(
         left,
@@ -97,6 +103,10 @@ def wheel_base(
 def _side(urdf: UrdfRobot, joint: UrdfJoint) -> float:
     """Return y of a wheel in the frame of the root."""
     return float(urdf.pose(joint.child, {})[1, 3])
+
+
+def _turns_backwards(urdf: UrdfRobot, joint: UrdfJoint) -> bool:
+    return float((urdf.pose(joint.child, {})[:3, :3] @ joint.axis)[1]) < -0.5
 
 
 def _radius(urdf: UrdfRobot, wheels: Sequence[UrdfJoint], path: Path) -> float:

@@ -321,3 +321,13 @@ def test_a_joint_that_does_not_turn_is_no_wheel(robotd: Robotd, tmp_path: Path, 
     result = robotd("new-robot", "it", "--urdf", str(urdf), "--into", str(tmp_path), *options)
     assert result.exit_code == ExitCode.CONFIGURATION
     assert f"it.urdf:2: l: is {kind}: the joint of a wheel is continuous" in result.output
+
+
+def test_wheels_that_turn_backwards_are_named(make: Make) -> None:
+    left = joint("left_wheel", "base", "a", "", "continuous", "0.2")
+    right = joint("right_wheel", "base", "b", "", "continuous", "-0.2")
+    mirrored = right.replace('xyz="0 1 0"', 'xyz="0 -1 0"')
+    _, output = make(left + mirrored, "--wheel-radius", "0.1")
+    assert "wheels turn backwards in RViz and MuJoCo" in output
+    assert "joints=['right_wheel']" in output
+    assert "backwards" not in make(left + right, "--wheel-radius", "0.1")[1]
