@@ -57,7 +57,6 @@ class Physics:
         inputs, outputs: I/O images.
         stuck_outputs: outputs that keep a value, by byte and bit.
         tick: steps so far.
-        slips: how often time was dropped after a pause.
     """
 
     def __init__(self, robot: RobotDescriptor, options: MujocoOptions, clock: Clock) -> None:
@@ -77,7 +76,7 @@ class Physics:
         self.encoder_offset = np.zeros(self.axes)
         self.inputs, self.outputs = bytearray(IMAGE_BYTES), bytearray(IMAGE_BYTES)
         self.stuck_outputs: dict[tuple[int, int], bool] = {}
-        self.tick = self.slips = 0
+        self.tick = 0
         self._step_ns = round(options.step_s * NANOSECONDS)
         self._start_ns = clock.now_ns()
         self._catch_up = max(1, round(options.max_catch_up_s / options.step_s))
@@ -118,7 +117,6 @@ class Physics:
         if due > self.tick + self._catch_up:
             lost = due - self.tick - self._catch_up
             self._start_ns += lost * self._step_ns
-            self.slips += 1
             if self.talking:
                 log.warning("simulated time slipped", lost_s=round(lost * self.options.step_s, 3))
             due -= lost

@@ -56,13 +56,12 @@ class Guards:
 
     def configure(self, parameters: WmxParameters) -> None:
         axes = self._servo.axes
-        take = {
-            name: parameters[name][:axes]
-            for name in ("SoftLimitNegativePos", "SoftLimitPositivePos", "LSDec", "LSSlowDec",
-                         "FollowingErrorType", "FollowingErrorStopped", "FollowingErrorMoving")
-        }  # fmt: skip
-        self._soft = take["SoftLimitNegativePos"], take["SoftLimitPositivePos"]
-        self._deceleration, self._slow = take["LSDec"], take["LSSlowDec"]
+
+        def of(name: str) -> FloatArray:
+            return parameters[name][:axes]
+
+        self._soft = of("SoftLimitNegativePos"), of("SoftLimitPositivePos")
+        self._deceleration, self._slow = of("LSDec"), of("LSSlowDec")
         self._negative_types = np.stack([
             _types(parameters, "LSType", "NegativeLSType", axes),
             _types(parameters, "SoftLimitType", "NegativeSoftLimitType", axes),
@@ -71,9 +70,9 @@ class Guards:
             _types(parameters, "LSType", "PositiveLSType", axes),
             _types(parameters, "SoftLimitType", "PositiveSoftLimitType", axes),
         ])  # fmt: skip
-        watched = take["FollowingErrorType"] == _QUICK_STOP
-        self._error_stopped = _where_set(take["FollowingErrorStopped"], watched)
-        self._error_moving = _where_set(take["FollowingErrorMoving"], watched)
+        watched = of("FollowingErrorType") == _QUICK_STOP
+        self._error_stopped = _where_set(of("FollowingErrorStopped"), watched)
+        self._error_moving = _where_set(of("FollowingErrorMoving"), watched)
         self._watch_error = bool(np.isfinite([self._error_stopped, self._error_moving]).any())
         self.refresh()
 

@@ -144,14 +144,9 @@ class Motion:
         self._quick[axis] = False
         self.stream.drop(axis)
         self._states.motion_complete[axis] = False
-        if self._states.reason[axis]:
-            self._forget_stop(axis)
-        return self._plans[axis]
-
-    def _forget_stop(self, axis: int) -> None:
-        """Clear the reason of a past stop; an alarm and a lost slave remain."""
         if self._states.connected[axis] and not self._states.amp_alarm[axis]:
-            self._states.reason[axis] = ""
+            self._states.reason[axis] = ""  # of a past stop; an alarm and a lost slave remain
+        return self._plans[axis]
 
     def _begin(
         self,
@@ -276,13 +271,10 @@ class Stream:
         """The setpoint is reached: keep its velocity until there is another."""
         past_s = (self._world.tick - self.end) * self._world.servo.tick_s
         for axis, _ in self._followers:
-            position, velocity = self._setpoint(axis)
+            position, velocity = self.position[axis], self.velocity[axis]
             self._world.servo.follow(
                 axis, self._world.tick, position + velocity * past_s, velocity, 0.0
             )
-
-    def _setpoint(self, axis: int) -> tuple[float, float]:
-        return self.position[axis], self.velocity[axis]
 
     def _take_stock(self) -> None:
         self._followers = [

@@ -123,8 +123,13 @@ class Simulation:
         return self.engine is ConnectionState.COMMUNICATING
 
     def load(self, parameters: WmxParameters) -> None:
-        """``apply``, unless that would change the scale of an axis whose servo is on: NotReady."""
-        self._require_rest()
+        """Take a whole set of parameters.
+
+        Raises NotReady, naming the axis, while one moves, and where it would change the scale of
+        one whose servo is on.
+        """
+        for axis in range(self.axes):
+            self.require_rest(axis, "parameters cannot be loaded")
         states = self.states
         in_force = (
             dict(self.parameters.columns)
@@ -142,8 +147,7 @@ class Simulation:
         self.apply(parameters)
 
     def apply(self, parameters: WmxParameters) -> None:
-        """Take a whole set of parameters. Raises NotReady, naming the axis, while one moves."""
-        self._require_rest()
+        """Take a whole set of parameters, while the axes are at rest."""
         was, now = self._absolute(self.parameters), self._absolute(parameters)
         origin, home = self.scaling.origin.copy(), self.scaling.home.copy()
         counts = self.scaling.counts(self.servo.position)
@@ -156,10 +160,6 @@ class Simulation:
             : self.axes
         ]
         self._configure()
-
-    def _require_rest(self) -> None:
-        for axis in range(self.axes):
-            self.require_rest(axis, "parameters cannot be loaded")
 
     def require_rest(self, axis: int, what: str) -> None:
         """Raise NotReady unless ``axis`` is idle and at rest."""
@@ -230,7 +230,7 @@ class Simulation:
         self.silence()
         self.engine = ConnectionState.IDLE
         self.io.clear()
-        for axis in range(self.axes):
+        for axis in range(self.axes):  # at rest: a start that follows at once loads parameters
             self.motion.hold(axis, float(self.servo.command[axis]))
         self.apply(self._defaults)
 
