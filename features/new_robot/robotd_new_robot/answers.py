@@ -111,9 +111,7 @@ def legal_name(name: str, kind: str) -> str:
 
 
 def with_joint_names(text: str, renamed: Mapping[str, str], links: Iterable[str]) -> str:
-    """Return the text of a URDF with other names of joints.
-
-    Links, the frames, keep theirs.
+    """Return the text of a URDF with other names of joints; links, the frames, keep theirs.
 
     ``<gazebo reference=...>`` means a link where one has the name.
     """

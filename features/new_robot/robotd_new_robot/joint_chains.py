@@ -37,12 +37,12 @@ def propose_groups(
 
 
 def _chains(urdf: UrdfRobot, joints: Sequence[UrdfJoint]) -> list[list[UrdfJoint]]:
-    carrier = {joint.name: _carrier(urdf, joint, joints) for joint in joints}
-    carried = {each.name: [j for j in joints if carrier[j.name] is each] for each in joints}
+    carriers = {joint.name: carrier(urdf, joint, joints) for joint in joints}
+    carried = {each.name: [j for j in joints if carriers[j.name] is each] for each in joints}
     chain_of: dict[str, list[UrdfJoint]] = {}
     chains: list[list[UrdfJoint]] = []
     for joint in joints:
-        before = carrier[joint.name]
+        before = carriers[joint.name]
         if before and (len(carried[before.name]) == 1 or not carried[joint.name]):
             chain = chain_of[before.name]
         else:
@@ -66,7 +66,7 @@ def _names(chains: Sequence[Sequence[UrdfJoint]], taken: set[str]) -> list[str]:
     return [_legal(chain[-1].child, taken) for chain in chains]
 
 
-def _carrier(urdf: UrdfRobot, joint: UrdfJoint, joints: Sequence[UrdfJoint]) -> UrdfJoint | None:
+def carrier(urdf: UrdfRobot, joint: UrdfJoint, joints: Sequence[UrdfJoint]) -> UrdfJoint | None:
     """Return the nearest of ``joints`` that carries ``joint``."""
     link = joint.parent
     while link != urdf.root:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from robotd.api import DescriptorError, UrdfJoint, UrdfRobot
 from robotd_new_robot.answers import check_joint_names, check_mimics, check_ranges
+from robotd_new_robot.joint_chains import carrier
 from robotd_new_robot.wheel_base import WheelBase, left_first, wheel_base
 
 # A caster; a suspension, which a drive would hold against the springs.
@@ -223,13 +224,7 @@ def _idle_wheels(urdf: UrdfRobot, free: Sequence[UrdfJoint]) -> list[tuple[UrdfJ
 
 def _carrier(urdf: UrdfRobot, joint: UrdfJoint) -> UrdfJoint | None:
     """Return the nearest moving joint that carries ``joint``."""
-    link = joint.parent
-    while link != urdf.root:
-        holding = urdf.parent_joint[link]
-        if holding.moves:
-            return holding
-        link = holding.parent
-    return None
+    return carrier(urdf, joint, [each for each in urdf.joints if each.moves])
 
 
 def _steers(urdf: UrdfRobot, joint: UrdfJoint) -> bool:
