@@ -40,6 +40,10 @@ class FaultKind(Part):
     def begin(self, robot: Robot) -> None:
         """Inject the fault."""
 
+    def can_end(self, robot: Robot) -> bool:
+        """Return False while ``end`` has to wait for the device."""
+        return True
+
     def end(self, robot: Robot) -> None:
         """Remove the fault; called after ``for_s`` where the kind has that field."""
 
@@ -75,6 +79,9 @@ class SlaveLost(FaultKind):
 
     def begin(self, robot: Robot) -> None:
         robot.fault_injector.disconnect(self.axis)
+
+    def can_end(self, robot: Robot) -> bool:
+        return Capability.HOT_CONNECT not in robot.capabilities or robot.connection.ready
 
     def end(self, robot: Robot) -> None:
         robot.fault_injector.reconnect(self.axis)

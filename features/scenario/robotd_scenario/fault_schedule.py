@@ -130,6 +130,8 @@ class FaultSchedule:
             return entry.left == 0
         if entry.end_ns is None or now_ns < entry.end_ns:
             return False
+        if not entry.fault.kind.can_end(self._robot):
+            return False
         if not self._continues(entry.fault, now_ns):
             self._do(entry.fault, now_ns, over=True)
         return True

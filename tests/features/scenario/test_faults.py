@@ -151,6 +151,17 @@ def test_faults_that_end_together_end() -> None:
     assert run({"wait_s": 0.5}, MOVE, faults=[blocked, blocked]).failures == []
 
 
+@pytest.mark.parametrize("other", [{"packet_loss": {"count": 400}}, {"communication_drop": {}}])
+def test_a_slave_is_back_when_the_device_is_ready_again(other: dict[str, Any]) -> None:
+    result = run(
+        {"wait_s": 0.6},
+        {"engine": "on", "expect": "ok"},
+        check(offline=[], within_s=1.0),
+        faults=[{"slave_lost": {"axis": 1, "for_s": 0.4}}, {"at_s": 0.2, **other}],
+    )
+    assert result.failures == []
+
+
 def test_a_slave_that_is_back_brings_no_other_one_back() -> None:
     result = run(
         {"wait_s": 1.0},
