@@ -85,10 +85,9 @@ class Network:
         self._slips = 0
 
     def lose_packets(self, tick: int, count: int) -> None:
-        """Lose the next ``count`` frames; those that are lost already count once."""
-        until = max(self._silent_until, tick + count)
-        self.packet_loss += until - max(self._silent_until, tick)
-        self._silent_until = until
+        """Lose ``count`` further frames in a row."""
+        self._silent_until = max(self._silent_until, tick) + count
+        self.packet_loss += count
 
     def is_silent(self, tick: int) -> bool:
         """Return True while no frame arrives."""
