@@ -31,7 +31,7 @@ from robotd_page.held_motion import HEARTBEAT_S
 from robotd_page.page_feed import RobotSource
 from robotd_page.page_server import PageServer
 from robotd_recorder.recorder import observed
-from robotd_scenario.fault_schedule import requested_faults
+from robotd_scenario.fault_schedule import FaultSchedule, RequestedFaults
 
 AT_REST = 1e-3  # rad/s
 VELOCITY_ROW = VALUES.index("velocity")
@@ -104,7 +104,7 @@ def main(name: str, rounds: int) -> None:
         tempfile.TemporaryDirectory() as folder,
         observed(robot, flight_folder=Path(folder)) as recorder,
     ):
-        control = PageControl(robot, requested_faults(robot))
+        control = PageControl(robot, RequestedFaults(FaultSchedule(robot)))
         with PageServer(RobotSource(recorder.tap, []), 0, control=control) as server:
             robot.start()
             print(f"{joint} at {velocity:.3f} rad/s; from the last message to rest:")
