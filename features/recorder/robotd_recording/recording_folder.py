@@ -25,7 +25,7 @@ class RecordingFolder:
         path: folder; made when the first file is written, if not before.
         robot: first part of the file names.
         keep_files: number of files to keep.
-        keep_bytes: size of all files to keep; the newest is kept always.
+        keep_bytes: size of all files to keep.
     """
 
     def __init__(self, path: Path, robot: str, keep_files: int, keep_bytes: float) -> None:
@@ -44,13 +44,15 @@ class RecordingFolder:
             path = self.path / f"{name}-{number}{SUFFIX}"
         return path
 
-    def remove_old(self) -> list[Path]:
+    def remove_old(self, newest: Path) -> list[Path]:
         """Remove what exceeds number and size, oldest first; return it. Raises OSError.
 
-        Continuous recordings do not count, and stay.
+        ``newest`` stays always: it looks old where the clock was set back. Continuous recordings
+        do not count, and stay.
         """
         removed, size = [], 0
-        for number, (_, file_size, path) in enumerate(sorted(self._files(), reverse=True)):
+        files = sorted(self._files(), key=lambda file: (file[2] == newest, *file), reverse=True)
+        for number, (_, file_size, path) in enumerate(files):
             size += file_size
             if number > 0 and (number >= self._keep_files or size > self._keep_bytes):
                 path.unlink(missing_ok=True)
@@ -59,7 +61,7 @@ class RecordingFolder:
 
     def _files(self) -> Iterator[tuple[float, int, Path]]:
         for path in self.path.glob(f"{self._robot}-*{SUFFIX}"):
-            if CONTINUOUS in path.stem.split("-"):
+            if CONTINUOUS in path.stem.split("-")[1:]:  # behind the name of the robot
                 continue
             try:
                 status = path.stat()

@@ -153,7 +153,7 @@ class Recorder:
             self._closed_bytes += self._file.stat().st_size
             if self._file != self._path:
                 self._file.rename(self._path)
-                self._job.folder.remove_old()
+                self._job.folder.remove_old(self._path)
 
     def discard(self) -> None:
         """Remove a file that is not complete and would get its name only then."""
