@@ -141,13 +141,15 @@ class ContinuousRecorder:
     def stop(self) -> Report:
         """Complete the file and return its report.
 
-        Raises OperationError: nothing was recorded, or the recording had failed.
+        Raises OperationError: nothing was recorded, or the recording is not complete.
         """
         with self._lock:
             if self._thread is None:
                 raise OperationError("nothing is being recorded")
             self._stop.set()
             self._thread.join(END_TIMEOUT_S)
+            if self._thread.is_alive():
+                raise OperationError(f"the recording is not complete after {END_TIMEOUT_S:g} s")
             self._thread = None
             if self._failure:
                 raise OperationError(f"the recording ended early: {self._failure}")
@@ -169,8 +171,8 @@ class ContinuousRecorder:
             log.info("recorded", file=str(report.path), mib=round(report.size_bytes / 2**20, 1))
             if report.lost_frames:
                 log.warning("frames lost: the disk is too slow", frames=report.lost_frames)
-        except (OSError, EOFError) as error:
-            self._failure = getattr(error, "strerror", None) or str(error) or "the process ended"
+        except OSError as error:
+            self._failure = error.strerror or str(error)
             log.error("recording ended early", folder=str(self._folder.path), reason=self._failure)
 
     def _feed(self, process: RecorderProcess, pictures: CameraRecorder) -> None:

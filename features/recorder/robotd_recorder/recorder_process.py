@@ -95,26 +95,25 @@ class RecorderProcess:
     def finish(self, timeout_s: float) -> Report:
         """Complete the file and return its report."""
         self._put(Batch([], [], last=True))
-        report = None
-        with suppress(EOFError):
-            while self._connection.poll(timeout_s):
-                report = self._receive()
-        if report is None:
-            raise TimeoutError(f"the recording is not complete after {timeout_s:g} s")
-        return report
+        while self._connection.poll(timeout_s):
+            if (report := self._receive()).is_last:
+                return report
+        raise TimeoutError(f"the recording is not complete after {timeout_s:g} s")
 
     def _put(self, batch: Batch) -> None:
         """Send a batch. Raises OSError, with the reason of a writer that has ended."""
         try:
             self._connection.send(batch)
         except BrokenPipeError:
-            with suppress(EOFError, ConnectionError):
-                while self._connection.poll():
-                    self._receive()  # raises the reason that its last report has
+            while self._connection.poll():
+                self._receive()  # raises the reason that its last report has
             raise
 
     def _receive(self) -> Report:
-        report: Report = self._connection.recv()
+        try:
+            report: Report = self._connection.recv()
+        except (EOFError, ConnectionError) as error:
+            raise OSError("the process that writes it has ended") from error
         if report.error:
             raise OSError(report.error)
         return report

@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 from time import monotonic
@@ -76,12 +76,14 @@ class Report:
         size_bytes: of all its files.
         lost_frames: overwritten before they could be read.
         error: reason of the failure; "" without one.
+        is_last: the recording has ended.
     """
 
     path: Path | None
     size_bytes: int = 0
     lost_frames: int = 0
     error: str = ""
+    is_last: bool = False
 
 
 class Recorder:
@@ -188,7 +190,7 @@ def run(connection: Connection) -> None:
                 with suppress(ConnectionError):  # the robot has gone; its batches still come
                     connection.send(recorder.report)
         recorder.close()
-        report = recorder.report
+        report = replace(recorder.report, is_last=True)
     except OSError as error:
         recorder.discard()
         report = Report(recorder.report.path, error=error.strerror or str(error))

@@ -15,6 +15,7 @@ from robotd.errors import OperationError
 from robotd.feature_host import FeatureHost
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
+from robotd_recorder import continuous_recorder
 from robotd_recorder.continuous_recorder import ContinuousRecorder
 from robotd_recorder.recorder import open_recorder
 from robotd_recording.recording_folder import RecordingFolder
@@ -110,6 +111,22 @@ def test_a_writing_process_that_is_killed_leaves_a_file_that_can_be_recovered(
     np.testing.assert_array_equal(
         written["values"][held], frames["values"][np.isin(frames["start_ns"], written["start_ns"])]
     )
+
+
+def test_a_recording_whose_process_hangs_is_not_reported_as_complete(
+    arm: Observed, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    others = {*_children()}
+    recorder = recorder_of(arm)
+    recorder.start()
+    assert wait_until(lambda: recorder.report.size_bytes > 0, WAIT_S, CLOCK)
+    (child,) = {*_children()} - others
+    os.kill(child, signal.SIGSTOP)
+    monkeypatch.setattr(continuous_recorder, "END_TIMEOUT_S", 0.1)
+    with pytest.raises(OperationError, match=r"the recording is not complete after 0\.1 s"):
+        recorder.stop()
+    os.kill(child, signal.SIGCONT)
+    assert wait_until(lambda: not recorder.is_recording, WAIT_S, CLOCK)
 
 
 def _children() -> list[int]:

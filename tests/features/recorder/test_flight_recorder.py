@@ -174,6 +174,17 @@ def test_a_full_disk_loses_the_recording_and_nothing_else(
     assert len(read_recording(arm.flight.snapshot("test")).frames) > 100
 
 
+def test_a_writing_process_that_fails_at_the_end_has_not_saved_a_recording(
+    arm: Observed, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    fails = "from robotd_recording.writer_process import Recorder; Recorder.close = None"
+    monkeypatch.setattr(recorder_process, "PROGRAM", f"{fails}\n{recorder_process.PROGRAM}")
+    with pytest.raises(OperationError, match="not written: the process that writes it has ended"):
+        arm.flight.snapshot("test")
+    assert arm.flight.saved == 0
+    assert "TypeError" in capfd.readouterr().err
+
+
 def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     observed = Observed(tmp_path / "file" / "recordings")
