@@ -126,7 +126,7 @@ class ContinuousRecorder:
                     tap,
                     self._folder,
                     CONTINUOUS,
-                    "",
+                    None,
                     cursor=tap.frames.written,
                     split_bytes=self._split_bytes,
                     split_s=self._split_s,

@@ -37,8 +37,10 @@ def find_incident(recording: Recording) -> Incident:
     """Find the root cause: the first bad event shortly before the symptom."""
     events = recording.events
     bad = [event for event in events if event.is_bad]
-    saved_for = [event for event in events if event.text == recording.info.cause]
-    symptom = next(iter(saved_for or bad), None)
+    # The same text may be of an earlier one, too.
+    saved_for = (recording.info.cause_ns, recording.info.cause)
+    symptom = next((each for each in events if (each.time_ns, each.text) == saved_for), None)
+    symptom = symptom or next(iter(bad), None)
     if symptom is None:
         return Incident(None, None, events)
     earliest_ns = symptom.time_ns - CAUSE_WINDOW_S * NANOSECONDS

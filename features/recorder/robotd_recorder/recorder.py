@@ -81,11 +81,11 @@ class FlightRecorder:
 
         Raises OperationError: it could not be written.
         """
-        self._tap.events.add(EventKind.MARK, "snapshot", reason)
+        mark = self._tap.events.add(EventKind.MARK, "snapshot", reason)
         if not self._saving.acquire(timeout=SAVE_TIMEOUT_S):
             raise OperationError("another recording is still being written")
         try:
-            return self._save("snapshot", reason)
+            return self._save("snapshot", mark)
         except OSError as error:
             raise OperationError(f"the recording was not written: {error}") from error
         finally:
@@ -107,7 +107,7 @@ class FlightRecorder:
     def _save_or_log(self, cause: Event) -> None:
         with self._saving:
             try:
-                path = self._save(str(cause.kind), cause.text)
+                path = self._save(str(cause.kind), cause)
                 log.warning("recording saved", file=str(path), cause=cause.text)
             except OSError as error:
                 self.failed += 1
@@ -118,7 +118,7 @@ class FlightRecorder:
                 self.failed += 1
                 log.exception("recording lost")
 
-    def _save(self, word: str, cause: str) -> Path:
+    def _save(self, word: str, cause: Event) -> Path:
         tap = self._tap
         events = _recent(tap.events.since(0)[0], tap.frames.oldest_ns)
         with RecorderProcess(tap, self._folder, word, cause) as process:

@@ -38,7 +38,7 @@ class RecorderProcess:
         tap: Tap,
         folder: RecordingFolder,
         word: str,
-        cause: str,
+        cause: Event | None,
         *,
         cursor: int = 0,
         split_bytes: float | None = None,
@@ -119,8 +119,8 @@ class RecorderProcess:
         return report
 
 
-def recording_info(tap: Tap, cause: str) -> RecordingInfo:
-    """Return the metadata of a recording that was begun by ``cause``."""
+def recording_info(tap: Tap, cause: Event | None) -> RecordingInfo:
+    """Return the metadata of a recording that is written for ``cause``."""
     robot = tap.robot
     descriptor = robot.descriptor
     return RecordingInfo(
@@ -128,7 +128,7 @@ def recording_info(tap: Tap, cause: str) -> RecordingInfo:
         backend=robot.backend.name,
         variant=descriptor.variant or "",
         version=version("robotd"),
-        cause=cause,
+        cause=cause.text if cause else "",
         rate_hz=descriptor.cycle.rate_hz,
         axes=robot.axes.names,
         joints=robot.joint_axes,
@@ -140,4 +140,5 @@ def recording_info(tap: Tap, cause: str) -> RecordingInfo:
         offset_ns=tap.offset_ns,
         units={joint.name: joint.unit for joint in descriptor.joints},
         fingers=robot.gripper.finger_ends if robot.gripper is not None else {},
+        cause_ns=cause.time_ns if cause else 0,
     )

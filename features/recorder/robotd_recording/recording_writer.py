@@ -88,6 +88,7 @@ class RecordingInfo:
         units: of each joint, "rad" or "m"; empty in older files: rad.
         fingers: positions of each finger of the gripper when open and when closed, which
             ``/joint_states`` has behind the axes; empty in older files.
+        cause_ns: time of the event ``cause``; 0 without one.
     """
 
     robot: str
@@ -103,6 +104,7 @@ class RecordingInfo:
     format: int = FORMAT
     units: Mapping[str, str] = field(default_factory=dict)
     fingers: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    cause_ns: int = 0
 
     def unit(self, axis: str) -> str:
         """Return "rad" or "m"; an axis that is no joint has rad."""

@@ -69,6 +69,23 @@ def test_the_first_fault_is_the_cause_and_not_what_followed_from_it(fault: Path)
     assert bad[0].time_ns > incident.cause.time_ns
 
 
+def test_the_cause_is_the_fault_that_the_file_was_saved_for(tmp_path: Path) -> None:
+    arm = Observed(tmp_path)
+    for _ in range(2):
+        arm.robot.fault_injector.trip(2, 0x8611)
+        arm.step(2.0)
+        arm.robot.axes.clear_alarm(2)
+        arm.step(0.5)
+        arm.flight.close()
+    newest = arm.flight.last
+    arm.close()
+    assert newest is not None
+    recording = read_recording(newest)
+    faults = [event for event in recording.events if event.kind == "fault"]
+    assert faults[0].text == faults[1].text
+    assert find_incident(recording).cause == faults[1]
+
+
 def test_the_picture_is_written(fault: Path, tmp_path: Path) -> None:
     picture = tmp_path / "fault.png"
     result = explain(fault, "--plot", picture)
