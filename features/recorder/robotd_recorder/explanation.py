@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ import numpy as np
 from robotd.api import NANOSECONDS
 from robotd.api.features import VALUES, Event, EventKind, Level
 from robotd_recording.recording_reader import Recording
+from robotd_recording.recording_writer import RecordingInfo
 
 CAUSE_WINDOW_S = 1.0  # before the symptom: its cause is the first bad event in it
 SHOWN_BEFORE_S, SHOWN_AFTER_S = 10.0, 5.0
@@ -24,7 +26,7 @@ class Incident:
 
     Attributes:
         cause: first bad event; None where there is none.
-        command: goal or motion command that was in force at that time; None: none is recorded.
+        command: goal or motion command of its axis in force at that time; None: none is recorded.
         events: around the cause, in the order of time; all of them without a cause.
     """
 
@@ -49,7 +51,7 @@ def find_incident(recording: Recording) -> Incident:
     first_ns = cause.time_ns - SHOWN_BEFORE_S * NANOSECONDS
     last_ns = cause.time_ns + SHOWN_AFTER_S * NANOSECONDS
     shown = tuple(event for event in events if first_ns <= event.time_ns <= last_ns)
-    return Incident(cause, _command(events, cause), shown)
+    return Incident(cause, _command(recording.info, events, cause), shown)
 
 
 def explain(recording: Recording, meanings: Sequence[str] = ()) -> Iterator[str]:
@@ -115,7 +117,7 @@ def _cause_lines(
 
 
 def _value_lines(recording: Recording, cause: Event) -> Iterator[str]:
-    """Yield the values of the axis, each against its limit."""
+    """Yield the values of the axis, each against its limit where it has one."""
     axis = recording.info.axes.index(cause.subject)
     # One period before: a drive in alarm may have lost its values.
     period_ns = round(NANOSECONDS / recording.info.rate_hz)
@@ -123,13 +125,15 @@ def _value_lines(recording: Recording, cause: Event) -> Iterator[str]:
     unit = recording.info.unit(cause.subject)
     lower, upper, velocity, _ = recording.info.limits.get(cause.subject, (np.nan,) * 4)
     if "position" in values:
-        yield f"  position {values['position']:+.4f} {unit}, limits {lower:g} to {upper:g} {unit}"
+        limits = f", limits {lower:g} to {upper:g} {unit}" if np.isfinite(lower) else ""
+        yield f"  position {values['position']:+.4f} {unit}{limits}"
     if "position_command" in values and "position" in values:
         error = values["position_command"] - values["position"]
         command = values["position_command"]
         yield f"  following error {error:+.5f} {unit}, command {command:+.4f} {unit}"
     if "velocity" in values:
-        yield f"  velocity {values['velocity']:+.4f} {unit}/s, limit {velocity:g} {unit}/s"
+        limit = f", limit {velocity:g} {unit}/s" if np.isfinite(velocity) else ""
+        yield f"  velocity {values['velocity']:+.4f} {unit}/s{limit}"
     if "torque" in values:
         effort = "force" if unit == "m" else "torque"
         yield f"  {effort} {values['torque']:+.3f} {'N' if unit == 'm' else 'N·m'}"
@@ -150,17 +154,29 @@ def _loop_lines(recording: Recording, cause: Event) -> Iterator[str]:
             )
 
 
-def _command(events: Sequence[Event], cause: Event) -> Event | None:
-    """Return the last goal or motion command before the cause, unless it had ended."""
+def _command(info: RecordingInfo, events: Sequence[Event], cause: Event) -> Event | None:
+    """Return the last goal or motion command of its axis before the cause, unless it had ended."""
     found = None
     for event in events:
         if event.time_ns > cause.time_ns:
             break
         is_motion = event.kind is EventKind.COMMAND and event.subject in MOTION_CALLS
         is_motion |= event.kind is EventKind.GOAL
-        if is_motion and event.data["outcome"] == "accepted":
+        is_motion = is_motion and event.data.get("outcome") == "accepted"
+        if is_motion and _may_move(event, cause.subject, info):
             found = event
         is_end = event.kind is EventKind.RESULT and event is not cause
         if is_end and found is not None and event.data.get("id") == found.data.get("id"):
             found = None
     return found
+
+
+def _may_move(command: Event, subject: str, info: RecordingInfo) -> bool:
+    """Return False for a command of other axes than ``subject``; True where that is no axis."""
+    if subject not in info.axes:
+        return True
+    if command.kind is EventKind.GOAL:
+        return subject in command.data["joints"]
+    if command.subject == "command":  # of a base
+        return info.axes.index(subject) not in info.joints
+    return re.search(rf"\b{re.escape(subject)}\b", command.text) is not None

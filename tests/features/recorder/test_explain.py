@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +12,7 @@ from click.testing import CliRunner, Result
 from tests.features.harness import Observed
 
 from robotd.cli import main
-from robotd.events import sent_by
+from robotd.events import Event, EventKind, sent_by
 from robotd_cia402.code_tables import EMERGENCIES
 from robotd_recorder.explanation import explain as explained
 from robotd_recorder.explanation import find_incident
@@ -154,3 +155,42 @@ def test_a_prismatic_joint_has_its_units(fault: Path) -> None:
     for part in ("limits -2.86 to 2.86 m", " m, command ", "limit 3.14 m/s", "  force "):
         assert part in text
     assert recording.info.units == {f"joint{number}": "rad" for number in range(1, 7)}
+
+
+def test_the_client_is_one_that_commanded_the_axis(fault: Path) -> None:
+    recording = read_recording(fault)
+    cause = find_incident(recording).cause
+    assert cause is not None
+    info = replace(recording.info, joints=(0, 1, 2, 3, 4))  # joint6 is a wheel
+    of_others = [
+        (EventKind.GOAL, "trajectory", "goal", {"joints": ["joint1"]}),
+        (EventKind.COMMAND, "command", "command: linear_m_s 0.1, angular_rad_s 0", {}),
+        (EventKind.COMMAND, "jog", "jog: joint1 at +0.1000/s", {}),
+    ]
+    events = [
+        *recording.events,
+        *(
+            Event(cause.time_ns - 1000, kind, subject, text, sender="/other", data=data)
+            for kind, subject, text, more in of_others
+            for data in [{"outcome": "accepted", **more}]
+        ),
+    ]
+    events.sort(key=lambda event: event.time_ns)
+
+    def text_of(subject: str) -> str:
+        found = [replace(each, subject=subject) if each is cause else each for each in events]
+        return "\n".join(explained(replace(recording, info=info, events=tuple(found))))
+
+    assert "  commanded by /move_group, 0.4" in text_of("joint3")
+    assert "  commanded by /other, 0.000 s before: jog: joint1" in text_of("joint1")
+    assert "  commanded by /other, 0.000 s before: command: linear" in text_of("joint6")
+
+
+def test_an_axis_without_limits_has_none(fault: Path) -> None:
+    recording = read_recording(fault)
+    limits = {**recording.info.limits, "joint3": (-math.inf, math.inf, 3.0, 9.0)}
+    turning = replace(recording, info=replace(recording.info, limits=limits))
+    wheel = replace(recording, info=replace(recording.info, limits={}))
+    for each, limited in ((turning, ["velocity"]), (wheel, [])):
+        lines = [line.split() for line in explained(each) if line.startswith("  ")]
+        assert [line[0] for line in lines if {"limit", "limits"} & {*line}] == limited
