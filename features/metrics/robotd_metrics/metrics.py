@@ -22,6 +22,7 @@ from robotd_shared.local_http import serve_http
 
 BUCKETS_S = (10e-6, 30e-6, 100e-6, 300e-6, 1e-3, 3e-3, 10e-3, 30e-3, 100e-3)
 MAX_LABELS = 64  # different values of a label; further ones are counted as "other"
+REJECTED_GOAL = (EventKind.GOAL, "rejected")  # an accepted one is counted when it ends
 BUS_COUNTERS = ("lost_frames", "timeouts", "late_cycles")
 
 
@@ -107,14 +108,13 @@ class Metrics:
         )
 
     def _event_metrics(self) -> Iterator[Metric]:
-        counts = self._tap.events.counts
-        ended = {outcome: n for (kind, outcome), n in counts.items() if kind is EventKind.RESULT}
-        rejected = counts[EventKind.GOAL, "rejected"]
-        goals = {**ended, **({"rejected": rejected} if rejected else {})}
+        counts = [*self._tap.events.counts.items()]  # any thread adds to them
+        goals = {outcome: n for (kind, outcome), n in counts if kind is EventKind.RESULT}
+        goals |= {name: n for (kind, name), n in counts if (kind, name) == REJECTED_GOAL}
         yield _labelled(
             CounterMetricFamily, "robotd_goals", "Goals that have ended.", "outcome", goals
         )
-        commands = {name: n for (kind, name), n in counts.items() if kind is EventKind.COMMAND}
+        commands = {name: n for (kind, name), n in counts if kind is EventKind.COMMAND}
         yield _labelled(
             CounterMetricFamily, "robotd_commands", "Commands of clients.", "outcome", commands
         )
@@ -206,6 +206,6 @@ def _labelled(
 ) -> Metric:
     """Return a metric with one value for each value of ``label``."""
     family = kind(name, text, labels=[label])
-    for key, value in values.items():
+    for key, value in [*values.items()]:  # the thread of the tap adds to them
         family.add_metric([key], value)
     return family

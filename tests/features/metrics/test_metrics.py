@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import errno
+import itertools
 import logging
 import re
 import socket
@@ -9,18 +10,21 @@ import threading
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
 import pytest
 from prometheus_client import CollectorRegistry, generate_latest
+from prometheus_client.core import CounterMetricFamily
 from prometheus_client.parser import text_string_to_metric_families
 from tests.features.harness import Observed
 
 from robotd.clock import MonotonicClock, wait_until
 from robotd.errors import OperationError
-from robotd.events import sent_by
+from robotd.events import EventKind, sent_by
 from robotd.motion import TrajectoryRejected
+from robotd_metrics import metrics
 from robotd_metrics.metrics import registry, serve_metrics
 from robotd_shared.local_http import MAX_CONNECTIONS
 
@@ -159,3 +163,26 @@ def test_a_request_that_breaks_off_is_one_warning(
         assert wait_until(lambda: bool(logged), 10.0, MonotonicClock(), 0.02)
     assert [each.getMessage()[:15] for each in logged] == ["request failed:"]
     assert "Traceback" not in capsys.readouterr().err
+
+
+def test_what_happens_during_a_scrape_does_not_break_it(
+    arm: Observed, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each value that is written lets a fault, a stop and a rejected command come in between."""
+    made, axes = registry(arm.tap, arm.flight), itertools.cycle(range(6))
+
+    class Family(CounterMetricFamily):
+        def add_metric(self, *args: Any, **options: Any) -> None:
+            number = next(axes)
+            for text in (f"all motion stopped: by {number}", "motion is allowed again"):
+                outcome = "stopped" if ":" in text else "reset"
+                arm.tap.events.add(EventKind.STOP, "stop", text, data={"outcome": outcome})
+            arm.tap.events.add(EventKind.FAULT, f"joint{number}", "a fault")
+            arm.tap.events.count(EventKind.COMMAND, f"outcome {number}")
+            arm.tap.observe()
+            super().add_metric(*args, **options)
+
+    arm.robot.fault_injector.trip(2, 0x8611)
+    arm.step(0.2)
+    monkeypatch.setattr(metrics, "CounterMetricFamily", Family)
+    assert values(made)["robotd_faults_total{'axis': 'joint3'}"] >= 1
