@@ -26,8 +26,8 @@ from robotd_page.viewers import (
 from robotd_shared.local_http import MAX_CONNECTIONS, rejection
 
 if TYPE_CHECKING:  # remote robots need rclpy
-    from robotd_page.page_feed import RobotSource
-    from robotd_page.remote_robots import RemoteRobots
+    from robotd_page.page_feed import PageFeed, RobotSource
+    from robotd_page.remote_robots import RemoteFeed, RemoteRobots
 
 log = get_logger("page")
 
@@ -98,7 +98,7 @@ class PageServer:
         bundle: Path = BUNDLE_FOLDER,
     ) -> None:
         self._source = source
-        self._channels: dict[str, Channel] = {}  # with viewers, by the name of the robot
+        self._channels: dict[PageFeed | RemoteFeed, Channel] = {}  # with viewers
         self._metrics, self._bundle, self._control = metrics, bundle, control
         self._max_viewers, self._heartbeat_s = max_viewers, heartbeat_s
         self._watched = asyncio.Event()
@@ -204,19 +204,19 @@ class PageServer:
             return response
         raw = transport.get_extra_info("socket")
         raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
-        robot = request.query.get("robot", "")
-        channel = self._channels.get(robot) or Channel(self._source.feed(robot))
+        feed = self._source.feed(request.query.get("robot", ""))
+        channel = self._channels.get(feed) or Channel(feed)
         first, wait = channel.first(), self._source.yield_to_control_loop
         viewer = Viewer(response, transport, first, wait)
         channel.viewers.add(viewer)
-        self._channels[robot] = channel
+        self._channels[feed] = channel
         self._watched.set()
         try:
             await viewer.run()
         finally:
             channel.discard(viewer)
             if not channel.viewers:
-                self._channels.pop(robot, None)
+                self._channels.pop(feed, None)
         return response
 
     async def _answer_bundle(self, request: web.Request) -> web.StreamResponse:

@@ -5,6 +5,7 @@ import select
 import socket
 import time
 from contextlib import ExitStack
+from functools import partial
 from http.client import HTTPConnection
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from aiohttp.test_utils import TestClient, TestServer
 from prometheus_client import generate_latest
 from tests.features.page.server.viewer import (
     TIMEOUT_S,
+    Viewer,
     connected,
     served_page,
     silent_viewer,
@@ -24,6 +26,7 @@ from tests.features.page.server.viewer import (
 )
 
 from robotd.errors import OperationError
+from robotd.events import EventKind
 from robotd_metrics.metrics import registry
 from robotd_page.page_feed import RobotSource
 from robotd_page.page_message import websocket_frames
@@ -182,6 +185,21 @@ def test_nothing_is_computed_while_nobody_watches(
         before = len(calls)
         time.sleep(0.3)
         assert len(calls) == before
+
+
+def test_viewers_that_name_the_robot_or_not_get_the_same(tmp_path: Path) -> None:
+    def has(viewer: Viewer, text: str) -> bool:
+        return any(each["text"] == text for each in viewer.events)
+
+    async def watch() -> None:
+        async with connected(server.url) as first, connected(server.url, "/left") as second:
+            for text in ("one", "two", "three"):
+                arm.tap.events.add(EventKind.MARK, "test", text)
+                for viewer in (first, second):
+                    await viewer.until(partial(has, viewer, text))
+
+    with served_page(tmp_path) as (arm, server):
+        asyncio.run(watch())
 
 
 def test_five_viewers_get_the_same_and_a_ninth_is_told_why_not(tmp_path: Path) -> None:
