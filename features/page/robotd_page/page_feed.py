@@ -198,7 +198,9 @@ class PageFeed:
         description = self._describe()
         description["objects"] = self._objects.describe()
         description["cameras"] = self._cameras() if self._has_pictures else []
-        events = self._tap.events.since(0)[0][-FIRST_EVENTS:]
+        held, added = self._tap.events.since(0)
+        sent = max(0, len(held) - (added - self._cursor))  # the others come with the changes
+        events = held[:sent][-FIRST_EVENTS:]
         return [
             json_text(description),
             self._live.history(),

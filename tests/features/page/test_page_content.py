@@ -14,7 +14,7 @@ from tests.world_backend import START, cube_backend
 from robotd.clock.simulated import SteppedClock
 from robotd.control.problem import ProblemKind
 from robotd.descriptor import load_robot_descriptor
-from robotd.events import sent_by
+from robotd.events import EventKind, sent_by
 from robotd.observation.frame_ring import frame_type
 from robotd.robot import Robot
 from robotd_page.live_samples import (
@@ -24,7 +24,7 @@ from robotd_page.live_samples import (
     LiveSamples,
     PlotHistory,
 )
-from robotd_page.page_feed import WorldObjects, describe
+from robotd_page.page_feed import PageFeed, WorldObjects, describe
 from robotd_shared.mesh_files import MeshFiles, drawable_meshes
 from robotd_shared.robot_state import Goals, state_of
 
@@ -103,6 +103,21 @@ def test_a_goal_has_its_sender_and_its_progress(arm: Observed) -> None:
         assert goal["ending"] == "canceled by the client"
         arm.step(1.0)
     assert goals.running() == [None]
+
+
+def test_each_viewer_gets_each_event_once(arm: Observed) -> None:
+    feed = PageFeed(arm.tap, [], {})
+    feed.first(1)
+    got = []
+    for viewers in (2, 3):
+        arm.tap.events.add(EventKind.MARK, "test", f"before {viewers}")
+        first = feed.first(viewers)
+        arm.tap.events.add(EventKind.MARK, "test", f"after {viewers}")
+        messages = [*first, *feed.messages(viewers, changes=True)]
+        texts = [json.loads(each) for each in messages if isinstance(each, str)]
+        events = [event for each in texts for event in each.get("events", ())]
+        got = [each["text"] for each in events if each["subject"] == "test"]
+    assert got == ["before 2", "after 2", "before 3", "after 3"]
 
 
 def test_problems_have_kinds_and_remedies(arm: Observed) -> None:
