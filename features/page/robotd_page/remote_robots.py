@@ -39,6 +39,7 @@ TOPICS = (
     (SAMPLES, UInt8MultiArray, NEWEST),
     (FIRST, UInt8MultiArray, LATCHED),
 )
+PROCESS = ("computer", "pid", "wall_offset_s")  # of a description: what a restart changes
 LOST_S = 3.0  # a watched robot sends its state once a second
 MAX_WAITING = 1000  # received messages
 MAX_SAMPLES = round(HISTORY_S * RATE_HZ)
@@ -156,7 +157,7 @@ class RemoteFeed:
 
     def _read_first(self, texts: list[dict[str, Any]], samples: bytes) -> Iterator[Message]:
         description, state, events = texts
-        is_same = description["wall_offset_s"] == self._description.get("wall_offset_s")
+        is_same = all(self._description.get(key) == description[key] for key in PROCESS)
         if is_same and not self._is_lost:
             return  # another page has begun to watch the same robot
         self._forget()

@@ -91,12 +91,15 @@ def test_a_silent_robot_is_lost_until_it_answers(arm: Observed) -> None:
     assert watched.put(SAMPLES, octets_message(b"12345678")) == [*ALL, "samples"]
 
 
-def test_a_robot_that_was_started_again_is_shown_from_the_start(arm: Observed) -> None:
+@pytest.mark.parametrize("changes", [{"wall_offset_s": 1.0}, {"pid": 1}, {"computer": "other"}])
+def test_a_robot_that_was_started_again_is_shown_from_the_start(
+    arm: Observed, changes: dict[str, Any]
+) -> None:
     watched = Watched()
     watched.feed.first(1)
     watched.put(FIRST, first_of(arm))
     watched.put(SAMPLES, octets_message(b"12345678"))
-    assert watched.put(FIRST, first_of(arm, wall_offset_s=1.0)) == ALL
+    assert watched.put(FIRST, first_of(arm, **changes)) == ALL
     samples = watched.feed.first(2)[2]
     assert isinstance(samples, bytes)
     assert not samples.endswith(b"12345678")
