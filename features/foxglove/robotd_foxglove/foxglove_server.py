@@ -10,6 +10,7 @@ from typing import Any, Self
 import foxglove
 from foxglove.channels import FrameTransformsChannel
 from foxglove.messages import FrameTransform, FrameTransforms, Quaternion, Timestamp, Vector3
+from foxglove.websocket import ChannelView, Client, ServerListener
 
 from robotd.api import NANOSECONDS, FloatArray, OperationError, get_logger
 from robotd.api.features import Tap, measured_joints
@@ -31,6 +32,7 @@ log = get_logger("foxglove")
 
 ADDRESS = "127.0.0.1"
 RATE_HZ = 30.0
+DESCRIPTION = "/robot_description"
 STATE_TICKS = 15  # of ``RATE_HZ``
 END_TIMEOUT_S = 2.0
 TEXT: Mapping[str, Any] = {"type": "string"}
@@ -128,7 +130,7 @@ class FoxgloveServer:
         self._context = context = foxglove.Context()  # its channels end with it
         self._joints = _ros_channel("/joint_states", JOINT_STATE, context)
         self._log = _ros_channel("/rosout", LOG, context)
-        self._description = _ros_channel("/robot_description", STRING, context)
+        self._description = _ros_channel(DESCRIPTION, STRING, context)
         self._state = _json_channel("/robotd/state", STATE_SCHEMA, context)
         self._transforms = FrameTransformsChannel("/tf", context=context)
         gripper = tap.robot.gripper
@@ -137,7 +139,7 @@ class FoxgloveServer:
         self._frames = _frames(tap)
         self._cursor, self._events = 0, tap.events.since(0)[1]
         self._goals = Goals(tap.robot)
-        self._described = False
+        self._undescribed = threading.Event()
         try:
             self._server = foxglove.start_server(
                 name=tap.robot.descriptor.name,
@@ -145,6 +147,7 @@ class FoxgloveServer:
                 port=0,
                 context=context,
                 asset_handler=read_mesh,
+                server_listener=_Subscriptions(DESCRIPTION, self._undescribed),
             )
         except Exception as error:
             raise OperationError(f"foxglove: {error}") from error
@@ -214,10 +217,20 @@ class FoxgloveServer:
     def _send_state(self) -> None:
         if self._state.has_sinks():
             self._state.log(state_of(self._tap, self._goals.running(), 0))
-        is_wanted = self._description.has_sinks()
-        if is_wanted and not self._described:
+        if self._undescribed.is_set():
+            self._undescribed.clear()
             self._description.log(string_message(self._tap.urdf))
-        self._described = is_wanted
+
+
+class _Subscriptions(ServerListener):
+    """Sets ``subscribed`` for each client that subscribes to ``topic``. Threads of the server."""
+
+    def __init__(self, topic: str, subscribed: threading.Event) -> None:
+        self._topic, self._subscribed = topic, subscribed
+
+    def on_subscribe(self, client: Client, channel: ChannelView) -> None:
+        if channel.topic == self._topic:
+            self._subscribed.set()
 
 
 def _ros_channel(topic: str, kind: str, context: foxglove.Context) -> foxglove.Channel:

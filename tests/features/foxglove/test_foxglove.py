@@ -113,6 +113,21 @@ def test_foxglove_gets_joints_transforms_events_and_state(tmp_path: Path) -> Non
         arm.close()
 
 
+def test_each_client_gets_the_description(tmp_path: Path) -> None:
+    async def watch() -> None:
+        async with client_of(server.url) as first, client_of(server.url) as second:
+            for client in (first, second):
+                await client.subscribe("/robot_description")
+                await client.until(lambda client=client: "/robot_description" in client.newest)
+
+    arm = Observed(tmp_path)
+    try:
+        with FoxgloveServer(arm.tap, 0) as server:
+            asyncio.run(watch())
+    finally:
+        arm.close()
+
+
 JSON_TYPES = {"string": str, "integer": int, "boolean": bool, "array": list, "null": type(None)}
 
 
