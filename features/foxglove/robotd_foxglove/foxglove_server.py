@@ -192,9 +192,9 @@ class FoxgloveServer:
             self._cursor = self._tap.frames.written
             return
         frames, self._cursor, _ = self._tap.frames.since(self._cursor)
-        if not len(frames):
-            return
         newest = frames[-1:]
+        if not newest["stamp_ns"].any():  # no new frame, or one without known values
+            return
         stamps_ns = newest["stamp_ns"] + self._tap.offset_ns
         measured = measured_joints(newest, self._fingers)
         if self._joints.has_sinks():
@@ -222,7 +222,7 @@ class FoxgloveServer:
             self._description.log(string_message(self._tap.urdf))
 
 
-class _Subscriptions(ServerListener):
+class _Subscriptions(ServerListener):  # type: ignore[misc] # untyped
     """Sets ``subscribed`` for each client that subscribes to ``topic``. Threads of the server."""
 
     def __init__(self, topic: str, subscribed: threading.Event) -> None:

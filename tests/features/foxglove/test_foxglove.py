@@ -113,6 +113,28 @@ def test_foxglove_gets_joints_transforms_events_and_state(tmp_path: Path) -> Non
         arm.close()
 
 
+def test_values_of_a_lost_device_are_not_sent(tmp_path: Path) -> None:
+    async def watch() -> None:
+        async with client_of(server.url) as client:
+            await client.subscribe("/joint_states", "/rosout", "/robotd/state")
+            await client.until(lambda: "/robotd/state" in client.newest)
+            arm.step()
+            await client.until(lambda: "/joint_states" in client.newest)
+            arm.robot.fault_injector.drop_communication()
+            arm.step()
+            assert arm.robot.image.stamp_ns == 0
+            arm.tap.events.add(EventKind.MARK, "test", "after")
+            await client.until(lambda: b"after" in client.newest.get("/rosout", b""))
+            assert np.isfinite(client.read("/joint_states").position).all()
+
+    arm = Observed(tmp_path)
+    try:
+        with FoxgloveServer(arm.tap, 0) as server:
+            asyncio.run(watch())
+    finally:
+        arm.close()
+
+
 def test_each_client_gets_the_description(tmp_path: Path) -> None:
     async def watch() -> None:
         async with client_of(server.url) as first, client_of(server.url) as second:
