@@ -18,7 +18,8 @@ DISCOVERY_GROUP = "239.255.0.1"  # of RTPS
 MAX_DOMAIN = 101  # higher ones use the ephemeral ports of Linux
 RTPS_PORTS = range(7400, 32767)
 TCP_LISTEN = "0A"  # of linux/tcp_states.h
-LOOPBACK = ("0100007F", "0" * 24 + "01000000")
+# 127.0.0.0/8, as IPv6 too, and ::1; words in the order of this computer's bytes.
+LOOPBACK = re.compile("(0{16}FFFF0000)?[0-9A-F]{6}7F|0{24}01000000")
 
 
 def check_network(context: MachineContext) -> Iterator[Finding]:
@@ -132,7 +133,7 @@ def _open_ports(table: Path) -> Iterator[int]:
     for line in _lines(table):
         local, state = line.split()[1], line.split()[3]
         address, _, port = local.rpartition(":")
-        if state == TCP_LISTEN and address not in LOOPBACK:
+        if state == TCP_LISTEN and not LOOPBACK.fullmatch(address):
             yield int(port, 16)
 
 
