@@ -284,10 +284,13 @@ class _Known:
         return _read(self.identity.newest.data) if self.identity.newest else {}
 
     def problem_texts(self) -> list[str] | None:
-        """Return what keeps axes from moving; None before the robot has said it."""
+        """Return what keeps axes from moving; None where that is not known."""
         if self.problems.newest is None:
             return None
-        return [str(problem) for problem in read_problems(self.problems.newest)]
+        try:
+            return [str(problem) for problem in read_problems(self.problems.newest)]
+        except (ValueError, KeyError):  # of a robot of another version
+            return None
 
     def close(self) -> None:
         for listener in (self.identity, self.problems):

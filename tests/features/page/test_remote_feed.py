@@ -5,16 +5,18 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from tests.features.harness import Observed
 
 from robotd_messages.message_encoders import octets_message, string_message
 from robotd_page.page_feed import PageFeed
 from robotd_page.page_message import Message
 from robotd_page.page_messages import CHANGES, FIRST, SAMPLES, pack_first
-from robotd_page.remote_robots import LOST_S, RemoteFeed
+from robotd_page.remote_robots import LOST_S, RemoteFeed, _Known
 
 
 @pytest.fixture
@@ -133,3 +135,12 @@ def test_a_broken_message_costs_itself_only(arm: Observed, topic: str, data: byt
     watched.put(FIRST, first_of(arm))
     assert watched.put(topic, data) == []
     assert watched.put(SAMPLES, octets_message(b"12345678")) == ["samples"]
+
+
+@pytest.mark.parametrize("values", [{}, {"kind": "new", "code": "0", "since_ns": "0"}])
+def test_problems_of_a_robot_of_another_version_are_not_known(values: dict[str, str]) -> None:
+    status = DiagnosticStatus(values=[KeyValue(key=key, value=values[key]) for key in values])
+    silent, said = (SimpleNamespace(newest=each) for each in (None, DiagnosticArray()))
+    said.newest.status = [status]
+    known = _Known(silent, said)  # type: ignore[arg-type]
+    assert known.problem_texts() is None
