@@ -11,7 +11,8 @@ from typing import Any
 from std_msgs.msg import String
 
 from robotd.errors import DeviceTimeout
-from robotd_ros.client.ros_client import RosClient, escape_texts
+from robotd.log import printable
+from robotd_ros.client.ros_client import RosClient
 from robotd_ros.node_registry import IDENTITY, SUMMARY
 from robotd_ros.qos import LATCHED
 
@@ -53,9 +54,12 @@ class RobotIdentity:
 
 def read_identity(text: str) -> RobotIdentity:
     """Return the identity of a message of ``IDENTITY``; what it does not tell is "?"."""
-    given = json.loads(text)
+    try:
+        given = dict(json.loads(text))
+    except (ValueError, TypeError):  # of another program
+        given = {}
     words = ("robot", "namespace", "backend", "variant", "computer", "version")
-    values = {name: str(given.get(name, "?")) for name in words}
+    values = {name: printable(str(given.get(name, "?"))) for name in words}
     return RobotIdentity(**values, simulated=bool(given.get("simulated")))
 
 
@@ -162,7 +166,6 @@ class Fleet:
             self._client.node.destroy_subscription(each)
 
     def _keep(self, topic: str, message: String) -> None:
-        escape_texts(message)
         robot = read_summary(message.data)
         if robot is not None:
             key = (topic, robot.identity.computer, robot.pid)
@@ -176,12 +179,12 @@ def read_summary(text: str) -> FleetRobot | None:
         return FleetRobot(
             read_identity(text),
             int(given["pid"]),
-            str(given["state"]),
-            tuple(map(str, given["problems"])),
-            tuple(map(str, given["owners"])),
+            printable(str(given["state"])),
+            tuple(printable(str(each)) for each in given["problems"]),
+            tuple(printable(str(each)) for each in given["owners"]),
             float(given["uptime_s"]),
         )
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (ValueError, KeyError, TypeError):
         return None
 
 
