@@ -137,8 +137,12 @@ class Fleet:
                 keep = partial(self._keep, topic)
                 made = node.create_subscription(String, topic, keep, LATCHED)
                 self._subscriptions[topic] = made
-        for key, (topic, _, _) in list(self._robots.items()):
-            if not node.count_publishers(topic):
+        seen = [topic for topic, _, _ in self._robots.values()]
+        for key, (topic, _, seen_s) in list(self._robots.items()):
+            running = node.count_publishers(topic)
+            # One that was killed may have been started again meanwhile.
+            is_silent = time.monotonic() - seen_s > SILENCE_S
+            if not running or (is_silent and running < seen.count(topic)):
                 del self._robots[key]
 
     @property
