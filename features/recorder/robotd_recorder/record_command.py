@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import click
@@ -58,13 +59,17 @@ def _recover(path: Path) -> None:
 def _record(timeout_s: float, time_s: float | None) -> None:
     """Record until Ctrl-C, the loss of the terminal, or for ``time_s``; print the file."""
     with robot_client(max(timeout_s, SAVE_TIMEOUT_S)) as client:
-        started = client.switch(RECORD, True)
-        with Interrupt() as interrupt:
-            click.echo(f"{started}, stop with Ctrl-C", err=True)
+        name = client.node.resolve_service_name(RECORD)
+        client.wait(lambda: client.node.count_services(RECORD), f"service {name}")
+        with Interrupt() as interrupt:  # also in the calls: what was started is stopped
+            started = client.switch(RECORD, True)
+            with suppress(OSError):  # of a lost terminal
+                click.echo(f"{started}, stop with Ctrl-C", err=True)
             end_s = None if time_s is None else time.monotonic() + time_s
             while not interrupt.happened and (end_s is None or time.monotonic() < end_s):
                 # That the robot was killed shows after 20 s.
                 if not client.node.count_services(RECORD):
                     raise DeviceTimeout("the robot has gone: the recording ends with it")
                 time.sleep(TICK_S)
-        click.echo(client.switch(RECORD, False))
+            stopped = client.switch(RECORD, False)
+        click.echo(stopped)
