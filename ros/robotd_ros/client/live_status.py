@@ -9,13 +9,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from control_msgs.action import FollowJointTrajectory
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from std_msgs.msg import Bool
 from tf2_msgs.msg import TFMessage
 from wmx_ros2_message.msg import AxisState
 
 from robotd.clock import NANOSECONDS
 from robotd.control.problem import Problem
+from robotd_ros.client.fleet import SILENCE_S
 from robotd_ros.client.motion_client import action_servers
 from robotd_ros.client.operator_client import ProblemListener
 from robotd_ros.client.ros_client import Listener, RosClient
@@ -47,7 +48,7 @@ class LiveReport:
     """Newest state.
 
     Attributes:
-        ready: the robot takes commands; None before its first message.
+        ready: the robot takes commands; None: it does not answer.
         axes: None while they are not published.
         parts: engine, axes, fieldbus, control loop.
         goals_s: time that each running goal has got to on its path, seconds, by its action.
@@ -68,24 +69,15 @@ class LiveReport:
         return bool(self.ready) and not any(each.forbids_motion for each in self.problems)
 
 
-class GoalProgress:
-    """Progress of the running goal of an action, from its feedback. One thread."""
+class DiagnosticsListener(Listener):
+    """Diagnostics of the client's robot; all robots, and other programs, share the topic."""
 
-    def __init__(self, feedback: Listener) -> None:
-        self._feedback = feedback
-        self._seen: Any = None
-        self._seen_s = 0.0
-
-    @property
-    def path_s(self) -> float | None:
-        """Time that the goal has got to on its path, seconds; None: no goal runs."""
-        message, now_s = self._feedback.newest, time.monotonic()
-        if message is not self._seen:
-            self._seen, self._seen_s = message, now_s
-        if message is None or now_s - self._seen_s > GOAL_SILENCE_S:
-            return None
-        passed = message.feedback.desired.time_from_start
-        return float(passed.sec + passed.nanosec / NANOSECONDS)
+    def _keep(self, message: Any) -> None:
+        namespace = self._client.node.get_namespace().strip("/")
+        first = message.status[0] if message.status else DiagnosticStatus()
+        is_robot = first.name.startswith(f"robotd/{first.hardware_id}: ")
+        if is_robot and first.hardware_id.rpartition("/")[0] == namespace:
+            super()._keep(message)
 
 
 class LiveStatus:
@@ -97,19 +89,22 @@ class LiveStatus:
 
         self._ready = listen(Bool, "wmx/engine/ready", LATCHED)
         self._axes = listen(AxisState, AXIS_STATE)
-        self._diagnostics = listen(DiagnosticArray, "/diagnostics", 10)
+        diagnostics = DiagnosticsListener(client, DiagnosticArray, "/diagnostics", 10)
+        self._diagnostics = stack.enter_context(diagnostics)
         self._tools = listen(TFMessage, TOOL_POSE)
         self._problems = ProblemListener(client, stack)
         self._ready.wait()
         feedback = FollowJointTrajectory.Impl.FeedbackMessage
         self._goals = {
-            action: GoalProgress(listen(feedback, f"{action}/_action/feedback"))
+            action: listen(feedback, f"{action}/_action/feedback")
             for action, _ in action_servers(client.node)
         }
         self._identities = published_axes(client)
 
     def report(self) -> LiveReport:
         """Return the newest state; never waits."""
+        if time.monotonic() - self._diagnostics.newest_s > SILENCE_S:
+            return LiveReport(None, None, (), {})
         ready, axes = self._ready.newest, self._axes.newest
         is_ready = None if ready is None else bool(ready.data)
         statuses = self._diagnostics.newest.status if self._diagnostics.newest else ()
@@ -119,10 +114,18 @@ class LiveStatus:
         )
         has_axes = is_ready and axes is not None and self._identities
         reports = axis_reports(axes, self._identities) if has_axes else None
-        running = {action: goal.path_s for action, goal in self._goals.items()}
+        running = {action: _path_s(feedback) for action, feedback in self._goals.items()}
         goals_s = {action: path_s for action, path_s in running.items() if path_s is not None}
         tools = tool_reports(self._tools.newest) if is_ready and self._tools.newest else ()
         return LiveReport(is_ready, reports, parts, goals_s, tools, self._problems.newest)
+
+
+def _path_s(feedback: Listener) -> float | None:
+    """Return the time that a goal has got to on its path, seconds; None: no goal runs."""
+    if feedback.newest is None or time.monotonic() - feedback.newest_s > GOAL_SILENCE_S:
+        return None
+    passed = feedback.newest.feedback.desired.time_from_start
+    return float(passed.sec + passed.nanosec / NANOSECONDS)
 
 
 @contextmanager

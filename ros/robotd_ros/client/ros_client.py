@@ -228,10 +228,12 @@ class Listener:
 
     Attributes:
         newest: None before the first message.
+        newest_s: monotonic time at which it came; before the first, of the subscription.
     """
 
     def __init__(self, client: RosClient, message_type: Any, topic: str, qos: Any) -> None:
         self.newest: Any = None
+        self.newest_s = time.monotonic()
         self._client = client
         self._subscription = client.node.create_subscription(message_type, topic, self._keep, qos)
 
@@ -247,7 +249,7 @@ class Listener:
 
     def _keep(self, message: Any) -> None:
         escape_texts(message)
-        self.newest = message
+        self.newest, self.newest_s = message, time.monotonic()
 
 
 def escape_texts(message: Any) -> None:

@@ -15,7 +15,7 @@ from wmx_ros2_message.srv import SetAxis
 
 from robotd.clock import MonotonicClock, wait_until
 from robotd.control.problem import Problem
-from robotd.errors import DeviceTimeout, InvalidArgument, unknown_name
+from robotd.errors import DeviceTimeout, InvalidArgument, OperationError, unknown_name
 from robotd_ros.client.fleet import RobotIdentity, read_identity
 from robotd_ros.client.operator_client import (
     DISCOVERY_S,
@@ -244,7 +244,13 @@ def published_axes(client: RosClient) -> tuple[AxisIdentity, ...]:
 
 
 def axis_reports(message: AxisState, axes: Sequence[AxisIdentity]) -> tuple[AxisReport, ...]:
-    """The parallel arrays of the message, axis by axis."""
+    """The parallel arrays of the message, axis by axis.
+
+    Raises OperationError: they are not of these axes.
+    """
+    if len(message.servo_on) != len(axes):
+        what = f"{len(message.servo_on)} axes now, {len(axes)} when this command was started"
+        raise OperationError(f"the robot has {what}: start it again")
     columns = zip(
         (each.name for each in axes),
         (each.unit for each in axes),

@@ -34,8 +34,8 @@ def view(report: LiveReport) -> Group:
 
 
 def _head(report: LiveReport) -> Table:
-    words = {True: ("ready", "bold green"), False: ("not ready", "bold red"), None: ("?", "dim")}
-    text, style = words[report.ready]
+    words = {True: "ready", False: "not ready", None: "no answer"}
+    text, style = words[report.ready], "bold green" if report.ready else "bold red"
     if report.ready and any(each.prevents_motion for each in report.problems):
         text, style = "cannot move", "bold red"
     grid = Table.grid(padding=(0, 1))
