@@ -79,18 +79,26 @@ def test_a_stop_of_nothing_says_so() -> None:
     assert "no robot runs in this ROS domain: nothing was stopped" in failed.stderr
 
 
-def test_a_robot_that_does_not_confirm_is_named_and_the_others_are_stopped() -> None:
-    # What remains of a robot whose process is frozen: its summary is known, no service answers.
-    frozen: dict[str, Any] = {"robot": "arm", "namespace": "/frozen", "backend": "sim"}
-    frozen |= {"computer": "elsewhere", "variant": "", "version": "0", "pid": 1}
-    frozen |= {"state": "ready", "uptime_s": 1.0, "problems": [], "owners": []}
+FROZEN: dict[str, Any] = {"robot": "arm", "namespace": "/frozen", "backend": "sim"}
+FROZEN |= {"computer": "elsewhere", "variant": "", "version": "0", "pid": 1}
+FROZEN |= {"state": "ready", "uptime_s": 1.0, "problems": [], "owners": []}
+
+
+@pytest.mark.parametrize(
+    "summary", [FROZEN, FROZEN | {"namespace": "?"}, {}], ids=["known", "misnamed", "unreadable"]
+)
+def test_a_robot_that_does_not_confirm_is_named_and_the_others_are_stopped(
+    summary: dict[str, Any],
+) -> None:
+    """What remains of a robot whose process is frozen: its topic is there, no service answers."""
     with own_domain() as domain, RobotProcess(domain=domain) as robot:
         robot.wait_ready()
         client = Client(domain)
         try:
             topic = client.node.create_publisher(String, f"/frozen/{SUMMARY}", LATCHED)
-            topic.publish(String(data=json.dumps(frozen)))
-            wait_until(lambda: "/frozen" in listed(domain), "its summary")
+            topic.publish(String(data=json.dumps(summary)))
+            if summary:
+                wait_until(lambda: summary["namespace"] in listed(domain), "its summary")
             failed = run(domain, "stop", "--all", "--timeout", "8", check=False)
             assert failed.returncode == 1
             assert "/: stopped, at rest" in failed.stdout

@@ -146,6 +146,13 @@ class Fleet:
                 del self._robots[key]
 
     @property
+    def namespaces(self) -> list[str]:
+        """Namespaces of the robots that are discovered; they may not have announced themselves."""
+        count = self._client.node.count_publishers
+        topics = [topic for topic in self._subscriptions if count(topic)]
+        return [topic.removesuffix(f"/{SUMMARY}") or "/" for topic in topics]
+
+    @property
     def is_complete(self) -> bool:
         """Every robot that is discovered has announced itself."""
         seen = [topic for topic, _, _ in self._robots.values()]

@@ -71,8 +71,7 @@ def _stop_all(client: RosClient) -> ExitCode:
     progress = _Progress(client.timeout_s)
     while not progress.is_over:
         fleet.update()
-        for robot in fleet.robots:
-            namespace = robot.identity.namespace
+        for namespace in fleet.namespaces:
             if namespace not in requests:
                 requests[namespace] = make_request(client, namespace)
         for request in requests.values():
@@ -80,7 +79,7 @@ def _stop_all(client: RosClient) -> ExitCode:
                 request.advance()
         waiting = [name for name, request in requests.items() if not request.is_done]
         is_settled = discovery.quiet_s() > SETTLE_S
-        if requests and not waiting and is_settled and fleet.is_complete:
+        if requests and not waiting and is_settled:
             break
         names = ", ".join(waiting) or "no robot found yet"
         if waiting or is_settled:
