@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import click
@@ -120,4 +121,5 @@ class _Progress:
         now_s = time.monotonic()
         if now_s >= self._due_s:
             self._due_s = now_s + REPORT_INTERVAL_S
-            warn(f"still trying to stop after {now_s - self._began_s:.0f} s: {text}")
+            with suppress(OSError):  # of a lost terminal, or a pipe that nobody reads
+                warn(f"still trying to stop after {now_s - self._began_s:.0f} s: {text}")
