@@ -15,7 +15,7 @@ from rclpy.task import Future
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from tests.ros.action_client import GoalClient
-from tests.ros.robot_process import WAIT_S, Client, RobotProcess, wait_until
+from tests.ros.robot_process import ACTION, WAIT_S, Client, RobotProcess, wait_until
 
 from robotd.descriptor import load_robot_descriptor
 from robotd.descriptor.urdf import read_urdf
@@ -165,6 +165,27 @@ def test_of_several_arms_one_must_be_chosen(cr3a: RobotProcess, client: Client) 
     assert status == 1
     assert "several arms: choose one by --action" in error
     assert "/other/follow" in error
+
+
+def test_the_other_joints_of_a_chosen_arm_stay_where_that_arm_has_them(
+    cr3a: RobotProcess, client: Client
+) -> None:
+    first: list[Any] = client.listen(JointState, "/joint_states")
+    second: list[Any] = client.listen(JointState, "/other/joint_states")
+    remap = ("--ros-args", "-r", "__ns:=/other")
+    with RobotProcess(*remap, domain=cr3a.domain) as robot:
+        robot.wait_ready()
+        start = client.next(second).position
+        goal = client.next(first).position[1] + 0.05
+        assert robotd(cr3a.domain, "move", f"joint2={goal}", "--action", ACTION)[0] == 0
+        assert abs(client.next(first).position[1] - start[1]) > 0.01
+        other = ("--action", f"/other{ACTION}")
+        status, _, error = robotd(cr3a.domain, "move", f"joint1={start[0] + 0.05}", *other)
+        assert status == 0, error
+        assert "robot: cr3a in /other, backend sim" in error
+        end = client.next(second).position
+    assert end[0] == pytest.approx(start[0] + 0.05, abs=1e-3)
+    assert end[1:] == pytest.approx(start[1:], abs=1e-3)
 
 
 def test_a_robot_that_dies_in_motion_is_noticed() -> None:

@@ -98,6 +98,7 @@ class RobotUnderTest:
         positions = self.joint_positions
         arm = Arm(
             self.node.resolve_topic_name(str(name)),
+            self.node.get_namespace(),
             {joint: positions[joint] for joint in group.joint_names},
             {},
         )

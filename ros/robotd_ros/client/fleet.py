@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import posixpath
 import time
 from dataclasses import dataclass, replace
 from functools import partial
@@ -63,17 +64,16 @@ def read_identity(text: str) -> RobotIdentity:
     return RobotIdentity(**values, simulated=bool(given.get("simulated")))
 
 
-def addressed_robots(client: RosClient) -> tuple[RobotIdentity, ...]:
-    """Return the robots that the client's commands reach.
+def addressed_robots(client: RosClient, namespace: str = "") -> tuple[RobotIdentity, ...]:
+    """Return the robots that the commands of a namespace reach; "" for the client's own.
 
     Several that share a namespace all execute a command. Empty where none tells its identity.
     """
     node, found = client.node, list[str]()
-    made = node.create_subscription(String, IDENTITY, partial(_keep, found), LATCHED)
+    topic = posixpath.join(namespace, IDENTITY)
+    made = node.create_subscription(String, topic, partial(_keep, found), LATCHED)
     try:
-        client.wait(
-            lambda: len(found) >= max(1, node.count_publishers(IDENTITY)), IDENTITY, ANSWER_S
-        )
+        client.wait(lambda: len(found) >= max(1, node.count_publishers(topic)), topic, ANSWER_S)
     except DeviceTimeout:
         pass
     finally:

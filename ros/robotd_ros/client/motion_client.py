@@ -60,12 +60,14 @@ class Arm:
 
     Attributes:
         action: resolved name of its action.
+        namespace: of the node that serves it.
         positions: every joint of the arm or the joint group, in the robot's order, and where it
             was; rad or m.
         units: "rad" or "m" of each joint, for joints whose robot states it.
     """
 
     action: str
+    namespace: str
     positions: Positions
     units: Mapping[str, str]
 
@@ -86,8 +88,9 @@ def find_arm(client: RosClient, joints: Collection[str], action: str | None = No
         InvalidArgument: no joint group has one of ``joints``, or several have them.
         OperationError: there are several and ``action`` is None.
     """
-    with client.listen(JointState, JOINT_STATES) as joint_states:
-        name, node = _find_action(client, action)
+    name, node = _find_action(client, action)
+    namespace = posixpath.dirname(node)  # may be below that of the client
+    with client.listen(JointState, posixpath.join(namespace, JOINT_STATES)) as joint_states:
         # Other servers may have neither.
         count, units = client.parameters(node, ["joint_number", "joint_units"]) or (None, None)
         groups = _groups(client, node)
@@ -100,7 +103,7 @@ def find_arm(client: RosClient, joints: Collection[str], action: str | None = No
             group = _action_of(joints, groups)
             name = name if action else group
             positions = {joint: positions[joint] for joint in groups[group]}
-        return Arm(name, positions, unit_of)
+        return Arm(name, namespace, positions, unit_of)
 
 
 def move(

@@ -102,7 +102,7 @@ def _jog(
         with import_ros("robotd_ros.client.operator_client").reason_of_silence(client):
             arm = import_ros("robotd_ros.client.motion_client").find_arm(client, [joint], action)
         import_ros("robotd_ros.client.operator_client").require_motion(client)
-        print_addressed_robots(client)
+        print_addressed_robots(client, arm.namespace)
         arm.check([joint])
         unit = arm.units.get(joint, "rad or m")
         turns = deg and unit != "m"

@@ -114,7 +114,7 @@ def move(
         with import_ros("robotd_ros.client.operator_client").reason_of_silence(client):
             arm = import_ros("robotd_ros.client.motion_client").find_arm(client, targets, action)
         import_ros("robotd_ros.client.operator_client").require_motion(client)
-        print_addressed_robots(client)
+        print_addressed_robots(client, arm.namespace)
         turning = {joint for joint in targets if deg and arm.units.get(joint) != "m"}
         positions = {
             joint: math.radians(value) if joint in turning else value

@@ -82,9 +82,9 @@ def _running_robots(client: RosClient) -> str:
     return "".join(f"\n  {line}" for line in lines)
 
 
-def print_addressed_robots(client: RosClient) -> None:
-    """Print to standard error which robot a command reaches."""
-    robots = import_ros("robotd_ros.client.fleet").addressed_robots(client)
+def print_addressed_robots(client: RosClient, namespace: str = "") -> None:
+    """Print to standard error which robot of a namespace, "" for the client's, is commanded."""
+    robots = import_ros("robotd_ros.client.fleet").addressed_robots(client, namespace)
     if len(robots) > 1:
         click.echo(f"{len(robots)} robots share this namespace; each gets the command:", err=True)
     for robot in robots:
