@@ -6,7 +6,6 @@ The names are those of MoveItSimpleControllerManager, of the trajectory executio
 
 from __future__ import annotations
 
-import posixpath
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -23,6 +22,7 @@ from robotd_export.export_input import ExportInput
 SERVER = "follow_joint_trajectory_server"
 GRIPPER_NODE = "gripper_controller"
 COMMAND_NODE = "joint_command_node"
+STATE_NODE = "manipulator_state"
 TRAJECTORY_TOPIC = "joint_trajectory_topic"  # of a group
 
 # Longest time from the planned end of a trajectory to its result, beside goal_time_s: a device
@@ -117,7 +117,7 @@ def _servo(source: ExportInput, topic: str) -> dict[str, Any]:
         "publish_joint_accelerations": False,
         "publish_period": 0.01,
         "max_expected_latency": 0.1,
-        "joint_topic": posixpath.join(source.namespace, "joint_states"),
+        "joint_topic": source.topic(STATE_NODE, "encoder_joint_topic", "joint_states"),
     }
 
 

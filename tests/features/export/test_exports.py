@@ -120,6 +120,8 @@ def test_moveit_servo_gets_the_topic_of_the_only_joint_group(cr3a: RobotDescript
     )
     assert servo["command_out_type"] == "trajectory_msgs/JointTrajectory"
     assert servo["joint_topic"] == "/left/joint_states"
+    other = changed(cr3a, "manipulator_state", encoder_joint_topic="~/states")
+    assert move_group(other)["moveit_servo"]["joint_topic"] == "/manipulator_state/states"
     both = ExportInput(load_robot_descriptor("dual_cr3a"))
     assert "moveit_servo" not in move_group(both)
     topics = "/left_controller/joint_trajectory, /right_controller/joint_trajectory"
