@@ -87,12 +87,14 @@ def semantic_description(
             etree.SubElement(group, "chain", base_link=joints[0].parent, tip_link=tip)
         else:
             _add_all(group, "joint", [joint.name for joint in joints])
+    limits = {joint.name: joint for joint in descriptor.joints}  # may be tighter than the URDF's
     for name, (joints, _) in groups.items():
         state = etree.SubElement(root, "group_state", name=HOME, group=name)
         for joint in joints:
+            ours = limits[joint.name]
+            value = min(max(0.0, joint.lower, ours.lower), joint.upper, ours.upper)
             # Not rounded, which could be beyond the limit.
-            value = repr(min(max(0.0, joint.lower), joint.upper))
-            etree.SubElement(state, "joint", name=joint.name, value=value)
+            etree.SubElement(state, "joint", name=joint.name, value=repr(value))
     fingers = descriptor.gripper.joints if descriptor.gripper else ()
     if fingers:
         _add_gripper(root, urdf, fingers, groups)

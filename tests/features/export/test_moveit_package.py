@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from lxml import etree
 
 from robotd.cli import main
-from robotd.descriptor import load_robot_descriptor
+from robotd.descriptor import load_robot_descriptor, parse_override
 from robotd.descriptor.urdf import UrdfRobot, parse_urdf, read_urdf, read_urdf_text
 from robotd_export.disabled_collisions import Cover, collision_covers, disabled_collisions
 from robotd_export.export_input import ExportInput
@@ -61,6 +61,19 @@ def test_every_moving_joint_is_planned_or_passive(package: Package) -> None:
     urdf, srdf = package.urdf, package.srdf
     held = {each.get("name") for each in srdf.iter("joint", "passive_joint")}
     assert held == {joint.name for joint in urdf.joints if joint.moves}
+
+
+def test_the_home_position_is_within_the_limits_of_the_descriptor() -> None:
+    overrides = [
+        parse_override("joints.0.lower_rad=0.2"),
+        parse_override("joints.1.upper_rad=-0.3"),
+    ]
+    descriptor = load_robot_descriptor("cr3a", overrides=overrides)
+    srdf = moveit_package(ExportInput(descriptor))["config/cr3a.srdf"]
+    home = etree.fromstring(srdf.encode()).find("group_state")
+    assert home is not None
+    values = {each.get("name"): float(each.get("value")) for each in home}
+    assert [values[f"joint{number}"] for number in (1, 2, 3)] == [0.2, -0.3, 0.0]
 
 
 def test_controllers_solvers_and_planners_belong_to_groups(package: Package) -> None:
