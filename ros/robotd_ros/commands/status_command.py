@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -42,7 +42,7 @@ def _status(timeout_s: float, *, as_json: bool) -> ExitCode:
     with robot_client(timeout_s) as client:
         report = import_ros("robotd_ros.client.status_client").read_report(client)
     if as_json:
-        click.echo(json.dumps(asdict(report), indent=2))
+        click.echo(json.dumps(asdict(report, dict_factory=_without_nan), indent=2))
     else:
         click.echo(field("robot", [report.robot.text]))
         click.echo(field("engine", [f"{report.state}, {_readiness(report)}"]))
@@ -60,6 +60,11 @@ def _status(timeout_s: float, *, as_json: bool) -> ExitCode:
         lines = ["not published"] if report.axes is None else _table(report.axes)
         click.echo(field("axes", lines))
     return ExitCode.OK if report.takes_motion else ExitCode.FAILED
+
+
+def _without_nan(fields: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return fields with None for NaN, an unknown value: JSON has no NaN."""
+    return {name: None if value != value else value for name, value in fields}  # noqa: PLR0124
 
 
 def _readiness(report: RobotReport) -> str:

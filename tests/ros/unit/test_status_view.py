@@ -18,7 +18,12 @@ def shown(report: LiveReport) -> str:
 
 
 def axis(
-    number: int, *, alarm: bool = False, unit: str = "rad", torque: float | None = None
+    number: int,
+    *,
+    alarm: bool = False,
+    unit: str = "rad",
+    torque: float | None = None,
+    position: float = 0.25,
 ) -> AxisReport:
     return AxisReport(
         axis=number,
@@ -32,7 +37,7 @@ def axis(
         positive_limit=False,
         motion_complete=True,
         position_command=0.5,
-        position=0.25,
+        position=position,
         velocity=-0.1,
         torque=torque,
     )
