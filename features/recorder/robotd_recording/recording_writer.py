@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
+from pydantic import PositiveFloat, TypeAdapter, ValidationError
 
 from robotd.api import IntArray
 from robotd.api.features import (
@@ -96,7 +97,7 @@ class RecordingInfo:
     variant: str
     version: str
     cause: str
-    rate_hz: float
+    rate_hz: PositiveFloat
     axes: tuple[str, ...]
     joints: tuple[int, ...]
     limits: Mapping[str, tuple[float, float, float, float]]
@@ -116,17 +117,18 @@ class RecordingInfo:
 
     @classmethod
     def of_metadata(cls, data: Mapping[str, str]) -> Self:
-        """Read the values back. Raises ValueError for another format."""
+        """Read the values back. Raises ValueError for another format, or for wrong values."""
         values: dict[str, Any] = {key: json.loads(text) for key, text in data.items()}
         if values.get("format") != FORMAT:
             raise ValueError(f"recording format {values.get('format')} is not {FORMAT}")
-        if len(values["axes"]) > MAX_AXES:
-            raise ValueError(f"{len(values['axes'])} axes, the limit is {MAX_AXES}")
-        for key in ("axes", "joints"):
-            values[key] = tuple(values[key])
-        for key in values.keys() & {"limits", "fingers"}:
-            values[key] = {name: tuple(numbers) for name, numbers in values[key].items()}
-        return cls(**values)
+        try:
+            info = TypeAdapter(cls).validate_python(values)
+        except ValidationError as error:
+            first = error.errors()[0]
+            raise ValueError(f"{'.'.join(map(str, first['loc']))}: {first['msg']}") from error
+        if len(info.axes) > MAX_AXES:
+            raise ValueError(f"{len(info.axes)} axes, the limit is {MAX_AXES}")
+        return info
 
 
 class Picture(NamedTuple):

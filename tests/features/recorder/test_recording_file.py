@@ -247,3 +247,23 @@ def test_a_damaged_chunk_is_rejected_with_the_command_that_repairs_it(tmp_path: 
         path.write_bytes(data)
         with pytest.raises(RecordingError, match=f"robotd record --recover {path}"):
             read_recording(path)
+
+
+@pytest.mark.parametrize(
+    ("key", "text", "reason"),
+    [
+        ("rate_hz", "0", "rate_hz: Input should be greater than 0"),
+        ("axes", "[0.5]", "axes.0: Input should be a valid string"),
+        ("limits", '{"joint1": [1, 2]}', "limits.joint1.2: Field required"),
+        ("fingers", "null", "fingers: Input should be a valid"),
+        ("units", "null", "units: Input should be a valid"),
+    ],
+)
+def test_metadata_with_a_wrong_value_are_no_recording_and_name_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, key: str, text: str, reason: str
+) -> None:
+    metadata = {**INFO.to_metadata(), key: text}
+    monkeypatch.setattr(RecordingInfo, "to_metadata", lambda info: metadata)
+    write(tmp_path / "x.mcap", ramp())
+    with pytest.raises(RecordingError, match=f"x.mcap: not a recording of robotd: {reason}"):
+        read_recording(tmp_path / "x.mcap")
