@@ -78,7 +78,7 @@ def _plot(recording: Recording, path: Path) -> None:
 
 def _explain_code(word: str) -> ExitCode:
     """Print every meaning of a number; FAILED when there is none."""
-    tables = _tables()
+    tables = [GOAL_RESULTS, *_tables()]
     numbers = _numbers(word)
     lines = [*dict.fromkeys(line for code in numbers for line in _meanings(code, tables))]
     for line in lines:
@@ -114,4 +114,4 @@ def _tables() -> list[CodeTable]:
     tables, failures = load_code_tables()
     for name, reason in failures.items():
         click.echo(f"table {name} cannot be loaded: {reason}", err=True)
-    return [GOAL_RESULTS, *tables]
+    return tables

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 from tests.features.harness import Observed
+from tests.features.recorder.frames import PERIOD_NS, ramp, write
 
 from robotd.cli import main
 from robotd.events import Event, EventKind, sent_by
@@ -140,6 +141,17 @@ def test_an_unknown_code_is_said_to_be_unknown() -> None:
     assert result.exit_code == 1
     assert "in no table" in result.output
     assert explain("nonsense").exit_code == 2
+
+
+def test_an_alarm_without_a_code_is_not_explained_as_a_goal_that_was_reached(
+    tmp_path: Path,
+) -> None:
+    data = {"axis": 1, "code": 0}
+    alarm = Event(PERIOD_NS, EventKind.FAULT, "joint2", "joint2: amplifier alarm 0", data=data)
+    write(tmp_path / "x.mcap", ramp(), events=[alarm])
+    output = explain(tmp_path / "x.mcap").output
+    assert "joint2: amplifier alarm 0" in output
+    assert "SUCCESSFUL" not in output
 
 
 def test_a_missing_recording_is_named(tmp_path: Path) -> None:
