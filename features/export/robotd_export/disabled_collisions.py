@@ -71,12 +71,12 @@ def _own_spheres(geometry: Any, path: Path) -> tuple[FloatArray, FloatArray] | N
     for shape in geometry if geometry is not None else ():
         match shape.tag:
             case "sphere":
-                return np.zeros((1, 3)), numbers(shape, "radius")
+                return np.zeros((1, 3)), numbers(shape, "radius", 1)
             case "cylinder":
-                radius, length = (float(numbers(shape, key)[0]) for key in ("radius", "length"))
+                radius, length = (float(numbers(shape, key, 1)[0]) for key in ("radius", "length"))
                 return _slices(np.array([2.0 * radius, 2.0 * radius, length]), 2, radius)
             case "box":
-                size = numbers(shape, "size")
+                size = numbers(shape, "size", 3)
                 axis = int(np.argmax(size))
                 return _slices(size, axis, float(np.hypot(*np.delete(size, axis))) / 2.0)
             case "mesh":

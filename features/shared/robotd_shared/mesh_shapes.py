@@ -18,16 +18,31 @@ _NUMBERS = np.dtype([("normal", "<f4", 3), ("points", "<f4", (3, 3)), ("attribut
 _VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
 
 
-def numbers(element: Any, key: str, default: str = "") -> FloatArray:
-    """Return the numbers of an attribute; ``element`` None has the default ones."""
+def numbers(element: Any, key: str, count: int, default: str = "") -> FloatArray:
+    """Return the ``count`` numbers of an attribute; ``element`` None has the default ones.
+
+    Raises DescriptorError for fewer or more, and for one that is not finite.
+    """
     text = default if element is None else element.get(key, default)
-    return np.array([float(number) for number in text.split()])
+    try:
+        found = np.array([float(number) for number in text.split()])
+    except ValueError:
+        found = np.empty(0)
+    if found.shape != (count,) or not np.isfinite(found).all():
+        needed = "1 finite number" if count == 1 else f"{count} finite numbers"
+        what = f"{key} of {element.tag} is {text!r}, must be {needed}"
+        raise DescriptorError(f"link {_link_of(element)!r}: {what}")
+    return found
+
+
+def _link_of(element: Any) -> str:
+    return str(next(element.iterancestors("link")).get("name", ""))
 
 
 def shape_pose(shape: Any) -> FloatArray:
     """Return the pose (4, 4), m, of a ``collision`` or ``visual`` in its link."""
     origin = shape.find("origin")
-    return frame(numbers(origin, "xyz", "0 0 0"), numbers(origin, "rpy", "0 0 0"))
+    return frame(numbers(origin, "xyz", 3, "0 0 0"), numbers(origin, "rpy", 3, "0 0 0"))
 
 
 def mesh_triangles(mesh: Any, path: Path) -> FloatArray:
@@ -39,7 +54,7 @@ def mesh_triangles(mesh: Any, path: Path) -> FloatArray:
 
     Raises DescriptorError: it is no STL file, or one that cannot be read or has no triangles.
     """
-    link = f"link {next(mesh.iterancestors('link')).get('name', '')!r}"
+    link = f"link {_link_of(mesh)!r}"
     name = mesh.get("filename", "")
     file = find_mesh(name, path)
     if mesh.tag != "mesh" or file is None or file.suffix.lower() != ".stl":
@@ -51,7 +66,7 @@ def mesh_triangles(mesh: Any, path: Path) -> FloatArray:
         raise DescriptorError(f"{link}: {error}", path=file) from error
     if not len(triangles) or not np.isfinite(triangles).all():
         raise DescriptorError(f"{link}: no triangles", path=file)
-    return triangles * numbers(mesh, "scale", "1 1 1")
+    return triangles * numbers(mesh, "scale", 3, "1 1 1")
 
 
 def _stl_triangles(data: bytes) -> FloatArray:

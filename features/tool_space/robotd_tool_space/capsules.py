@@ -108,12 +108,12 @@ def _capsules(shapes: Sequence[Any], path: Path) -> Iterator[tuple[FloatArray, f
 def _own_capsule(geometry: Any, path: Path) -> tuple[FloatArray, float]:
     match geometry.tag:
         case "sphere":
-            return np.zeros((2, 3)), float(numbers(geometry, "radius")[0])
+            return np.zeros((2, 3)), float(numbers(geometry, "radius", 1)[0])
         case "cylinder":
-            radius, length = (float(numbers(geometry, key)[0]) for key in ("radius", "length"))
+            radius, length = (float(numbers(geometry, key, 1)[0]) for key in ("radius", "length"))
             return _along(2, length), radius
         case "box":
-            size = numbers(geometry, "size")
+            size = numbers(geometry, "size", 3)
             axis = int(size.argmax())
             return _along(axis, size[axis]), float(np.hypot(*np.delete(size, axis))) / 2.0
         case _:

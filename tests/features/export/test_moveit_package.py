@@ -15,6 +15,7 @@ from lxml import etree
 from robotd.cli import main
 from robotd.descriptor import load_robot_descriptor, parse_override
 from robotd.descriptor.urdf import UrdfRobot, parse_urdf, read_urdf, read_urdf_text
+from robotd.errors import DescriptorError
 from robotd_export.disabled_collisions import Cover, collision_covers, disabled_collisions
 from robotd_export.export_input import ExportInput
 from robotd_export.moveit_package import moveit_package
@@ -221,3 +222,20 @@ def test_the_command_makes_a_folder_and_does_not_write_into_one(tmp_path: Path) 
     result = CliRunner().invoke(main, arguments)
     assert result.exit_code != 0
     assert "exists already" in result.output
+
+
+@pytest.mark.parametrize(
+    ("origin", "shape", "reason"),
+    [
+        ("0 0 0", "<sphere/>", "radius of sphere is '', must be 1 finite number"),
+        ("0 0 0", '<cylinder length="1"/>', "radius of cylinder is '', must be 1 finite number"),
+        ("0 0 0", '<box size="1 2"/>', "size of box is '1 2', must be 3 finite numbers"),
+        ("0 x 0", '<sphere radius="1"/>', "xyz of origin is '0 x 0', must be 3 finite numbers"),
+        ("nan 0 0", '<sphere radius="1"/>', "xyz of origin is 'nan 0 0', must be 3 finite"),
+    ],
+)
+def test_a_shape_without_its_numbers_is_named(origin: str, shape: str, reason: str) -> None:
+    geometry = f'<origin xyz="{origin}"/><geometry>{shape}</geometry>'
+    text = f'<robot name="r"><link name="b"><collision>{geometry}</collision></link></robot>'
+    with pytest.raises(DescriptorError, match=f"link 'b': {reason}"):
+        collision_covers(text, Path("x.urdf"))
