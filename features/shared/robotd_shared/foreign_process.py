@@ -111,11 +111,15 @@ def probe_backend(name: str) -> BackendSummary:
 
 
 def _wait(child: subprocess.Popen[bytes], steps: Path, grace_s: float) -> int:
+    noted_ns, noted_s = 0, 0.0
     with Interrupt() as interrupt:
         while not interrupt.happened:
             with suppress(subprocess.TimeoutExpired):
                 return child.wait(POLL_S)
-            if time.time() - steps.stat().st_mtime > STEP_LIMIT_S:
+            now_s = time.monotonic()  # the clock that stamps files may be set meanwhile
+            if (file_ns := steps.stat().st_mtime_ns) != noted_ns:
+                noted_ns, noted_s = file_ns, now_s
+            if now_s - noted_s > STEP_LIMIT_S:
                 child.kill()
         for number in stop_signals():
             signal.signal(number, signal.SIG_IGN)
