@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Self
 
 from robotd import log as robot_log
+from robotd.clock import MonotonicClock
 from robotd.descriptor.urdf import read_urdf_text
 from robotd.device.bus_status import BusState, BusStatus
 from robotd.device.state import ConnectionState
@@ -65,7 +66,6 @@ class Tap:
             10 Hz, the fieldbus once a second, and objects of a simulated world at 10 Hz.
         fieldbus: newest state and counters of each bus and node; empty without one.
         buses: newest status of each bus; without those that could not be read.
-        offset_ns: wall-clock time minus monotonic time of the robot's clock.
         urdf: text of the robot's URDF; "" without one.
     """
 
@@ -77,7 +77,7 @@ class Tap:
         self.samples: BoundedLog[Sample] = BoundedLog(MAX_SAMPLES, SAMPLE_BYTES)
         self.fieldbus: NamedValues = {}
         self.buses: dict[int, BusStatus] = {}
-        self.offset_ns = time.time_ns() - robot.clock.now_ns()
+        self._offset_ns = time.time_ns() - robot.clock.now_ns()
         self.urdf = _text(robot.descriptor.urdf)
         self._detector = ChangeDetector(self.frames.reasons, robot.axes.names)
         self._cursor = 0
@@ -92,6 +92,14 @@ class Tap:
     def add_reader(self, read: Callable[[], None]) -> None:
         """Call ``read`` after every sample, in the tap's thread; before ``start`` only."""
         self._readers.append(read)
+
+    @property
+    def offset_ns(self) -> int:
+        """Wall-clock time minus monotonic time of the robot's clock; simulated: at the start."""
+        clock = self.robot.clock
+        if isinstance(clock, MonotonicClock):  # that of the wall may be set at any time
+            return time.time_ns() - clock.now_ns()
+        return self._offset_ns
 
     @property
     def nbytes(self) -> int:

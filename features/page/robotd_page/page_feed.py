@@ -52,7 +52,7 @@ def describe(
         **identity(robot, namespace),
         "time_scale": _finite(clock.scale) if isinstance(clock, PacedClock) else 1.0,
         "rate_hz": descriptor.cycle.rate_hz,
-        "wall_offset_s": tap.offset_ns * 1e-9,
+        "wall_offset_s": round(tap.offset_ns * 1e-9, 3),
         "axes": _axes(robot),
         "groups": [*robot.groups],
         "tools": [{"link": each.link, "base": each.base} for each in robot.tools],
