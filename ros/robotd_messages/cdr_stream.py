@@ -48,7 +48,8 @@ class CdrWriter:
         return offset
 
     def string(self, text: str) -> None:
-        data = text.encode() + b"\0"
+        # A name of a file may have bytes that are no text: Python keeps each as half a character.
+        data = text.encode(errors="backslashreplace") + b"\0"
         self.number("I", len(data))
         self._data += data
 

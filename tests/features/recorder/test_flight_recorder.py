@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -172,6 +173,13 @@ def test_a_full_disk_loses_the_recording_and_nothing_else(
     monkeypatch.setattr(recorder_process, "PROGRAM", whole)
     arm.robot.axes.clear_alarm(2)  # the robot goes on
     assert len(read_recording(arm.flight.snapshot("test")).frames) > 100
+
+
+def test_a_file_name_that_is_no_text_is_recorded(arm: Observed) -> None:
+    text = "recording saved file=" + os.fsdecode(b"/home/op\xff")
+    arm.tap.events.add(EventKind.LOG, "recorder", text)
+    events = read_recording(arm.flight.snapshot("test")).events
+    assert "recording saved file=/home/op\\udcff" in [event.text for event in events]
 
 
 def test_a_writing_process_that_fails_at_the_end_has_not_saved_a_recording(
