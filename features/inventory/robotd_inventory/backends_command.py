@@ -6,6 +6,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from typing import Any, TypeVar
 
 import click
@@ -13,7 +14,7 @@ import click
 from robotd.api import API_VERSION, Capability, ConnectionState, DeviceContext, PluginError
 from robotd.api.commands import CheckReport, ExitCode, as_json, load_robot, log_options
 from robotd.api.models import parse_override
-from robotd.api.robots import Backend, PluginOrigin, discover, load_backend
+from robotd.api.robots import Backend, discover, load_backend
 from robotd_inventory.listing import Row, print_rows
 from robotd_shared.foreign_process import (
     BackendSummary,
@@ -66,28 +67,15 @@ def backends(
             "version": origin.version,
             "problem": None,
         }
+        # A foreign one in a process of its own, which it may end.
+        describe = probe_backend if is_foreign(origin) else BackendSummary.of
         try:
-            backend = _described(origin)
+            row |= asdict(describe(origin.name))
         except PluginError as error:
             row["problem"] = str(error)
-        else:
-            row |= {
-                "summary": backend.summary,
-                "capabilities": backend.capabilities,
-                "api_version": backend.api_version,
-            }
         rows.append(row)
     print_rows(rows, ("capabilities", "api_version", "distribution", "version"), as_json=as_json)
     return ExitCode.OK
-
-
-def _described(origin: PluginOrigin) -> BackendSummary:
-    """Load a backend; a foreign one in a process of its own. Raises PluginError."""
-    if is_foreign(origin):
-        return probe_backend(origin.name)
-    backend = load_backend(origin.name)
-    info = backend.info
-    return BackendSummary(info.summary, sorted(backend.capabilities), info.api_version)
 
 
 def check_backend(name: str, robot: str = ROBOT, overrides: Sequence[str] = ()) -> ExitCode:

@@ -84,7 +84,7 @@ class RecorderProcess:
     ) -> Report | None:
         """Add events, samples and pictures; return the newest report, None before the first."""
         for begin in range(0, len(events), BATCH_EVENTS):
-            self._put(Batch([*events[begin : begin + BATCH_EVENTS]], []))
+            self._put(Batch([*events[begin : begin + BATCH_EVENTS]]))
             self._yield()
         self._put(Batch([], [*samples], [*pictures]))
         report = None
@@ -94,7 +94,7 @@ class RecorderProcess:
 
     def finish(self, timeout_s: float) -> Report:
         """Complete the file and return its report."""
-        self._put(Batch([], [], last=True))
+        self._put(Batch(last=True))
         while self._connection.poll(timeout_s):
             if (report := self._receive()).is_last:
                 return report

@@ -61,8 +61,8 @@ class Job:
 class Batch:
     """Events, samples and pictures since the last batch; ``last``: the recording ends with it."""
 
-    events: list[Event]
-    samples: list[Sample]
+    events: list[Event] = field(default_factory=list)
+    samples: list[Sample] = field(default_factory=list)
     pictures: list[Picture] = field(default_factory=list)
     last: bool = False
 
@@ -185,7 +185,7 @@ def run(connection: Connection) -> None:
     recorder = Recorder(connection.recv())
     try:
         for batch in _batches(connection):
-            recorder.write(batch or Batch([], []))
+            recorder.write(batch or Batch())
             if batch is not None and not batch.last:
                 with suppress(ConnectionError):  # the robot has gone; its batches still come
                     connection.send(recorder.report)
@@ -204,7 +204,7 @@ def _batches(connection: Connection) -> Iterator[Batch | None]:
         try:
             batch = connection.recv() if connection.poll(POLL_INTERVAL_S) else None
         except (EOFError, ConnectionError):
-            batch = Batch([], [], last=True)
+            batch = Batch(last=True)
         yield batch
 
 

@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Self
 
 from robotd.api import PluginError
 from robotd.api.commands import Interrupt, stop_signals
@@ -30,11 +31,17 @@ FOREIGN_TO = "robotd"  # distribution whose plugins are run in this process
 
 @dataclass(frozen=True)
 class BackendSummary:
-    """Description of a backend, from the process that loaded it."""
+    """Description of a backend."""
 
     summary: str
     capabilities: list[str]
     api_version: int
+
+    @classmethod
+    def of(cls, name: str) -> Self:
+        """Load the backend ``name``. Raises PluginError."""
+        backend = load_backend(name)
+        return cls(backend.info.summary, sorted(backend.capabilities), backend.info.api_version)
 
 
 def is_foreign(origin: PluginOrigin) -> bool:
@@ -132,11 +139,9 @@ def _wait(child: subprocess.Popen[bytes], steps: Path, grace_s: float) -> int:
 
 def _describe(name: str) -> dict[str, object]:
     try:
-        backend = load_backend(name)
+        return asdict(BackendSummary.of(name))
     except PluginError as error:
         return {"problem": str(error)}
-    info = backend.info
-    return asdict(BackendSummary(info.summary, sorted(backend.capabilities), info.api_version))
 
 
 if __name__ == "__main__":

@@ -95,8 +95,8 @@ def asks_robot(ask: Command) -> Command:
     """Make a command of a function that asks the running robot.
 
     The function gets a client of the robot beside its arguments, and the command has the options
-    of ``client_options``. It tells which robot it has asked. What the
-    function returns is printed, unless it is None; an ``ExitCode`` is the exit status.
+    of ``client_options``. What the function returns is printed, unless it is None; an ``ExitCode``
+    is the exit status. The command names the robot that it has asked.
     """
 
     @client_options
