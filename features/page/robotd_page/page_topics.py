@@ -14,8 +14,8 @@ from std_msgs.msg import String, UInt8MultiArray
 from robotd.api import get_logger
 from robotd.api.features import Tap
 from robotd_messages.message_encoders import octets_message, string_message
+from robotd_page.feed_topics import ALL, CHANGES, FIRST, NEWEST, SAMPLES, pack_first
 from robotd_page.page_feed import PageFeed
-from robotd_page.page_messages import ALL, CHANGES, FIRST, NEWEST, SAMPLES, pack_first
 from robotd_ros.nodes.latched_topics import publish_if_alive
 from robotd_ros.qos import LATCHED
 from robotd_ros.run_nodes import NodeContext

@@ -18,10 +18,10 @@ from std_msgs.msg import String, UInt8MultiArray
 from robotd.api import InvalidArgument, get_logger
 from robotd_messages.cdr_stream import CdrReader
 from robotd_messages.message_encoders import read_octets_message
+from robotd_page.feed_topics import ALL, CHANGES, FIRST, NEWEST, SAMPLES, unpack_first
 from robotd_page.live_samples import HISTORY_S, RATE_HZ
 from robotd_page.page_feed import FIRST_EVENTS
 from robotd_page.page_message import Message, json_text
-from robotd_page.page_messages import ALL, CHANGES, FIRST, NEWEST, SAMPLES, unpack_first
 from robotd_ros.client.operator_client import PROBLEMS
 from robotd_ros.client.ros_client import Listener, RosClient
 from robotd_ros.node_registry import IDENTITY
@@ -58,7 +58,7 @@ class RemoteFeed:
 
     Attributes:
         name: of the robot.
-        is_watched: it has viewers, so that its topics are wanted.
+        is_watched: it has viewers, so that its topics are needed.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class RemoteFeed:
         self._state = self._objects = ""
         self._samples: deque[bytes] = deque(maxlen=MAX_SAMPLES)
         self._events: deque[dict[str, Any]] = deque(maxlen=FIRST_EVENTS)
-        self._heard_s = self._clock()
+        self._received_s = self._clock()
         self._is_lost = False
 
     def put(self, topic: str, data: bytes) -> None:
@@ -113,7 +113,7 @@ class RemoteFeed:
         if (robots := self._robots(self.name)) != self._shown_robots:
             self._shown_robots = robots
             yield robots
-        if self.name and not self._is_lost and self._clock() - self._heard_s > LOST_S:
+        if self.name and not self._is_lost and self._clock() - self._received_s > LOST_S:
             self._is_lost = True
             yield self._lost()
 
@@ -136,7 +136,7 @@ class RemoteFeed:
 
     def _read(self, topic: str, data: bytes) -> Iterator[Message]:
         """Yield the messages for viewers that follow from one of the robot."""
-        self._heard_s = self._clock()
+        self._received_s = self._clock()
         if topic == FIRST:
             if first := unpack_first(data):
                 yield from self._read_first(*first)
@@ -224,9 +224,9 @@ class RemoteRobots:
             self._due_s = time.monotonic() + SEARCH_PERIOD_S
             self._search()
         self._robots = [
-            {"name": name, "problems": known.problem_texts(), **told}
+            {"name": name, "problems": known.problem_texts(), **identity}
             for name, known in sorted(self._found.items())
-            if (told := known.identity_values()) and "page" in told.get("features", ())
+            if (identity := known.identity_values()) and "page" in identity.get("features", ())
         ]
         for name, feed in list(self._feeds.items()):
             if feed.is_watched and name not in self._subscribed:

@@ -163,7 +163,7 @@ class Recorder:
 
 @contextmanager
 def open_recorder(host: FeatureHost) -> Iterator[Recorder | None]:
-    """Run the recorder of a robot that wants one. Main thread.
+    """Run the recorder of a robot whose file enables it. Main thread.
 
     Raises OperationError: the continuous recording does not start, or has no folder to write to.
     """

@@ -54,7 +54,7 @@ class RobotIdentity:
 
 
 def read_identity(text: str) -> RobotIdentity:
-    """Return the identity of a message of ``IDENTITY``; what it does not tell is "?"."""
+    """Return the identity of a message of ``IDENTITY``; what it does not have is "?"."""
     try:
         given = dict(json.loads(text))
     except (ValueError, TypeError):  # of another program
@@ -67,7 +67,7 @@ def read_identity(text: str) -> RobotIdentity:
 def addressed_robots(client: RosClient, namespace: str = "") -> tuple[RobotIdentity, ...]:
     """Return the robots that the commands of a namespace reach; "" for the client's own.
 
-    Several that share a namespace all execute a command. Empty where none tells its identity.
+    Several that share a namespace all execute a command. Empty where none publishes its identity.
     """
     node, found = client.node, list[str]()
     topic = posixpath.join(namespace, IDENTITY)

@@ -35,7 +35,7 @@ _TICK_S = 0.02  # the longest that a signal or a newly discovered process waits
 
 
 class Discovery:
-    """Tells when a node has discovered what runs.
+    """Time since a node has discovered something new.
 
     On a busy computer, and of many robots, it finds one after the other, nodes before their topics.
     """
@@ -121,7 +121,7 @@ class RosClient:
             condition: must not block.
             what: named in the error where the robot runs: "no {what} within ...".
             timeout_s: seconds; None takes the client's own.
-            hint: end of the error; "" tells whether the robot runs, and what to check.
+            hint: end of the error; "" says whether the robot runs, and what to check.
 
         Raises DeviceTimeout: there was none in time.
         """

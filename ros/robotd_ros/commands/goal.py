@@ -51,7 +51,7 @@ def exit_code(ending: Ending, reason: str) -> ExitCode:
     return ExitCode.INTERRUPTED if ending.value == "canceled" else ExitCode.OK
 
 
-def tell(code: ExitCode, text: str) -> ExitCode:
+def print_ending(code: ExitCode, text: str) -> ExitCode:
     """Print how a goal ended, unless the terminal that canceled it is lost; return ``code``."""
     with suppress(OSError) if code is ExitCode.INTERRUPTED else nullcontext():
         click.echo(escaped(text))

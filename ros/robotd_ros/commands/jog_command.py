@@ -11,7 +11,7 @@ from robotd.cli.exit_codes import ExitCode
 from robotd.cli.preflight import import_ros
 from robotd.cli.shell_values import joint_completion
 from robotd.number_argument import NumberRange
-from robotd_ros.commands.goal import carry_out, tell
+from robotd_ros.commands.goal import carry_out, print_ending
 from robotd_ros.commands.robot_client import (
     ROS_EPILOG,
     client_options,
@@ -118,4 +118,4 @@ def _jog(
         target = arm.positions[joint] + distance
         # Shows no progress: an increment is short.
         code, reason = carry_out(client, arm, {joint: target}, time_s, lambda *_: None)
-    return tell(code, f"{joint}: {target / scale:+z.4f} {'°' if turns else unit}; {reason}")
+    return print_ending(code, f"{joint}: {target / scale:+z.4f} {'°' if turns else unit}; {reason}")

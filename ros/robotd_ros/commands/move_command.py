@@ -12,7 +12,7 @@ from robotd.cli.exit_codes import ExitCode, Rejected
 from robotd.cli.preflight import import_ros
 from robotd.cli.shell_values import joint_completion
 from robotd.number_argument import NumberRange, parse_number
-from robotd_ros.commands.goal import Progress, carry_out, tell
+from robotd_ros.commands.goal import Progress, carry_out, print_ending
 from robotd_ros.commands.robot_client import (
     ROS_EPILOG,
     client_options,
@@ -132,7 +132,7 @@ def move(
             advice = "; positions are rad: --deg takes degrees" if looks_like_degrees else ""
             raise Rejected(f"{error}{advice}") from error
         progress.end()
-    return tell(code, reason)
+    return print_ending(code, reason)
 
 
 def _move_tool(
@@ -143,4 +143,4 @@ def _move_tool(
         import_ros("robotd_ros.client.operator_client").require_motion(client)
         print_addressed_robots(client)
         code, reason = move_tool(client, components, relative=relative, frame_name=frame, **goal)
-    return tell(code, reason)
+    return print_ending(code, reason)

@@ -104,7 +104,7 @@ def _unconfirmed(client: RosClient, request: StopRequest, timeout_s: float) -> s
 
 
 class _Progress:
-    """Tells on standard error, every few seconds, that the command still tries."""
+    """Prints on standard error, every few seconds, that the command still tries."""
 
     def __init__(self, timeout_s: float) -> None:
         self._began_s = time.monotonic()

@@ -13,9 +13,9 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from tests.features.harness import Observed
 
 from robotd_messages.message_encoders import octets_message, string_message
+from robotd_page.feed_topics import CHANGES, FIRST, SAMPLES, pack_first
 from robotd_page.page_feed import PageFeed
 from robotd_page.page_message import Message
-from robotd_page.page_messages import CHANGES, FIRST, SAMPLES, pack_first
 from robotd_page.remote_robots import LOST_S, RemoteFeed, _Known
 
 
