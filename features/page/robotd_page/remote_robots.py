@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
@@ -40,6 +41,7 @@ TOPICS = (
     (FIRST, UInt8MultiArray, LATCHED),
 )
 PROCESS = ("computer", "pid", "wall_offset_s")  # of a description: what a restart changes
+RELOAD_S = 5.0  # far longer than a robot needs to notice that nobody subscribes any more
 LOST_S = 3.0  # a watched robot sends its state once a second
 MAX_WAITING = 1000  # received messages
 MAX_SAMPLES = round(HISTORY_S * RATE_HZ)
@@ -58,7 +60,7 @@ class RemoteFeed:
 
     Attributes:
         name: of the robot.
-        is_watched: it has viewers, so that its topics are needed.
+        is_watched: it has viewers.
     """
 
     def __init__(
@@ -70,6 +72,7 @@ class RemoteFeed:
     ) -> None:
         self.name = name
         self.is_watched = False
+        self._released_s = -math.inf
         self._robots, self._folder, self._clock = robots, folder, clock
         self._received: deque[tuple[str, bytes]] = deque(maxlen=MAX_WAITING)
         self._meshes = MeshFiles(folder)
@@ -84,6 +87,11 @@ class RemoteFeed:
         self._received_s = self._clock()
         self._is_lost = False
 
+    @property
+    def needs_topics(self) -> bool:
+        """It has viewers, or one has just gone, which may load the page again."""
+        return self.is_watched or self._clock() - self._released_s < RELOAD_S
+
     def put(self, topic: str, data: bytes) -> None:
         """Keep a message of a topic until it is sent. Thread of ROS."""
         self._received.append((topic, data))
@@ -94,10 +102,10 @@ class RemoteFeed:
 
     def first(self, viewers: int) -> list[Message]:
         """Return the list of robots, and what is known of this one."""
-        if not self.is_watched:
+        if not self.needs_topics:
             self._received.clear()
             self._forget()
-            self.is_watched = True
+        self.is_watched = True
         self._shown_robots = self._robots(self.name)
         return [self._shown_robots, *self._known()]
 
@@ -118,7 +126,7 @@ class RemoteFeed:
             yield self._lost()
 
     def release(self) -> None:
-        self.is_watched = False
+        self.is_watched, self._released_s = False, self._clock()
 
     def _known(self) -> list[Message]:
         """Return the messages to a new viewer."""
@@ -229,9 +237,9 @@ class RemoteRobots:
             if (identity := known.identity_values()) and "page" in identity.get("features", ())
         ]
         for name, feed in list(self._feeds.items()):
-            if feed.is_watched and name not in self._subscribed:
+            if feed.needs_topics and name not in self._subscribed:
                 self._subscribed[name] = self._subscribe(name, feed)
-            elif not feed.is_watched and name in self._subscribed:
+            elif not feed.needs_topics and name in self._subscribed:
                 self._subscribed.pop(name).close()
 
     def close(self) -> None:

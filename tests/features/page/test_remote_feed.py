@@ -16,7 +16,7 @@ from robotd_messages.message_encoders import octets_message, string_message
 from robotd_page.feed_topics import CHANGES, FIRST, SAMPLES, pack_first
 from robotd_page.page_feed import PageFeed
 from robotd_page.page_message import Message
-from robotd_page.remote_robots import LOST_S, RemoteFeed, _Known
+from robotd_page.remote_robots import LOST_S, RELOAD_S, RemoteFeed, _Known
 
 
 @pytest.fixture
@@ -105,6 +105,22 @@ def test_a_robot_that_was_started_again_is_shown_from_the_start(
     samples = watched.feed.first(2)[2]
     assert isinstance(samples, bytes)
     assert not samples.endswith(b"12345678")
+
+
+def test_a_page_that_is_loaded_again_misses_nothing(arm: Observed) -> None:
+    watched = Watched()
+    watched.feed.first(1)
+    watched.put(FIRST, first_of(arm))
+    watched.feed.release()
+    watched.now_s += 0.1
+    assert watched.feed.needs_topics
+    event = json.dumps({"type": "events", "events": [{"text": "a fault"}]})
+    watched.feed.put(CHANGES, string_message(event))
+    assert kinds(watched.feed.first(1)) == ["one", *ALL]
+    assert watched.messages() == ["events"]
+    watched.feed.release()
+    watched.now_s += RELOAD_S
+    assert not watched.feed.needs_topics
 
 
 def test_nothing_old_is_shown_when_watching_begins_again(arm: Observed) -> None:
