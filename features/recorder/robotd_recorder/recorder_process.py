@@ -44,7 +44,7 @@ class RecorderProcess:
         split_bytes: float | None = None,
         split_s: float | None = None,
     ) -> None:
-        frames = tap.frames
+        frames, self._tap = tap.frames, tap
         self._yield = tap.robot.control_loop.yield_to_control_loop
         self._connection, theirs = Pipe()
         try:
@@ -86,7 +86,7 @@ class RecorderProcess:
         for begin in range(0, len(events), BATCH_EVENTS):
             self._put(Batch([*events[begin : begin + BATCH_EVENTS]]))
             self._yield()
-        self._put(Batch([], [*samples], [*pictures]))
+        self._put(Batch([], [*samples], [*pictures], offset_ns=self._tap.offset_ns))
         report = None
         while self._connection.poll():
             report = self._receive()

@@ -59,12 +59,18 @@ class Job:
 
 @dataclass(frozen=True)
 class Batch:
-    """Events, samples and pictures since the last batch; ``last``: the recording ends with it."""
+    """Events, samples and pictures since the last batch.
+
+    Attributes:
+        last: the recording ends with it.
+        offset_ns: of a file that begins now, see ``RecordingInfo``; None: as before.
+    """
 
     events: list[Event] = field(default_factory=list)
     samples: list[Sample] = field(default_factory=list)
     pictures: list[Picture] = field(default_factory=list)
     last: bool = False
+    offset_ns: int | None = None
 
 
 @dataclass(frozen=True)
@@ -93,7 +99,7 @@ class Recorder:
     """
 
     def __init__(self, job: Job) -> None:
-        self._job = job
+        self._job, self._info = job, job.info
         self._memory = FrameMemory(job.fd, job.axes, job.capacity)
         # The oldest frames would be overwritten before they are read.
         oldest = self._memory.written - job.capacity + BLOCK_FRAMES
@@ -116,6 +122,8 @@ class Recorder:
 
     def write(self, batch: Batch) -> None:
         """Add the frames that have come since the last call, and ``batch``."""
+        if batch.offset_ns is not None:
+            self._info = replace(self._info, offset_ns=batch.offset_ns)
         writer = self._open()
         end = self._memory.written
         while self._cursor < end:
@@ -169,7 +177,7 @@ class Recorder:
             self._path = job.folder.new_file(job.word)
             is_one = job.split_bytes is None
             self._file = self._path.with_suffix(PARTIAL) if is_one else self._path
-            self._writer = create_recording(self._file, job.info, job.urdf)
+            self._writer = create_recording(self._file, self._info, job.urdf)
             self._began_s = monotonic()
             self._lacks_latched = True
         return self._writer
