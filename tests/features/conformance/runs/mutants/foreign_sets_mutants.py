@@ -600,7 +600,7 @@ class StopOfAnIdleAxisIsNotComplete(Mutant):
 class ServosOnAgainWithTheLink(Mutant):
     breaks = ("AxisDriver/servos", "side effect")
     found_by = "test_resumption.py::test_nothing_moves_after_a_new_connection"
-    says = "are on when communication has begun again"
+    says = "go on when communication has begun again"
 
     class Device(SimDevice):
         def __init__(self, simulation: Simulation) -> None:
