@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -64,7 +65,10 @@ def _status(timeout_s: float, *, as_json: bool) -> ExitCode:
 
 def _without_nan(fields: list[tuple[str, Any]]) -> dict[str, Any]:
     """Return fields with None for NaN, an unknown value: JSON has no NaN."""
-    return {name: None if value != value else value for name, value in fields}  # noqa: PLR0124
+    return {
+        name: None if isinstance(value, float) and math.isnan(value) else value
+        for name, value in fields
+    }
 
 
 def _readiness(report: RobotReport) -> str:
