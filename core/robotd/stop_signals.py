@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType
 from typing import Any, Self
 
@@ -16,6 +19,24 @@ def stop_signals() -> tuple[signal.Signals, ...]:
     optional = (signal.SIGHUP, signal.SIGQUIT)
     wanted = (each for each in optional if signal.getsignal(each) is not signal.SIG_IGN)
     return (signal.SIGINT, signal.SIGTERM, *wanted)
+
+
+@contextmanager
+def ended_by_interrupt() -> Iterator[None]:
+    """Let Ctrl-C end the process at once, where it would raise KeyboardInterrupt.
+
+    For imports, and while a robot is prepared: code of others swallows a KeyboardInterrupt, or
+    makes another error of it, and the robot would start after it. Other handlers stay.
+    """
+    is_main = threading.current_thread() is threading.main_thread()
+    raises = is_main and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if raises:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    try:
+        yield
+    finally:
+        if raises and signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 class Interrupt:

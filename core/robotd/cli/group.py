@@ -17,6 +17,7 @@ from click.shell_completion import CompletionItem
 from robotd.cli.exit_codes import ExitCode, exit_code
 from robotd.cli.plugin_commands import plugin_command, plugin_commands
 from robotd.errors import RobotdError
+from robotd.stop_signals import ended_by_interrupt
 
 ROS_ARGS = "--ros-args"
 STATUS = "exit status"  # in the ``meta`` of the context, for what is closed at the end
@@ -60,7 +61,8 @@ class RobotdGroup(click.Group):
         # enables it when the robot has started.
         gc.disable()
         try:
-            command = plugin_command(cmd_name)
+            with ended_by_interrupt():
+                command = plugin_command(cmd_name)
             if isinstance(command, click.Group):
                 _summarize(command)
             return command

@@ -44,6 +44,7 @@ from robotd.plugin.manager import Backend, PluginOrigin, load_backend
 from robotd.plugin.registry import NodeRegistry
 from robotd.realtime import request_niceness, request_time_slice
 from robotd.robot import Robot
+from robotd.stop_signals import ended_by_interrupt
 
 FEATURE_OVERRIDES = "robotd.feature_overrides"
 TIME_SLICE_S = 1e-4  # the shortest: goals and services are answered sooner
@@ -53,6 +54,7 @@ RATE_HZ = NumberRange(10, 2000)  # the limits of cycle.rate_hz in a descriptor
 class RunCommand(click.Command):
     """``robotd run`` with the options of the installed features."""
 
+    @ended_by_interrupt()
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse the options; features that cannot be used are told first."""
         for name, reason in feature_failures().items():
@@ -148,8 +150,12 @@ def run(**options: Any) -> ExitCode:
     return run_robot(RunOptions(**options, ros_args=ros_args()))
 
 
+@ended_by_interrupt()
 def run_robot(options: RunOptions) -> ExitCode:
-    """Serve the robot and return the exit status. Raises RobotdError before opening it."""
+    """Serve the robot and return the exit status. Raises RobotdError before opening it.
+
+    Until it is served Ctrl-C ends the process at once: nothing is open.
+    """
     installed = load_installed()
     installed.warn()
     descriptor = _descriptor(options, installed)
