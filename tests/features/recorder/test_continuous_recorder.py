@@ -122,10 +122,12 @@ def test_a_recording_whose_process_hangs_is_not_reported_as_complete(
     assert wait_until(lambda: recorder.report.size_bytes > 0, WAIT_S, CLOCK)
     (child,) = {*_children()} - others
     os.kill(child, signal.SIGSTOP)
-    monkeypatch.setattr(continuous_recorder, "END_TIMEOUT_S", 0.1)
-    with pytest.raises(OperationError, match=r"the recording is not complete after 0\.1 s"):
-        recorder.stop()
-    os.kill(child, signal.SIGCONT)
+    try:
+        monkeypatch.setattr(continuous_recorder, "END_TIMEOUT_S", 0.1)
+        with pytest.raises(OperationError, match=r"the recording is not complete after 0\.1 s"):
+            recorder.stop()
+    finally:
+        os.kill(child, signal.SIGCONT)
     assert wait_until(lambda: not recorder.is_recording, WAIT_S, CLOCK)
 
 
