@@ -270,6 +270,8 @@ def test_the_loss_of_the_terminal_stops_the_robot_in_order(
         process.process.send_signal(signal.SIGHUP)
         process.process.send_signal(signal.SIGTERM)
         assert process.exit_status() == 0
+        # The client takes them in one after the other, among joint states.
+        wait_until(lambda: any("device closed" in each.msg for each in log), "the end of the log")
         check_stopped_in_order("\n".join(each.msg for each in log), sent, joints)
 
 
