@@ -62,3 +62,20 @@ def test_tests_in_real_time_that_failed_have_to_pass_alone(tmp_path: Path) -> No
         )
         assert done.returncode == (0 if passes_alone else 1), done.stdout + done.stderr
         assert f"sh {command}: what failed, alone" in done.stdout
+
+
+def test_commands_that_differ_in_their_arguments_have_one_second_run(tmp_path: Path) -> None:
+    command = tmp_path / "robots"
+    command.write_text(
+        '[ "$1" = "ARGS=a" ] || [ "$1" = "ARGS=b" ] && exit 1; exit 0\n', encoding="utf-8"
+    )
+    runs = f"check_robots sh {command} ARGS=a; check_robots sh {command} ARGS=b"
+    done = subprocess.run(
+        ["bash", "-c", f". .ci/lanes.sh; {runs}; alone; report"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count("what failed, alone") == 1
