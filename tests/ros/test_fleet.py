@@ -90,7 +90,7 @@ FROZEN |= {"state": "ready", "uptime_s": 1.0, "problems": [], "owners": []}
 def test_a_robot_that_does_not_confirm_is_named_and_the_others_are_stopped(
     summary: dict[str, Any],
 ) -> None:
-    """What remains of a robot whose process is frozen: its topic is there, no service answers."""
+    """Publish as a robot whose process is frozen: its topic is there, no service answers."""
     with own_domain() as domain, RobotProcess(domain=domain) as robot:
         robot.wait_ready()
         client = Client(domain)

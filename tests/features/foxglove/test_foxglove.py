@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 import json
 import struct
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -73,6 +73,16 @@ async def client_of(url: str) -> AsyncIterator[Client]:
         yield Client(socket)
 
 
+@contextmanager
+def observed(folder: Path) -> Iterator[tuple[Observed, FoxgloveServer]]:
+    arm = Observed(folder)
+    try:
+        with FoxgloveServer(arm.tap, 0) as server:
+            yield arm, server
+    finally:
+        arm.close()
+
+
 def test_foxglove_gets_joints_transforms_events_and_state(tmp_path: Path) -> None:
     async def watch() -> None:
         async with client_of(server.url) as client:
@@ -102,15 +112,11 @@ def test_foxglove_gets_joints_transforms_events_and_state(tmp_path: Path) -> Non
             await client.until(lambda: b"hello" in client.newest.get("/rosout", b""))
             assert client.read("/rosout").msg == "hello"
 
-    arm = Observed(tmp_path)
-    try:
-        with FoxgloveServer(arm.tap, 0) as server:
-            asyncio.run(watch())
-            port = int(server.url.rpartition(":")[2])
-            with pytest.raises(OperationError, match=f"foxglove {port}: .*choose another port"):
-                FoxgloveServer(arm.tap, port)
-    finally:
-        arm.close()
+    with observed(tmp_path) as (arm, server):
+        asyncio.run(watch())
+        port = int(server.url.rpartition(":")[2])
+        with pytest.raises(OperationError, match=f"foxglove {port}: .*choose another port"):
+            FoxgloveServer(arm.tap, port)
 
 
 def test_values_of_a_lost_device_are_not_sent(tmp_path: Path) -> None:
@@ -127,12 +133,8 @@ def test_values_of_a_lost_device_are_not_sent(tmp_path: Path) -> None:
             await client.until(lambda: b"after" in client.newest.get("/rosout", b""))
             assert np.isfinite(client.read("/joint_states").position).all()
 
-    arm = Observed(tmp_path)
-    try:
-        with FoxgloveServer(arm.tap, 0) as server:
-            asyncio.run(watch())
-    finally:
-        arm.close()
+    with observed(tmp_path) as (arm, server):
+        asyncio.run(watch())
 
 
 def test_each_client_gets_the_description(tmp_path: Path) -> None:
@@ -142,12 +144,8 @@ def test_each_client_gets_the_description(tmp_path: Path) -> None:
                 await client.subscribe("/robot_description")
                 await client.until(lambda client=client: "/robot_description" in client.newest)
 
-    arm = Observed(tmp_path)
-    try:
-        with FoxgloveServer(arm.tap, 0) as server:
-            asyncio.run(watch())
-    finally:
-        arm.close()
+    with observed(tmp_path) as (_, server):
+        asyncio.run(watch())
 
 
 JSON_TYPES = {"string": str, "integer": int, "boolean": bool, "array": list, "null": type(None)}

@@ -36,10 +36,16 @@ def write(parameters: WmxParameters, path: Path, **values: dict[int, Any]) -> Pa
     return path
 
 
-def of_each_part(harness: Harness) -> dict[str, dict[int, Any]]:
+def turned_polarity(harness: Harness, own: WmxParameters) -> dict[int, int]:
+    """Return the other polarity of every axis."""
+    return {axis: -int(own["AxisPolarity"][axis]) for axis in harness.all}
+
+
+def new_values(harness: Harness, own: WmxParameters) -> dict[str, dict[int, Any]]:
     """Return new values of every axis, of each part of a file that every device keeps."""
     names = ("InPosWidth", "HomingVelSlow", "QuickStopDec")
-    return {name: {axis: 2.5 + axis for axis in harness.all} for name in names}
+    values = {name: {axis: 2.5 + axis for axis in harness.all} for name in names}
+    return {**values, "AxisPolarity": turned_polarity(harness, own)}
 
 
 def require_files(harness: Harness) -> None:
@@ -109,7 +115,7 @@ def test_a_file_is_in_force_until_the_device_is_closed(disabled: Harness, tmp_pa
     require_files(disabled)
     device, own = disabled.drivers.device, _parameters(disabled)
     ramps = {axis: 21.5 + axis for axis in disabled.all}
-    turned = {axis: -int(own["AxisPolarity"][axis]) for axis in disabled.all}
+    turned = turned_polarity(disabled, own)
     path = write(own, tmp_path / "file.xml", QuickStopDec=ramps, AxisPolarity=turned)
     device.close()
     device.open()
@@ -128,8 +134,7 @@ def test_a_load_that_one_axis_forbids_changes_no_other(rescalable: Harness, tmp_
     """Another scale and more of every axis, while the last or first is on; then none."""
     require_files(rescalable)
     device, own = rescalable.drivers.device, _parameters(rescalable)
-    scale = {axis: -int(own["AxisPolarity"][axis]) for axis in rescalable.all}
-    turned = write(own, tmp_path / "turned.xml", AxisPolarity=scale, **of_each_part(rescalable))
+    turned = write(own, tmp_path / "turned.xml", **new_values(rescalable, own))
     device.load_parameters(write(own, tmp_path / "own.xml"))
     rescalable.periods(5)
     before, position = dumps(rescalable), rescalable.image.position.copy()
@@ -153,9 +158,9 @@ def test_a_load_that_one_axis_forbids_changes_no_other(rescalable: Harness, tmp_
 )
 def test_a_wrong_value_of_the_last_axis_changes_no_axis(disabled: Harness, tmp_path: Path) -> None:
     require_files(disabled)
-    device, own, values = disabled.drivers.device, _parameters(disabled), of_each_part(disabled)
-    turned = {axis: -int(own["AxisPolarity"][axis]) for axis in disabled.all}
-    path = write(own, tmp_path / "wrong.xml", **values, AxisPolarity=turned)
+    device, own = disabled.drivers.device, _parameters(disabled)
+    values = new_values(disabled, own)
+    path = write(own, tmp_path / "wrong.xml", **values)
     text, name = path.read_text(encoding="utf-8"), "QuickStopDec"
     mark = f"<{name}>{values[name][disabled.count - 1]:.6f}<"
     assert mark in text
@@ -178,9 +183,7 @@ def test_a_file_without_axes_of_the_robot_changes_no_axis(
     require_files(disabled)
     device, own, path = disabled.drivers.device, _parameters(disabled), tmp_path / "short.xml"
     lacking = disabled.all[-2:] if disabled.count > 2 else disabled.all[-1:]
-    turned = {axis: -int(own["AxisPolarity"][axis]) for axis in disabled.all}
-    file = write(own, path, **of_each_part(disabled), AxisPolarity=turned)
-    text = file.read_text(encoding="utf-8")
+    text = write(own, path, **new_values(disabled, own)).read_text(encoding="utf-8")
     start, end = text.index(f'<AxisParameters Axis="{lacking[0]}"'), text.index("</Parameters>")
     path.write_text(text[:start] + text[end:], encoding="utf-8")
     before = dumps(disabled)
