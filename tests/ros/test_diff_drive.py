@@ -109,7 +109,8 @@ def test_a_square_of_ten_metres(base: Base) -> None:
             _, _, heading, way = along(wheels_say(leg.states))
             speed, driven = (angular, heading) if angular else (linear, way)
             took_s = driven / speed  # ramps up and down cancel out
-            assert leg.least_s - SLACK_S < took_s < leg.most_s + SLACK_S
+            # What comes too late at the wheels ends by the time-out of the command.
+            assert leg.least_s - SLACK_S < took_s < leg.most_s + TIMEOUT_S + SLACK_S
             assert way < 0.01 or not angular, "it turned on the spot"
             assert abs(heading) < 0.01 or not linear, "it drove straight on"
     x, y, heading, _ = along(wheels_say(base.axes[start:]))
@@ -218,8 +219,8 @@ def test_without_a_servo_it_stands_and_says_so_once(
         assert base.stands()  # the client has not noticed: it has to be released first
         process.wait_output("cmd_vel kept commanding while motion was rejected")
     base.rest()
-    base.drive(0.5, 0.0, 0.5)
-    assert base.speed > 0.1
+    with base.driving(0.5, 0.0):
+        wait_until(lambda: base.speed > 0.1, "it drives again")
     base.rest()
 
 

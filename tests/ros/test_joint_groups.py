@@ -77,6 +77,8 @@ def test_there_is_an_action_for_each_group_and_one_topic_of_joint_states(client:
     assert list(states[0].name) == [*JOINTS["left"], *JOINTS["right"]]
     assert client.node.count_publishers("/joint_states") == 1
     node = "follow_joint_trajectory_server"
+    # The names of nodes come by a topic of their own, later than the topics.
+    wait_until(lambda: node in client.node.get_node_names(), "the name of the node")
     listing = get_action_server_names_and_types_by_node(client.node, node, "/")
     assert set(names_of(listing)) == set(ACTION.values())
 

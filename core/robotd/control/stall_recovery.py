@@ -47,7 +47,7 @@ class StallRecovery:
 
     Attributes:
         active: the present setpoint deviates from the path.
-        pause_s: duration of the last underrun.
+        pause_s: duration of the last underrun; ``longest_s``: of those that led to the deviation.
         left_plan: a source has left the motion that its successor was planned from.
     """
 
@@ -60,7 +60,7 @@ class StallRecovery:
         buffer_s: float = 0.0,
     ) -> None:
         self.active = self.left_plan = False
-        self.pause_s = 0.0
+        self.pause_s = self.longest_s = 0.0
         self._extrapolates = underrun is Underrun.EXTRAPOLATE
         self._sent, self._sent_ns = start.copy(), start_ns
         self._sent_time_s = 0.0
@@ -131,7 +131,9 @@ class StallRecovery:
         elapsed_s = (due_ns - self._sent_ns) / NANOSECONDS
         underrun = self._is_underrun(elapsed_s, period_s)
         if underrun:
-            self.active, self.pause_s = True, elapsed_s - period_s
+            self.pause_s = elapsed_s - period_s
+            self.longest_s = max(self.pause_s, self.longest_s if self.active else 0.0)
+            self.active = True
             self._next[:] = self._sent
             self._continue(elapsed_s, self._next)
             self._next -= path

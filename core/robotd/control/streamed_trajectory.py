@@ -171,6 +171,6 @@ class StreamedTrajectory(TrajectoryExecution):
             joint = int(np.argmax(recovery.is_far))
             text = (
                 f"{self.trajectory.names[joint]} is {abs(recovery.offset[joint]):.3f}"
-                f" {self._limits.units[joint]} off its path {after_stall(recovery.pause_s)}"
+                f" {self._limits.units[joint]} off its path {after_stall(recovery.longest_s)}"
             )
             self.completion.request(Outcome.FAULT, text)

@@ -181,7 +181,7 @@ class WheelMotion(SetpointSource):
             far = int(np.argmax(recovery.is_far))
             name = self._axes.names[self._wheel_axes[self._steered[far]]]
             off = f"{name} is {abs(recovery.offset[far]):.3f} rad off its path"
-            self._fail(f"{off} {after_stall(recovery.pause_s)}")
+            self._fail(f"{off} {after_stall(recovery.longest_s)}")
         self.setpoint[:2, self._steered] = steering
 
     def _fail(self, reason: str) -> None:

@@ -177,6 +177,20 @@ def assert_ended_well(harness: Harness, execution: TrajectoryExecution) -> None:
         assert last[1] == pytest.approx(execution.trajectory.final_position, abs=1e-5)
 
 
+def test_the_stall_that_is_told_is_the_longest_of_those_that_led_off_the_path(
+    harness: Harness,
+) -> None:
+    drives = Drives(harness)
+    with harness.goal(*SWING, seconds=SWING_S) as execution:
+        drives.run(0.4)
+        drives.stall(0.08)
+        while not execution.done:
+            drives.run(0.004)
+            drives.stall(0.006)
+    assert execution.outcome is Outcome.FAULT
+    assert "off its path after a control-loop stall of 8" in execution.message
+
+
 @pytest.mark.parametrize("stall_s", [0.006, 0.012, 0.03, 0.1])
 def test_a_stop_after_a_stall_ends_when_the_joints_stand(harness: Harness, stall_s: float) -> None:
     """The rest of the way back to the path, too slow to be seen, does not delay the result."""

@@ -67,8 +67,9 @@ def serve_and_move(process: RobotProcess) -> None:
         states = client.listen(JointState, "/joint_states")
         result = client.send_goal(goal).result()[1]
         assert result.error_code == FollowJointTrajectory.Result.SUCCESSFUL, result.error_string
-        state = client.next(states)
-        assert list(state.position[:6]) == pytest.approx([0.3] * 6, abs=1e-3)
+        # The goal has a tolerance, within which a busy computer may still be on its way.
+        there = pytest.approx([0.3] * 6, abs=1e-3)
+        client.next(states, lambda state: list(state.position[:6]) == there)
     finally:
         client.close()
     assert process.end() == 0, process.output

