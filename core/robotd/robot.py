@@ -294,7 +294,10 @@ class Robot:
         the drives to work.
 
         ``reason``: reported to every client whose motion ends or is rejected.
-        Raises DeviceTimeout: axes still move after a quick stop; motion stays stopped.
+
+        Raises:
+            DeviceTimeout: axes still move after a quick stop; motion stays stopped.
+            NotReady: the device is lost, so that nothing shows whether they do; likewise.
         """
         self._motion_stop.stop(reason, self.descriptor.engine.shutdown_s)
 

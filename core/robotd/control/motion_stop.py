@@ -71,15 +71,22 @@ class MotionStop:
 
         Raises:
             DeviceTimeout: axes still move after the quick stop; the latch stays engaged.
-            NotReady: no values show what moves, or the device is lost meanwhile.
+            NotReady: the device is lost: no values show what moves.
             OperationError: the axes are read-only.
         """
         self._axes.stop_latch.check_commandable()
-        if not self._connection.ready:
-            return
+        connection = self._connection
+        if not connection.established:
+            return  # nothing has been moved
         self._axes.wait_for_motion()
-        if not wait_until(lambda: self.at_rest, timeout_s, self._clock):
+        # Sources end with a device that is lost, too, and its last values stand still.
+        if not wait_until(lambda: self.at_rest or not connection.ready, timeout_s, self._clock):
             self._axes.rest(range(len(self._axes)), QUICK_STOP_S, quick=True)
+        if not connection.ready:
+            raise NotReady(
+                "motion stays stopped; nothing shows whether the axes are at rest:"
+                f" {connection.rejection}"
+            )
 
     def reset(self, timeout_s: float) -> str:
         """Allow motion again; returns what was reset, as text. Any worker. Nothing moves.

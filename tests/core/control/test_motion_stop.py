@@ -40,6 +40,23 @@ def test_a_goal_stops_on_its_path_and_the_next_one_is_rejected(harness: Harness)
     assert harness.robot.problems == [CAUSE]
 
 
+def test_a_stop_whose_end_no_value_shows_says_so(harness: Harness) -> None:
+    """A goal ends with the device, while its axes still slow down."""
+    with harness.goal(FAR) as execution:
+        harness.run(0.4)
+        harness.faults.freeze(True)
+        for _ in range(2):  # while the device is being lost, and afterwards
+            with pytest.raises(NotReady, match="nothing shows whether the axes are at rest"):
+                harness.robot.stop()
+        assert execution.done
+
+
+def test_a_stop_before_the_device_was_started_ends_at_once() -> None:
+    robot = Harness().robot
+    robot.stop()
+    assert robot.axes.stop_latch.reason
+
+
 def test_motion_is_allowed_again_by_a_reset_and_nothing_moves_by_it(harness: Harness) -> None:
     with harness.goal(FAR):
         harness.run(0.4)
