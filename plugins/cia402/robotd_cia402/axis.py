@@ -63,16 +63,16 @@ class Axis(Generic[DriveT]):
             self.estimate.advance(periods * period_s)
             self._advance(period_s)
         mode = self.mode.requested
+        in_mode = self.report.displayed_mode == mode
         word = self.power.control | self.mode.bits
-        if mode is OperationMode.INTERPOLATED_POSITION and powered:
+        # A drive takes some frames to change its mode. In its homing mode, the bit starts a homing.
+        if mode is OperationMode.INTERPOLATED_POSITION and powered and in_mode:
             word |= _ENABLE_INTERPOLATION
         position = setpoint.position
         counts = wrapped(scaling.counts(position)) if math.isfinite(position) else 0
         target, velocity, torque = counts, 0, 0
         if mode is OperationMode.PROFILE_POSITION:
-            # A drive takes some frames to change its mode. While it has not displayed this one, it
-            # may still follow the target position as a cyclic setpoint.
-            if self.report.displayed_mode == mode:
+            if in_mode:  # else it may still follow the target position as a cyclic setpoint
                 target = wrapped(setpoint.target_counts)
         elif mode is OperationMode.CYCLIC_VELOCITY:
             velocity = scaling.velocity_units(setpoint.velocity)
