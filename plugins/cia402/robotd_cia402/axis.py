@@ -213,11 +213,13 @@ class Axis(Generic[DriveT]):
 
     def _join_quick_stop(self) -> None:
         """Stop in a quick stop that the drive has begun: what comes after it would be a jump."""
-        if self.activity.operation not in (Operation.IDLE, Operation.STOPPING):
+        if self.activity.is_idle:
+            return
+        if self.activity.operation is not Operation.STOPPING:
             node = self.drive.node.label
             log.error("the drive has begun a quick stop", node=node, axis=self.number)
             self.brake(self.options.quick_stop_deceleration_rad_s2)
-            self.power.quick_stop()
+        self.power.quick_stop()
 
     def _watch_operation(self) -> None:
         reached = self.report.statusword & Status.TARGET_REACHED

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import pytest
 from tests.plugins.cia402.looped_drive import LoopedDrive
+from tests.plugins.cia402.test_looped_drive import peak_velocity
 
+from robotd_cia402.controlword import DriveState
 from robotd_cia402.modes import OperationMode
 from robotd_cia402.object_numbers import MODE
+from robotd_cia402.simulated.drive import State
 
 
 def change_modes_late(looped: LoopedDrive, frames: int) -> None:
@@ -36,3 +40,27 @@ def test_a_drive_that_leaves_homing_late_does_not_home_again() -> None:
     looped.run(0.2)
     assert looped.axis.report.displayed_mode == OperationMode.INTERPOLATED_POSITION
     assert begun == [37]
+
+
+def test_a_quick_stop_of_the_drive_itself_within_a_stop_is_not_left() -> None:
+    """The setpoint of the stop comes to rest further on: leaving would be a jump."""
+    looped = LoopedDrive(stop_deceleration_rad_s2=2.0)
+    looped.commands.enable(1.0)
+    looped.commands.prepare_stream()
+    looped.commands.begin_stream()
+    for step in range(100):
+        looped.axis.follow(0.004 * step, 1.0)
+        looped.run(0.004)
+    looped.commands.stop()
+    looped.run(0.02)
+    enter = looped.drive._enter
+    enter(State.QUICK_STOP_ACTIVE)
+    looped.drive._enter = lambda state: None  # type: ignore[method-assign]
+    looped.run(1.0)
+    rest = looped.drive.position
+    looped.drive._enter = enter  # type: ignore[method-assign]
+    assert peak_velocity(looped, 100) < 0.01
+    looped.commands.enable(1.0)
+    assert looped.axis.report.state is DriveState.OPERATION_ENABLED
+    assert peak_velocity(looped, 100) < 0.01
+    assert looped.drive.position == pytest.approx(rest, abs=1e-4)
