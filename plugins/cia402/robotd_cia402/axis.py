@@ -201,7 +201,7 @@ class Axis(Generic[DriveT]):
         elif mode.phase is Phase.FAILED:
             node = self.drive.node.label
             log.error("the drive does not take the target", node=node, axis=self.number)
-            self.hold()
+            self.brake(self.setpoint.deceleration)
 
     def _note_off(self) -> None:
         """Take note of a power stage that is off."""

@@ -242,7 +242,6 @@ class ModeControl:
             case Phase.RELEASING if not acknowledged:
                 self._enter(Phase.DONE)
             case _ if self._frames * period_s > _HANDSHAKE_S:
-                self.bits = int(Control.CHANGE_IMMEDIATELY | Control.HALT)
                 self._enter(Phase.FAILED)
             case _:
                 pass

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import pytest
 from tests.plugins.cia402.looped_drive import LoopedDrive
-from tests.plugins.cia402.test_looped_drive import peak_velocity
+from tests.plugins.cia402.test_looped_drive import idle, peak_velocity
 
-from robotd_cia402.controlword import DriveState
+from robotd.api import Profile
+from robotd_cia402.controlword import Control, DriveState
 from robotd_cia402.modes import OperationMode
 from robotd_cia402.object_numbers import MODE
 from robotd_cia402.simulated.drive import State
+from robotd_cia402.simulated.mode_motion import Mode
 
 
 def change_modes_late(looped: LoopedDrive, frames: int) -> None:
@@ -64,3 +66,25 @@ def test_a_quick_stop_of_the_drive_itself_within_a_stop_is_not_left() -> None:
     assert looped.axis.report.state is DriveState.OPERATION_ENABLED
     assert peak_velocity(looped, 100) < 0.01
     assert looped.drive.position == pytest.approx(rest, abs=1e-4)
+
+
+def test_a_move_that_is_not_taken_ends_at_rest() -> None:
+    """The drive is halted then, out of the move before; idle, a stream would begin with a jump."""
+    looped = LoopedDrive()
+    looped.commands.enable(1.0)
+    looped.commands.move(9.0, Profile(velocity=2.0, acceleration=5.0, deceleration=1.0))
+    looped.run(0.6)
+    handlers = looped.drive.motion._handlers
+    profile_position = handlers[Mode.PROFILE_POSITION]
+
+    def deaf(rising: int, word: int, period_s: float) -> None:
+        profile_position(rising & ~0x10, word, period_s)
+
+    handlers[Mode.PROFILE_POSITION] = deaf
+    looped.commands.move(0.0, Profile(velocity=2.0, acceleration=5.0, deceleration=1.0))
+    looped.run(1.1)
+    assert looped.axis.mode.bits & Control.HALT
+    idle(looped)
+    assert looped.motors.velocity(0) == pytest.approx(0.0, abs=0.02)
+    assert looped.image.position_command[0] == pytest.approx(looped.drive.position, abs=1e-3)
+    assert not looped.axis.activity.complete
