@@ -155,15 +155,17 @@ class Axis(Generic[DriveT]):
     def present_position(self) -> float:
         """Return the position at which a position command begins.
 
-        That is the drive's own command, and the measured position after a torque.
+        That is the drive's own command, and the measured position after a velocity or a torque:
+        without its position controller a drive need not keep its position command.
         """
-        torque = self.mode.requested.is_torque
-        return self.report.position if torque else self.report.demand()
+        mode = self.mode.requested
+        measured = mode.is_velocity or mode.is_torque
+        return self.report.position if measured else self.report.demand()
 
     def resume(self) -> None:
-        """Control loop: the drive answers again; continue at its own command."""
+        """Control loop: the drive answers again; continue where it is."""
         self.report.update()
-        self.setpoint.stand_at(self.report.demand())
+        self.setpoint.stand_at(self.present_position())
         self.hold()
 
     def forget(self) -> None:

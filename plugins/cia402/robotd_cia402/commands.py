@@ -334,7 +334,7 @@ class Commands:
         axis, report = self._axis, self._report
         if report.displayed_mode != mode or axis.mode.requested is not mode:
             if not axis.mode.requested.is_cyclic_position:
-                axis.setpoint.position = report.demand()
+                axis.setpoint.position = axis.present_position()
             axis.setpoint.velocity = 0.0
             axis.mode.requested = mode
         if not self._wait(lambda: report.displayed_mode == mode, _STEP_S):

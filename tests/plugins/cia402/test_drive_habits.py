@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 from tests.plugins.cia402.looped_drive import LoopedDrive
-from tests.plugins.cia402.test_looped_drive import idle, peak_velocity
+from tests.plugins.cia402.test_looped_drive import FAST, idle, peak_velocity
 
-from robotd.api import Profile
+from robotd.api import CommandMode, Profile
 from robotd_cia402.controlword import Control, DriveState
 from robotd_cia402.modes import OperationMode
-from robotd_cia402.object_numbers import MODE
+from robotd_cia402.object_numbers import DEMAND, INPUTS, MODE
 from robotd_cia402.simulated.drive import State
 from robotd_cia402.simulated.mode_motion import Mode
 
@@ -88,3 +88,30 @@ def test_a_move_that_is_not_taken_ends_at_rest() -> None:
     assert looped.motors.velocity(0) == pytest.approx(0.0, abs=0.02)
     assert looped.image.position_command[0] == pytest.approx(looped.drive.position, abs=1e-3)
     assert not looped.axis.activity.complete
+
+
+@pytest.mark.parametrize("velocity_mode", ["csv", "pv"])
+def test_a_position_demand_that_stands_still_in_velocity_modes_is_no_place_to_go(
+    velocity_mode: str,
+) -> None:
+    """Object 0x6062 comes from the position controller, which does not run in these modes."""
+    looped = LoopedDrive(velocity_mode=velocity_mode)
+    take = looped.objects.take
+
+    def keep_demand() -> None:
+        before = looped.objects._taken[INPUTS.index(DEMAND)]
+        take()
+        if looped.drive.motion.mode in (Mode.PROFILE_VELOCITY, Mode.CYCLIC_VELOCITY):
+            looped.objects._taken[INPUTS.index(DEMAND)] = before
+
+    looped.objects.take = keep_demand  # type: ignore[method-assign]
+    looped.commands.set_mode(CommandMode.VELOCITY)
+    looped.commands.enable(1.0)
+    looped.commands.jog(FAST)
+    looped.run(1.0)
+    looped.commands.stop()
+    idle(looped)
+    rest = looped.drive.position
+    looped.commands.set_mode(CommandMode.POSITION)
+    assert peak_velocity(looped, 50) < 0.05
+    assert looped.drive.position == pytest.approx(rest, abs=1e-3)
