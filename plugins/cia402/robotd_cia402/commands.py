@@ -191,8 +191,7 @@ class Commands:
         axis = self._axis
         stops = axis.activity.stops
         with axis.lock:
-            self._require_power()
-            self._recover()
+            self._prepare_motion(stops)
             axis.activity.complete = False
             speed = abs(axis.scaling.velocity_units(profile.velocity))
             axis.drive.set_value(0x6081, 0, speed)
@@ -208,17 +207,16 @@ class Commands:
         if TARGET_VELOCITY not in axis.drive.outputs:
             raise self._error(NotReady, "no PDO holds 0x60FF (target velocity)")
         with axis.lock:
-            self._require_power()
-            self._recover()
+            self._prepare_motion(stops)
             mode, setpoint = VELOCITY_MODES[axis.options.velocity_mode], axis.setpoint
             if mode is OperationMode.PROFILE_VELOCITY:
                 profile = self._write_ramps(profile)
-            setpoint.acceleration = profile.acceleration
-            setpoint.deceleration = profile.deceleration
             if axis.mode.requested is not mode:
                 setpoint.target_velocity = setpoint.velocity = 0.0
                 self._enter(mode)
             self._require_no_stop(stops)
+            setpoint.acceleration = profile.acceleration
+            setpoint.deceleration = profile.deceleration
             axis.mode.bits = 0
             axis.activity.complete = False
             setpoint.target_velocity = profile.velocity
@@ -232,8 +230,7 @@ class Commands:
         axis, drive, options = self._axis, self._axis.drive, self._axis.options
         stops, braking_s = axis.activity.stops, 0.0
         with axis.lock:
-            self._require_power()
-            self._recover()
+            self._prepare_motion(stops)
             axis.activity.home_done = False
             drive.set_value(0x6098, 0, options.homing_method)
             if options.homing_method not in _HERE:
@@ -318,6 +315,12 @@ class Commands:
         drive = self._axis.drive
         fresh = drive.frames + _FRESH_FRAMES + drive.turn
         self._wait(lambda: drive.frames >= fresh, _STEP_S + drive.turn * self._report.period_s)
+
+    def _prepare_motion(self, stops: int) -> None:
+        """Require power, without a quick stop. The ramp of a stop since ``stops`` stays."""
+        self._require_power()
+        self._recover()
+        self._require_no_stop(stops)
 
     def _require_no_stop(self, stops: int) -> None:
         """Raise OperationError, with the axis stopped, after a stop since ``stops`` of them."""

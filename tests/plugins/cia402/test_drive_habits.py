@@ -6,7 +6,7 @@ import pytest
 from tests.plugins.cia402.looped_drive import LoopedDrive
 from tests.plugins.cia402.test_looped_drive import FAST, idle, peak_velocity
 
-from robotd.api import CommandMode, Profile
+from robotd.api import CommandMode, OperationError, Profile
 from robotd_cia402.controlword import Control, DriveState
 from robotd_cia402.modes import OperationMode
 from robotd_cia402.object_numbers import DEMAND, INPUTS, MODE
@@ -115,3 +115,23 @@ def test_a_position_demand_that_stands_still_in_velocity_modes_is_no_place_to_go
     looped.commands.set_mode(CommandMode.POSITION)
     assert peak_velocity(looped, 50) < 0.05
     assert looped.drive.position == pytest.approx(rest, abs=1e-3)
+
+
+@pytest.mark.parametrize("velocity_mode", ["csv", "pv"])
+def test_a_jog_that_is_stopped_before_it_begins_makes_no_stop_longer(velocity_mode: str) -> None:
+    looped = LoopedDrive(velocity_mode=velocity_mode)
+    looped.commands.set_mode(CommandMode.VELOCITY)
+    looped.commands.enable(1.0)
+    looped.commands.jog(Profile(velocity=2.0, acceleration=20.0, deceleration=10.0))
+    looped.run(0.5)
+    before, require_power = looped.drive.position, looped.commands._require_power
+
+    def stop_meanwhile() -> None:
+        looped.commands.stop()
+        require_power()
+
+    looped.commands._require_power = stop_meanwhile  # type: ignore[method-assign]
+    with pytest.raises(OperationError, match="stopped before the motion began"):
+        looped.commands.jog(Profile(velocity=2.0, acceleration=20.0, deceleration=1.0))
+    idle(looped)
+    assert looped.drive.position - before == pytest.approx(2.0**2 / 2 / 10.0, abs=0.03)
