@@ -109,6 +109,7 @@ class DriveAccess(ABC):
     def set_value(self, index: int, sub: int, value: int) -> None:
         """Write an object unless it has that value already. Worker. Raises as ``write``."""
         if self._written.get((index, sub)) != value:
+            self._written.pop((index, sub), None)  # without an answer it may have been executed
             self.write(index, sub, value)
             self._written[index, sub] = value
 

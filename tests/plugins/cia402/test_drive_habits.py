@@ -6,7 +6,7 @@ import pytest
 from tests.plugins.cia402.looped_drive import LoopedDrive
 from tests.plugins.cia402.test_looped_drive import FAST, idle, peak_velocity
 
-from robotd.api import CommandMode, OperationError, Profile
+from robotd.api import CommandMode, DeviceTimeout, OperationError, Profile
 from robotd_cia402.controlword import Control, DriveState
 from robotd_cia402.modes import OperationMode
 from robotd_cia402.object_numbers import DEMAND, INPUTS, MODE
@@ -135,3 +135,23 @@ def test_a_jog_that_is_stopped_before_it_begins_makes_no_stop_longer(velocity_mo
         looped.commands.jog(Profile(velocity=2.0, acceleration=20.0, deceleration=1.0))
     idle(looped)
     assert looped.drive.position - before == pytest.approx(2.0**2 / 2 / 10.0, abs=0.03)
+
+
+def test_an_object_is_written_again_after_an_answer_that_did_not_come() -> None:
+    """The drive may have taken it: its speed is not the one of before."""
+    looped = LoopedDrive()
+    looped.commands.enable(1.0)
+    looped.commands.move(0.1, FAST)
+    idle(looped)
+    write = looped.objects.write
+
+    def without_answer(index: int, sub: int, value: int) -> None:
+        write(index, sub, value)
+        raise DeviceTimeout("no answer")
+
+    looped.objects.write = without_answer  # type: ignore[method-assign]
+    with pytest.raises(DeviceTimeout, match="no answer"):
+        looped.commands.move(0.2, Profile(velocity=5.0, acceleration=5.0, deceleration=5.0))
+    looped.objects.write = write  # type: ignore[method-assign]
+    looped.commands.move(2.0, FAST)
+    assert peak_velocity(looped, 400) == pytest.approx(FAST.velocity, abs=0.05)
