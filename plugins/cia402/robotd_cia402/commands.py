@@ -69,6 +69,9 @@ class Commands:
             axis.mode.bits = 0
             axis.power.lost = ""
             axis.mode.requested = self._rest_mode()
+            # Without a torque an arm would fall. Some drives change their mode when they are on.
+            torque = OperationMode.CYCLIC_TORQUE
+            self._wait(lambda: report.displayed_mode != torque, min(_STEP_S, left_s() / 2))
             try:
                 while (state := report.state) is not DriveState.OPERATION_ENABLED:
                     self._require_no_alarm()

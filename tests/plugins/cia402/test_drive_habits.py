@@ -155,3 +155,27 @@ def test_an_object_is_written_again_after_an_answer_that_did_not_come() -> None:
     looped.objects.write = write  # type: ignore[method-assign]
     looped.commands.move(2.0, FAST)
     assert peak_velocity(looped, 400) == pytest.approx(FAST.velocity, abs=0.05)
+
+
+def test_the_servo_goes_on_in_no_torque_mode_that_the_drive_leaves_late() -> None:
+    """The torque is 0: an arm would fall until the mode changes, and jump back."""
+    looped = LoopedDrive()
+    looped.commands.set_mode(CommandMode.TORQUE)
+    looped.commands.enable(1.0)
+    looped.commands.prepare_stream()
+    looped.commands.begin_stream()
+    change_modes_late(looped, 100)
+    looped.drive.trip(0x3210)
+    looped.run(0.1)
+    looped.commands.clear_alarm(1.0)
+    exchange, modes, drive = looped._exchange, list[Mode](), looped.drive
+
+    def note() -> None:
+        drive.motion.prepare(Mode.of(looped.objects.dictionary[MODE, 0]))  # with the servo off, too
+        exchange()
+        if drive.state is State.OPERATION_ENABLED:
+            modes.append(drive.motion.mode)
+
+    looped._exchange = note  # type: ignore[method-assign]
+    looped.commands.enable(2.0)
+    assert set(modes) == {Mode.CYCLIC_POSITION}
