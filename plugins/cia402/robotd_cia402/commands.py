@@ -47,10 +47,7 @@ class Commands:
         after ``timeout_s``, or after a ``disable`` that came meanwhile.
         """
         axis, report, releases = self._axis, self._report, self._axis.power.releases
-        deadline_ns = self._clock.now_ns() + round(timeout_s * NANOSECONDS)
-
-        def left_s() -> float:
-            return max(0.0, (deadline_ns - self._clock.now_ns()) / NANOSECONDS)
+        left_s = self._countdown(timeout_s)
 
         def step(control: Control, *, done: bool = False) -> None:
             if not axis.power.switch_on(control, releases, done=done):
@@ -94,31 +91,32 @@ class Commands:
 
         A command that is being started begins no motion, and a homing ends.
         """
-        axis, report = self._axis, self._report
+        axis, report, left_s = self._axis, self._report, self._countdown(timeout_s)
         axis.activity.stops += 1
         axis.power.release(report.state)
         with axis.lock:
             axis.mode.bits = 0
             self.require_online()
             late = f"the servo did not go off within {timeout_s:g} s"
-            self._require(lambda: not report.powered, timeout_s, late)
+            self._require(lambda: not report.powered, left_s(), late)
             axis.hold()
 
     def clear_alarm(self, timeout_s: float) -> None:
-        """Fault reset: bit 7 must rise, so it is sent as 0 first."""
-        axis, report = self._axis, self._report
+        """Fault reset: bit 7 must rise, so it is sent as 0 first. Not after ``timeout_s``."""
+        axis, report, left_s = self._axis, self._report, self._countdown(timeout_s)
         with axis.lock:
             self.require_online()
             # Just after the start the drive may not have reported its alarm yet.
-            self._wait(lambda: report.state is not DriveState.UNKNOWN, _STEP_S)
+            self._wait(lambda: report.state is not DriveState.UNKNOWN, min(_STEP_S, left_s()))
             if not report.in_alarm:
                 return
             axis.mode.bits = 0
-            self._wait(lambda: report.state is not DriveState.FAULT_REACTION_ACTIVE, timeout_s)
+            self._wait(lambda: report.state is not DriveState.FAULT_REACTION_ACTIVE, left_s())
             for word in (Control.DISABLE_VOLTAGE, Control.FAULT_RESET):
-                axis.power.control = int(word)
-                self._wait(partial(lambda sent: axis.controlword == sent, word), _STEP_S)
-            cleared = self._wait(lambda: not report.in_alarm, timeout_s)
+                if left_s():
+                    axis.power.control = int(word)
+                    self._wait(partial(lambda sent: axis.controlword == sent, word), left_s())
+            cleared = self._wait(lambda: not report.in_alarm, left_s())
             axis.power.control = int(Control.DISABLE_VOLTAGE)
             axis.power.lost = ""
             if not cleared:
@@ -420,6 +418,11 @@ class Commands:
         """Wait for ``condition``; raise DeviceTimeout with ``late`` and the state otherwise."""
         if not self._wait(condition, timeout_s):
             raise self._error(DeviceTimeout, f"{late}, {self._status()}")
+
+    def _countdown(self, timeout_s: float) -> Callable[[], float]:
+        """Return a function that returns the seconds left from now on, at least 0."""
+        deadline_ns = self._clock.now_ns() + round(timeout_s * NANOSECONDS)
+        return lambda: max(0.0, (deadline_ns - self._clock.now_ns()) / NANOSECONDS)
 
     def _wait(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         """Wait for ``condition``; False at once when the node is lost."""

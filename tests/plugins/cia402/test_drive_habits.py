@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import pytest
 from tests.plugins.cia402.looped_drive import LoopedDrive
 from tests.plugins.cia402.test_looped_drive import FAST, idle, peak_velocity
@@ -179,3 +181,22 @@ def test_the_servo_goes_on_in_no_torque_mode_that_the_drive_leaves_late() -> Non
     looped._exchange = note  # type: ignore[method-assign]
     looped.commands.enable(2.0)
     assert set(modes) == {Mode.CYCLIC_POSITION}
+
+
+def test_an_alarm_is_not_cleared_after_the_time_out() -> None:
+    """Its caller has been told that it is still there."""
+    looped = LoopedDrive()
+    put, sent = looped.objects.put, list[int]()
+
+    def note(values: Sequence[int]) -> None:
+        put(values)
+        sent.append(values[0])
+
+    looped.objects.put = note  # type: ignore[method-assign]
+    looped.faults.statusword = 0x020F  # fault reaction active
+    looped.run(0.1)
+    begun_ns = looped.clock.now_ns()
+    with pytest.raises(DeviceTimeout, match="the alarm is still there after 1 s"):
+        looped.commands.clear_alarm(1.0)
+    assert looped.clock.now_ns() - begun_ns < 1.1e9
+    assert Control.FAULT_RESET not in sent
