@@ -250,7 +250,9 @@ class Commands:
                 axis.mode.bits = 0
                 if not axis.activity.is_idle:
                     axis.activity.begin_stop()
-                    self._wait(lambda: axis.activity.is_idle, braking_s + _STEP_S)
+                    if not self._wait(lambda: axis.activity.is_idle, braking_s + _STEP_S):
+                        axis.power.quick_stop()  # some drives do not watch the bit
+                        self._wait(lambda: axis.activity.is_idle, _STEP_S)
                 self._wait_for_fresh_values()
                 axis.report.rebase()
                 axis.setpoint.position = axis.report.position

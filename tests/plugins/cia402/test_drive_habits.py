@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import pytest
 from tests.plugins.cia402.looped_drive import LoopedDrive
@@ -200,3 +201,26 @@ def test_an_alarm_is_not_cleared_after_the_time_out() -> None:
         looped.commands.clear_alarm(1.0)
     assert looped.clock.now_ns() - begun_ns < 1.1e9
     assert Control.FAULT_RESET not in sent
+
+
+def test_a_homing_that_the_drive_goes_on_with_is_ended_by_a_quick_stop() -> None:
+    """A drive may start at the rising bit 4 and not watch it from then on."""
+    looped = LoopedDrive(homing_method=19, homing_speed_rad_s=0.5, homing_acceleration_rad_s2=2.0)
+    looped.commands.enable(1.0)
+    handlers = looped.drive.motion._handlers
+    homing = handlers[Mode.HOMING]
+    handlers[Mode.HOMING] = lambda rising, word, s: homing(rising, word | 0x10, s)
+    exchange, speeds = looped._exchange, [0.0]
+
+    def note() -> None:
+        exchange()
+        speeds.append(looped.motors.velocity(0))
+
+    looped._exchange = note  # type: ignore[method-assign]
+    with pytest.raises(DeviceTimeout, match="homing did not end"):
+        looped.commands.home(1.0)
+    looped.run(0.5)
+    ramp = looped.axis.options.quick_stop_deceleration_rad_s2
+    assert max(abs(b - a) for a, b in pairwise(speeds)) < 1.5 * ramp * 0.004
+    assert looped.axis.activity.is_idle
+    assert speeds[-1] == pytest.approx(0.0, abs=1e-3)
