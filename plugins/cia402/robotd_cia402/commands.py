@@ -13,6 +13,7 @@ from robotd.api import (
     Clock,
     CommandMode,
     DeviceTimeout,
+    InvalidArgument,
     NotReady,
     Operation,
     OperationError,
@@ -194,8 +195,7 @@ class Commands:
         with axis.lock:
             self._prepare_motion(stops)
             axis.activity.complete = False
-            speed = abs(axis.scaling.velocity_units(profile.velocity))
-            axis.drive.set_value(0x6081, 0, speed)
+            axis.drive.set_value(0x6081, 0, self._speed_units(profile.velocity))
             profile = self._write_ramps(profile)
             self._require_no_stop(stops)
             axis.begin_move(target, profile)
@@ -207,6 +207,7 @@ class Commands:
         stops = axis.activity.stops
         if TARGET_VELOCITY not in axis.drive.outputs:
             raise self._error(NotReady, "no PDO holds 0x60FF (target velocity)")
+        self._speed_units(profile.velocity)
         with axis.lock:
             self._prepare_motion(stops)
             mode, setpoint = VELOCITY_MODES[axis.options.velocity_mode], axis.setpoint
@@ -237,7 +238,7 @@ class Commands:
             if options.homing_method not in _HERE:
                 speeds = options.homing_speed_rad_s, options.homing_creep_rad_s
                 for sub, speed in enumerate(speeds, 1):
-                    drive.set_value(0x6099, sub, abs(axis.scaling.velocity_units(speed)))
+                    drive.set_value(0x6099, sub, self._speed_units(speed))
                 ramp = axis.scaling.ramp_units(options.homing_acceleration_rad_s2)
                 drive.set_value(0x609A, 0, ramp)
                 braking_s = max(speeds) / options.homing_acceleration_rad_s2
@@ -403,6 +404,16 @@ class Commands:
             profile = replace(profile, acceleration=profile.deceleration)
         drive.set_value(0x6083, 0, scaling.ramp_units(profile.acceleration))
         return profile
+
+    def _speed_units(self, velocity: float) -> int:
+        """Return the velocity units of a speed. Raises InvalidArgument where they are 0."""
+        scaling = self._axis.scaling
+        units = abs(scaling.velocity_units(velocity))
+        if velocity and not units:
+            unit = abs(scaling.velocity)
+            text = f"a velocity of {velocity:g} is less than half a unit of the drive, {unit:.3g}"
+            raise self._error(InvalidArgument, text)
+        return units
 
     def _require_power(self) -> None:
         self.require_online()

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
 from tests.plugins.cia402.looped_drive import LoopedDrive
 from tests.plugins.cia402.test_looped_drive import FAST, idle, peak_velocity
 
-from robotd.api import CommandMode, DeviceTimeout, OperationError, Profile
+from robotd.api import CommandMode, DeviceTimeout, InvalidArgument, OperationError, Profile
 from robotd_cia402.controlword import Control, DriveState
 from robotd_cia402.modes import OperationMode
 from robotd_cia402.object_numbers import DEMAND, INPUTS, MODE
@@ -224,3 +225,28 @@ def test_a_homing_that_the_drive_goes_on_with_is_ended_by_a_quick_stop() -> None
     assert max(abs(b - a) for a, b in pairwise(speeds)) < 1.5 * ramp * 0.004
     assert looped.axis.activity.is_idle
     assert speeds[-1] == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("velocity_mode", ["csv", "pv"])
+def test_a_speed_below_the_unit_of_the_drive_is_rejected(velocity_mode: str) -> None:
+    """It would be 0: the axis would never arrive, and a homing never end."""
+    looped = LoopedDrive(
+        velocity_per_rad_s=9.55,
+        homing_method=19,
+        homing_creep_rad_s=0.05,
+        velocity_mode=velocity_mode,
+    )
+    looped.commands.enable(1.0)
+    slow = Profile(velocity=0.05, acceleration=5.0, deceleration=5.0)
+    text = r"node 1: a velocity of 0.05 is less than half a unit of the drive, 0.105"
+    for command in (
+        lambda: looped.commands.move(1.0, slow),
+        lambda: looped.commands.jog(slow),
+        lambda: looped.commands.home(5.0),
+    ):
+        with pytest.raises(InvalidArgument, match=text):
+            command()
+    assert looped.axis.activity.is_idle
+    looped.commands.jog(replace(slow, velocity=0.0))
+    looped.commands.move(0.1, replace(slow, velocity=0.1))
+    idle(looped)
