@@ -117,6 +117,7 @@ class Commands:
                 if left_s():
                     axis.power.control = int(word)
                     self._wait(partial(lambda sent: axis.controlword == sent, word), left_s())
+            reset_ns = self._clock.now_ns()
             cleared = self._wait(lambda: not report.in_alarm, left_s())
             axis.power.control = int(Control.DISABLE_VOLTAGE)
             axis.power.lost = ""
@@ -124,6 +125,7 @@ class Commands:
                 report.read_error_register()
                 text = f"the alarm is still there after {timeout_s:g} s: {report.alarm_text}"
                 raise self._error(DeviceTimeout, text)
+            axis.drive.node.forget_emergency_before(reset_ns)  # not every drive reports its end
 
     def set_mode(self, mode: CommandMode) -> None:
         axis = self._axis

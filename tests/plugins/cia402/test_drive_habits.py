@@ -250,3 +250,18 @@ def test_a_speed_below_the_unit_of_the_drive_is_rejected(velocity_mode: str) -> 
     looped.commands.jog(replace(slow, velocity=0.0))
     looped.commands.move(0.1, replace(slow, velocity=0.1))
     idle(looped)
+
+
+def test_an_emergency_that_the_drive_does_not_end_is_over_with_its_alarm() -> None:
+    """Not every drive sends an error reset, and a mailbox may have no room for it."""
+    looped = LoopedDrive()
+    looped.run(0.1)
+    looped.drive.trip(0x3210)
+    looped.run(0.1)
+    assert "EMCY 0x3210" in looped.image.reason[0]
+    looped.drive._emergency = lambda code, register: None
+    looped.commands.clear_alarm(1.0)
+    assert looped.objects.node.emergency is None
+    looped.drive.trip(0x8611)
+    looped.run(0.1)
+    assert looped.image.reason[0] == "node 1: error code 0x8611 following error"
