@@ -22,7 +22,8 @@ class BringUp:
     Args:
         bus_name: for error paths.
         release: called with each node that starts, right before it is online, or is given up.
-        allow_partial: go on without the nodes that fail, unless all do.
+        allow_partial: go on without drives that fail, unless all nodes do. Inputs of a module that
+            is left out would read as 0.
     """
 
     def __init__(
@@ -82,7 +83,9 @@ class BringUp:
         for node in sorted(failed, key=work.index):
             path = f"{self._bus_name} → {node.name}"  # the texts of SDO begin with it, too
             failures[f"canopen → {path}"] = node.fault.replace(f"{path}: ", "")
-        if not self._allow_partial or len(failures) == self._count:
+        drives = {axis.drive.node for axis in self._axes}
+        partial = self._allow_partial and len(failed) < self._count and drives.issuperset(failed)
+        if not partial:
             raise ConnectError(message, failures)
         for path, reason in failures.items():
             log.warning("node skipped", node=path, reason=reason)

@@ -119,7 +119,7 @@ class CanopenOptions(FieldbusOptions):
     )
     max_bus_load: float = Field(0.9, gt=0, le=1, description="Highest computed load of the bus.")
     allow_partial: bool = Field(
-        False, description="Start although nodes fail; their axes are offline."
+        False, description="Start although drives fail; their axes are offline."
     )
     axes: tuple[AxisOptions, ...] = Field((), description="The axes, each with its drive.")
     axis_defaults: dict[str, Any] = Field({}, description="Keys that all axes have in common.")

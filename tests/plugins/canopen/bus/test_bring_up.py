@@ -111,6 +111,19 @@ def test_partial_bring_up_when_it_is_allowed(open_rig: OpenRig) -> None:
         harness.until(lambda: not harness.image.offline.any())
 
 
+def test_an_io_module_that_is_missing_is_not_left_out(open_rig: OpenRig) -> None:
+    """Its inputs would read as 0, and nothing shows that they are not known."""
+    with open_rig(SMALL, enable=False, allow_partial=True, sdo_timeout_s=0.15) as harness:
+        harness.robot.connection.stop_communication()
+        harness.inject("16 silence")
+        with pytest.raises(ConnectError, match=r"I/O module \(node 16\).*no answer"):
+            harness.robot.connection.start_communication()
+        assert not harness.robot.connection.ready
+        harness.inject("16 heal")
+        harness.robot.connection.start_communication()
+        assert harness.robot.connection.ready
+
+
 def test_outputs_stay_on_when_a_lost_drive_delays_the_restart(open_rig: OpenRig) -> None:
     with open_rig(enable=False, sdo_timeout_s=0.15) as harness:
         harness.inject("2 silence")
