@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Collection, Sequence
 
-from robotd.api import OperationError
+from robotd.api import NotReady, OperationError
 from robotd_canopen.bus import Bus, Handler
 from robotd_canopen.frame import Frame
 from robotd_canopen.layout import IoLayout
@@ -45,9 +45,17 @@ class IoImage(ModuleIo[Node, IoOptions]):
             with self._reading:
                 if node not in self._received:  # else: what it has sent is newer
                     self.inputs[options.input_byte : options.input_byte + len(read)] = bytes(read)
-            for sub in range(1, options.output_length + 1):
-                self.outputs[options.output_byte + sub - 1] = sdo.read(_OUTPUTS, sub) & 0xFF
-            self._known.add(node)
+            levels = [sdo.read(_OUTPUTS, sub) & 0xFF for sub in range(1, options.output_length + 1)]
+            with self._lock:
+                self.outputs[options.output_byte : options.output_byte + len(levels)] = levels
+                self._known.add(node)
+
+    def _online_modules(self, byte: int, length: int) -> list[tuple[Node, IoOptions]]:
+        found = super()._online_modules(byte, length)
+        for node, _ in found:
+            if node not in self._known:  # a frame has all outputs of the module, old ones as well
+                raise NotReady(f"{node.name}: its outputs are not known yet")
+        return found
 
     def _send(self, modules: Sequence[tuple[Node, IoOptions]]) -> None:
         failed = []

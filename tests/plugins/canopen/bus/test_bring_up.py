@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from tests.plugins.canopen.bus.conftest import SMALL, OpenRig
 
-from robotd.errors import ConnectError
+from robotd.errors import ConnectError, NotReady
 from robotd_canopen.bus_scan import scan_bus
 
 
@@ -137,3 +137,24 @@ def test_outputs_stay_on_when_a_lost_drive_delays_the_restart(open_rig: OpenRig)
         harness.robot.connection.start_communication()
         harness.robot.io.set_output_bit(0, 0, True)
         harness.until(lambda: harness.module(16).outputs[0] == 0b1001)
+
+
+def test_no_output_is_sent_before_those_of_a_module_are_known(open_rig: OpenRig) -> None:
+    """A frame has all of them: those of before the reset would be switched on."""
+    with open_rig(SMALL, enable=False, sdo_timeout_s=0.15) as harness:
+        nodes, io = harness.master.nodes, harness.master.io
+        harness.robot.io.set_output_bit(0, 0, True)
+        harness.inject("2 silence")
+        harness.inject("16 reboot")
+        harness.until(lambda: not nodes[2].online and not nodes[16].online)
+        with pytest.raises(ConnectError, match="elbow"):
+            harness.robot.connection.start_communication()
+        assert nodes[16].online
+        with pytest.raises(
+            NotReady, match=r"I/O module \(node 16\): its outputs are not known yet"
+        ):
+            io.write_output_bit(0, 3, True)
+        harness.inject("2 heal")
+        harness.robot.connection.start_communication()
+        harness.robot.io.set_output_bit(0, 3, True)
+        harness.until(lambda: harness.module(16).outputs[0] == 0b1000)
