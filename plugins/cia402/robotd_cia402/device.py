@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, Generic, Protocol, TypeVar
 
 from robotd.api import (
@@ -26,6 +26,7 @@ from robotd_cia402.node import IDENTITY, FieldbusNode
 
 log = get_logger("cia402")
 
+_FRAMES_OF_RELEASE = 3  # until one of them has carried it, and the next made it effective
 _SERVO_S = 0.5  # for a stop, and for one servo, while the control loop may not be running
 MasterT = TypeVar("MasterT", bound=Cia402Master[Any])
 
@@ -124,27 +125,30 @@ class Cia402Device(DeviceDriver, Generic[MasterT, SimulationT]):
             self.simulation.stop()
 
 
-def switch_off(axes: Iterable[Axis[Any]], timeout_s: float, clock: Clock) -> None:
+def switch_off(axes: Collection[Axis[Any]], timeout_s: float, clock: Clock) -> None:
     """Stop the axes that are powered, then switch their servos off. Worker.
 
     Args:
-        axes: those whose node is lost are left alone: their drives stop by themselves.
         timeout_s: for all to come to rest; then the servos are switched off in motion.
 
-    A servo that does not go off is logged; the others are switched off all the same.
+    A servo that does not go off is logged; the others are switched off all the same. A drive that
+    is lost may receive: it is switched off without an answer.
     """
     online = [axis for axis in axes if axis.drive.node.online]
+    lost = [axis for axis in axes if not axis.drive.node.online and axis.power.requested]
     live = [axis for axis in online if axis.report.powered]
     for axis in live:
         axis.brake(axis.options.stop_deceleration_rad_s2)
     wait_until(lambda: all(axis.activity.is_idle for axis in live), timeout_s, clock)
-    for axis in online:
+    for axis in (*online, *lost):
         axis.power.release(axis.report.state)  # of all, before one of them is waited for
+    sent = [(axis.drive, axis.drive.frames + _FRAMES_OF_RELEASE) for axis in lost]
     for axis in online:
         try:
             Commands(axis, clock).disable(_SERVO_S)
         except RobotdError as error:
             log.warning("switching off failed", axis=axis.number, reason=str(error))
+    wait_until(lambda: all(drive.frames >= last for drive, last in sent), _SERVO_S, clock)
 
 
 class Cia402Fieldbus(FieldbusDriver, Generic[MasterT]):

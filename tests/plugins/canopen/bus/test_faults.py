@@ -314,6 +314,17 @@ def check_lost_drive_stops(harness: Harness) -> None:
     assert speed(harness) == 0.0
 
 
+def test_the_end_of_communication_switches_off_a_lost_drive_that_receives(
+    open_rig: OpenRig,
+) -> None:
+    """Not every drive watches the heartbeat of robotd."""
+    with open_rig(SMALL) as harness:
+        harness.inject("2 drop 1.0")
+        harness.until(lambda: bool(harness.image.offline[1]))
+        harness.robot.connection.stop_communication()
+        assert harness.drive(2).drives[0].state is State.READY_TO_SWITCH_ON
+
+
 def speed(harness: Harness) -> float:
     """Return the commanded velocity inside the drive of axis 1, which no frame shows."""
     return harness.network._machine.command(1)[1]
