@@ -138,8 +138,13 @@ class ReplayDevice(DeviceDriver):
         return self.replayed.frames[index], elapsed_ns - int(self._starts_ns[index])
 
     def update_io(self) -> None:
-        """Set the images to the present time, or to the start when stopped. Control loop."""
+        """Set the images to the present time, or to the start when stopped. Control loop.
+
+        After the recording they stay as they were at its end.
+        """
         found = self.frame()
+        if found is None and self._began_ns:
+            return
         frame = self.replayed.frames[0] if found is None else found[0]
         time_ns, recording = int(frame["start_ns"]), self.replayed.recording
         for image, changes in ((self.inputs, recording.inputs), (self.outputs, recording.outputs)):

@@ -75,6 +75,19 @@ def test_every_value_is_shown_at_its_time(recording: Recording) -> None:
     robot.shutdown()
 
 
+def test_inputs_and_outputs_stay_after_the_recording(recording: Recording) -> None:
+    robot = replay(recording.path, "backends.replay.repeat=false")
+    robot.start()
+    assert robot.io.live is not None
+    outputs, shown = robot.io.live[1], list[int]()
+    for _ in range(round(recording.duration_s * 500) + 5):
+        robot.step(1)
+        shown.append(outputs[0])
+    assert shown[0] == 0
+    assert shown[-1] == shown[-20] == 1
+    robot.shutdown()
+
+
 def goal(robot: Robot) -> None:
     request = TrajectoryRequest.from_rows(robot.joint_names, [1.0], [[0.1] * 6])
     with robot.follower.follow(request):
