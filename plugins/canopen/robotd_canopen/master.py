@@ -188,8 +188,8 @@ class Master(Cia402Master[CanopenDrive]):
 
     def end(self) -> None:
         online = [node for node in self.nodes.values() if node.online]
-        self._leave_all(ConnectionState.RUNNING)  # missing heartbeats are expected from now on
         powered = {axis.drive.node.number for axis in self.axes if axis.report.powered}
+        self._leave_all(ConnectionState.RUNNING)  # missing heartbeats are expected from now on
         for node in online:
             if node.number not in powered:  # else its servo did not go off: let it stop by itself
                 _try(node, partial(node.watch_master, watch=False))

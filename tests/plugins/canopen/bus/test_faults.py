@@ -233,13 +233,24 @@ def test_the_drives_stop_when_the_daemon_is_gone(open_rig: OpenRig) -> None:
         harness.master.end()  # nobody is left who could stop it in order
 
 
-def test_a_drive_that_cannot_be_switched_off_stops_by_itself(open_rig: OpenRig) -> None:
-    """Without the control loop no frame reaches it."""
+@pytest.mark.parametrize("in_a_period", [False, True])
+def test_a_drive_that_cannot_be_switched_off_stops_by_itself(
+    open_rig: OpenRig, monkeypatch: pytest.MonkeyPatch, in_a_period: bool
+) -> None:
+    """Without the control loop no frame reaches it; the last period may end late."""
     with open_rig(SMALL, axis_defaults=WINDOW) as harness:
         harness.robot.axes.set_command_mode(1, CommandMode.VELOCITY)
         harness.robot.axes.jog([Jog(1, Profile(0.3, 5.0, 5.0))])
         harness.until(lambda: harness.image.velocity[1] > 0.29)
         harness.robot.control_loop.stop()
+        master, leave = harness.master, harness.master._leave_all
+
+        def within_a_period(state: ConnectionState) -> None:
+            leave(state)
+            for axis in master.axes if in_a_period else ():
+                axis.observe(harness.image)
+
+        monkeypatch.setattr(master, "_leave_all", within_a_period)
         harness.device.stop_communication(0.1)
         drive = harness.drive(2).drives[0]
         harness.until(lambda: drive.state is State.FAULT, 10.0)
