@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 from canopen.objectdictionary import ObjectDictionary, ODVariable
 
 from robotd_canopen.object_dictionary import variable
-from robotd_canopen.options import AxisOptions, PdoOptions
+from robotd_canopen.options import PDO_COB_IDS, AxisOptions, PdoOptions
 from robotd_canopen.pdo import MAX_BYTES, MAX_SYNCHRONOUS, Direction, constant_mapping
 from robotd_cia402.object_numbers import (
     CONTROLWORD,
@@ -136,7 +136,7 @@ def _constant(
         pdos[number] = PdoOptions(
             number=number,
             transmission=_fixed(transmission, range(1, MAX_SYNCHRONOUS + 1)) or 1,
-            cob_id=_fixed(cob_id, range(1, 0x800)),
+            cob_id=_fixed(cob_id, PDO_COB_IDS),
             objects=tuple(_name(index, sub) for index, sub in entries),
         )
     for number in reversed(found):  # without those whose objects are in others
@@ -162,7 +162,7 @@ def _room(direction: Direction, number: int, dictionary: ObjectDictionary) -> in
     return len(subs) or _MAX_ENTRIES
 
 
-def _fixed(found: ODVariable | None, usable: range) -> int | None:
+def _fixed(found: ODVariable | None, usable: Collection[int]) -> int | None:
     """Return the value of a read-only parameter; None where it is not usable."""
     if found is None or found.writable or not isinstance(found.default, int):
         return None

@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, field_validator
+from pydantic import AfterValidator, Field, field_validator
 
 from robotd_cia402.options import (
     DriveOptions,
@@ -27,7 +27,18 @@ from robotd_cia402.options import (
 
 NodeId = Annotated[Integer, Field(ge=1, le=127)]
 _UNUSED_TYPES = range(241, 254)  # transmission types: reserved, or on remote request (CiA 301)
-CobId = Annotated[Integer, Field(ge=0x001, le=0x7FF)]
+PDO_COB_IDS = frozenset((*range(0x181, 0x580), *range(0x680, 0x6E0)))
+"""Those of no other service (CiA 301, 7.3.3)."""
+
+
+def _for_pdo(cob_id: int) -> int:
+    if cob_id not in PDO_COB_IDS:
+        allowed = "0x181 to 0x57F and 0x680 to 0x6DF"
+        raise ValueError(f"0x{cob_id:03X} is not for PDOs: {allowed} are")
+    return cob_id
+
+
+CobId = Annotated[Integer, AfterValidator(_for_pdo)]
 
 
 class BusOptions(Section):
