@@ -12,11 +12,12 @@ from robotd_canopen.frame import Frame
 from robotd_canopen.layout import AxisLayout
 from robotd_canopen.node import ANSWERS, FRAMES, Node
 from robotd_canopen.object_dictionary import variable
-from robotd_canopen.pdo import Pdo
+from robotd_canopen.pdo import Entry, Pdo
 from robotd_cia402.drive_access import DriveAccess, SdoAbort
 from robotd_cia402.object_numbers import MODE, OUTPUTS
 
 _EVENT_S = 1.0  # for an event-driven TPDO whose objects cannot be read
+_FIRST_OBJECT = 0x1000  # below are types, which fill gaps of a mapping
 _MODE = OUTPUTS.index(MODE)
 
 
@@ -26,12 +27,15 @@ class _Rpdo:
 
     pdo: Pdo
     frame: Frame
-    places: list[int]  # of its objects in OUTPUTS, or of the 0 behind them
+    places: list[int]  # of its objects in OUTPUTS, or behind them
     modes: frozenset[int] | None  # as Pdo.modes
 
 
 class CanopenDrive(DriveAccess):
     """Axis ``number`` of the robot, on ``node``; a cyclic frame is a SYNC.
+
+    Mapped outputs that no part of robotd sets, such as a torque limit, keep the value that the
+    drive had when it was configured.
 
     Attributes:
         layout: its options, dictionary and PDOs.
@@ -50,11 +54,14 @@ class CanopenDrive(DriveAccess):
         self.outputs = frozenset(entry.base for pdo in layout.rpdos for entry in pdo.entries)
         self.layout, self._number = layout, number
         self._feedback, self._bus = feedback, bus
+        entries = [entry for pdo in layout.rpdos for entry in pdo.entries]
+        self._others = [entry for entry in entries if entry.base not in OUTPUTS]
+        self._own_values = [0] * len(self._others)
         self._rpdos = [
             _Rpdo(
                 pdo,
                 Frame(pdo.cob_id, bytes(pdo.layout.size)),
-                [_place(entry.base) for entry in pdo.entries],
+                [self._place(entry) for entry in pdo.entries],
                 pdo.modes,
             )
             for pdo in layout.rpdos
@@ -84,7 +91,7 @@ class CanopenDrive(DriveAccess):
         """
         if not self.node.configured:
             return
-        values = (*values, 0)
+        values = (*values, *self._own_values)
         mode = values[_MODE]
         for rpdo in self._rpdos:
             if rpdo.modes is None or mode in rpdo.modes:
@@ -110,6 +117,7 @@ class CanopenDrive(DriveAccess):
 
     def accept(self) -> None:
         """Worker: the node is configured and starts; its TPDOs count from now on."""
+        self._own_values = [self._own_value(entry) for entry in self._others]
         self._feedback.accept(self._number)
 
     def query(self) -> None:
@@ -151,7 +159,13 @@ class CanopenDrive(DriveAccess):
             lambda: self._feedback.has_come(self._number, pdo), _EVENT_S, self.node.clock
         )
 
+    def _place(self, entry: Entry) -> int:
+        """Return the place of an object in ``OUTPUTS``; behind them if robotd does not set it."""
+        if entry.base in OUTPUTS:
+            return OUTPUTS.index(entry.base)
+        return len(OUTPUTS) + self._others.index(entry)
 
-def _place(index: int) -> int:
-    """Return the place of an object in ``OUTPUTS``; behind them where none sets it."""
-    return OUTPUTS.index(index) if index in OUTPUTS else len(OUTPUTS)
+    def _own_value(self, entry: Entry) -> int:
+        found = variable(self.node.sdo.dictionary, entry.index, entry.sub)
+        readable = entry.index >= _FIRST_OBJECT and found is not None and found.readable
+        return self.node.sdo.read(entry.index, entry.sub) if readable else 0

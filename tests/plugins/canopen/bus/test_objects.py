@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 from tests.plugins.canopen.bus.conftest import SMALL, OpenRig
 
-from robotd.device.axes import Move
+from robotd.device.axes import Jog, Move
+from robotd.device.state import CommandMode
 from robotd.errors import InvalidArgument, NotReady, OperationError
 from robotd.motion.profile import Profile
 
@@ -40,3 +41,14 @@ def test_a_rejection_names_node_object_and_reason(open_rig: OpenRig) -> None:
             fieldbus.read_object(0, 1, 0x5FFF)
         with pytest.raises(InvalidArgument, match=r"node 9 is not on bus 0 \(nodes: \[1, 2"):
             fieldbus.read_object(0, 9, 0x1000)
+
+
+def test_a_mapped_object_that_robotd_does_not_set_keeps_its_value(open_rig: OpenRig) -> None:
+    """With a torque limit of 0 an arm would fall."""
+    objects = ["0x6040", "0x6060", "0x607A"], ["0x60FF", "0x6072"]
+    rpdos = [{"number": number, "objects": each} for number, each in enumerate(objects, 1)]
+    with open_rig(SMALL, axis_defaults={"rpdos": rpdos, "counts_per_rad": 1e5}) as harness:
+        harness.robot.axes.set_command_mode(1, CommandMode.VELOCITY)
+        harness.robot.axes.jog([Jog(1, Profile(0.3, 5.0, 5.0))])
+        harness.until(lambda: harness.image.velocity[1] > 0.29)
+        assert harness.drive(2).values[0x6072, 0] == 3000
