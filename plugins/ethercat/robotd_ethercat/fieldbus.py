@@ -6,7 +6,7 @@ import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from robotd.api import BusNode, BusState, BusStatus, DeviceTimeout, NotReady
+from robotd.api import BusNode, BusState, BusStatus, NotReady, RobotdError
 from robotd_cia402.device import BUS_STATES, Cia402Fieldbus
 from robotd_ethercat.al_status import AlState, al_code_text
 from robotd_ethercat.exchange import Counters
@@ -128,7 +128,7 @@ class EthercatFieldbus(Cia402Fieldbus[Master]):
     def _clear(self, slave: Slave, address: int) -> None:
         try:
             slave.write_register(address, _CLEAR)  # a write of any value clears the counters
-        except DeviceTimeout:
+        except RobotdError:
             return
 
     def _slave(self, node: int) -> Slave:
@@ -194,7 +194,7 @@ def _ports(slave: Slave) -> PortCounters | None:
         return None
     try:
         return PortCounters.read(slave)
-    except DeviceTimeout:
+    except RobotdError:
         return None
 
 

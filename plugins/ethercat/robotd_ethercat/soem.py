@@ -198,10 +198,11 @@ class Soem:
 
     def set_watchdog(self, slave: int, milliseconds: float) -> None:
         """Set the process data watchdog of a slave. Raises OperationError."""
-        one = self._slave(slave)
         try:
             self._register(
-                _WATCHDOG_REGISTER, lambda _: one.set_watchdog("processdata", milliseconds)
+                slave,
+                _WATCHDOG_REGISTER,
+                lambda one, _: one.set_watchdog("processdata", milliseconds),
             )
         except (AttributeError, DeviceTimeout) as error:
             raise OperationError(f"watchdog_ms {milliseconds:g} was not taken: {error}") from error
@@ -301,13 +302,12 @@ class Soem:
 
     def read_register(self, slave: int, address: int, size: int) -> bytes:
         """Read registers of a slave controller. Raises DeviceTimeout."""
-        one = self._slave(slave)
-        return bytes(self._register(address, lambda wait_us: one._fprd(address, size, wait_us)))  # noqa: SLF001 - the library has no public name for it
+        read = lambda one, wait_us: one._fprd(address, size, wait_us)  # noqa: SLF001, E731 - the library has no public name for it
+        return bytes(self._register(slave, address, read))
 
     def write_register(self, slave: int, address: int, data: bytes) -> None:
         """Write registers of a slave controller. Raises DeviceTimeout."""
-        one = self._slave(slave)
-        self._register(address, lambda wait_us: one._fpwr(address, data, wait_us))  # noqa: SLF001 - as read_register
+        self._register(slave, address, lambda one, wait_us: one._fpwr(address, data, wait_us))  # noqa: SLF001 - as read_register
 
     def read_sii(self, slave: int, word: int) -> int:
         """Read 32 bits of the SII EEPROM of a slave, at a word address."""
@@ -324,10 +324,10 @@ class Soem:
             raise OperationError(f"slave {number} is not there: the bus is closed")
         return self.slaves[number]
 
-    def _register(self, address: int, action: Callable[[int], Any]) -> Any:
+    def _register(self, slave: int, address: int, action: Callable[[Any, int], Any]) -> Any:
         for left in reversed(range(_TRIES)):
             with suppress(self._pysoem.WkcError):
-                return action(self._frame_timeout_us)
+                return action(self._slave(slave), self._frame_timeout_us)
             if left:
                 time.sleep(_REGISTER_RETRY_S)
         raise DeviceTimeout(f"register 0x{address:04X}: no answer, {_TRIES} tries")

@@ -71,6 +71,21 @@ def test_registers_without_an_answer() -> None:
         bus.set_watchdog(0, 20.0)
 
 
+def test_registers_are_not_asked_again_after_the_bus_was_closed() -> None:
+    """The descriptor of its socket may be that of another file by then."""
+    bus, asked = Soem(0.7), []
+
+    def closed_meanwhile(*_: object) -> bytes:
+        asked.append(1)
+        bus.close()
+        raise pysoem.WkcError
+
+    bus.slaves = [SimpleNamespace(_fprd=closed_meanwhile)]
+    with pytest.raises(OperationError, match="slave 0 is not there: the bus is closed"):
+        bus.read_register(0, 0x0300, 2)
+    assert len(asked) == 1
+
+
 def test_a_watchdog_whose_first_frame_is_lost_is_written_again() -> None:
     bus = bus_of(pysoem.WkcError())
     written: list[float] = []
