@@ -67,6 +67,7 @@ class Cia402Device(DeviceDriver, Generic[MasterT, SimulationT]):
         self, master: MasterT, fieldbus: FieldbusDriver, simulation: SimulationT | None
     ) -> None:
         self.master, self.fieldbus, self.simulation = master, fieldbus, simulation
+        self._stops = 0  # number of times that communication was ended
 
     def open(self, path: str = "", name: str = "") -> None:
         """Open the configured bus; ``path`` may name no other one, ``name`` is not used."""
@@ -84,6 +85,7 @@ class Cia402Device(DeviceDriver, Generic[MasterT, SimulationT]):
             raise
 
     def close(self) -> None:
+        self._stops += 1
         if self.master.state in (ConnectionState.COMMUNICATING, ConnectionState.UNKNOWN):
             self.stop_communication(_SERVO_S)
         self.master.close()
@@ -97,10 +99,15 @@ class Cia402Device(DeviceDriver, Generic[MasterT, SimulationT]):
         if self.master.state is ConnectionState.IDLE:
             raise NotReady("communication cannot start: the bus is not open")
         if self.master.state is not ConnectionState.COMMUNICATING:
+            stops = self._stops
             self.master.start(timeout_s)
+            if self._stops != stops:  # by a caller that has given this start up
+                self.stop_communication(_SERVO_S)
+                raise NotReady("communication was stopped while it started")
 
     def stop_communication(self, timeout_s: float) -> None:
         """Also of nodes that a start which failed for others has started."""
+        self._stops += 1
         if self.master.state is ConnectionState.IDLE:
             return
         switch_off(self.master.axes, timeout_s, self.master.clock)
