@@ -121,7 +121,9 @@ class CanopenOptions(FieldbusOptions):
     master_node: NodeId = Field(127, description="Node id whose heartbeat is ours.")
     heartbeat_s: float = Field(0.1, ge=0.01, le=10, description="Heartbeat of all nodes.")
     heartbeat_timeout_s: Positive = Field(
-        0.5, description="Silence after which a node is lost, and after which it loses us."
+        0.5,
+        le=65.535,
+        description="Silence after which a node is lost, and after which it loses us.",
     )
     sdo_timeout_s: Positive = Field(0.3, description="Time for one answer.")
     sdo_tries: int = Field(3, ge=1, le=10, description="Attempts before a node is given up.")
@@ -139,3 +141,9 @@ class CanopenOptions(FieldbusOptions):
     def problems(self, nodes: Collection[int]) -> Iterator[str]:
         if self.master_node in nodes:
             yield f"node {self.master_node} is the master's own"
+        apart_s = self.heartbeat_s + (self.sync_period_s or 0.0)
+        if (timeout_s := self.heartbeat_timeout_s) <= apart_s:
+            yield (
+                f"heartbeat_timeout_s: {timeout_s:g} s is not above heartbeat_s and sync_period_s"
+                f" together, {apart_s:g} s"
+            )

@@ -46,6 +46,20 @@ def test_a_pdo_takes_no_cob_id_of_another_service(cob_id: int) -> None:
         options(axes=[drive(0, tpdos=[pdo]), drive(1)])
 
 
+@pytest.mark.parametrize(
+    ("section", "what"),
+    [
+        ({"heartbeat_s": 0.5}, "heartbeat_timeout_s: 0.5 s is not above heartbeat_s .* 0.5 s"),
+        ({"heartbeat_s": 0.2, "sync_period_s": 0.4}, "sync_period_s together, 0.6 s"),
+        ({"heartbeat_timeout_s": 70.0}, "less than or equal to 65.535"),
+    ],
+)
+def test_a_heartbeat_comes_within_its_time_out(section: dict[str, Any], what: str) -> None:
+    """Robotd sends its own with SYNC. Object 0x1016 has 16 bits for the time."""
+    with pytest.raises(ValidationError, match=what):
+        options(**section)
+
+
 def test_a_pdo_of_more_than_eight_bytes() -> None:
     pdo = {"number": 1, "objects": ["0x6041", "0x6061", "0x6064", "0x606C"]}
     with pytest.raises(DescriptorError, match="11 bytes do not fit in the 8"):
