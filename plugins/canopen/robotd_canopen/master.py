@@ -207,8 +207,7 @@ class Master(Cia402Master[CanopenDrive]):
         self._cycles += 1
         self.feedback.take()
         if self._cycles % self.layout.cycles_per_sync == 0:
-            if not self._transmitted:
-                self._transmit()
+            self._transmit()  # where no setpoint came
             self.sync.send()
             self.feedback.syncs = self.sync.count
             self._transmitted = False
@@ -226,17 +225,17 @@ class Master(Cia402Master[CanopenDrive]):
         if self.sync.count > behind < 2:
             image.fresh_ns = self.sync.before_ns if behind else self.timing.time_ns
         if not any(axis.activity.streaming for axis in self.axes):
-            self._transmit()
+            self._transmit_before_sync()
 
     def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
         super().stream(position, velocity, due_ns)
-        self._transmit()
+        self._transmit_before_sync()
 
     def stream_torque(self, torque: FloatArray, due_ns: int) -> None:
         """Control loop: torques; another group's ``stream`` sends them where it runs."""
         super().stream_torque(torque, due_ns)
         if all(axis.mode.requested.is_torque or not axis.activity.streaming for axis in self.axes):
-            self._transmit()
+            self._transmit_before_sync()
 
     def servo(self, axis: int, on: bool, timeout_s: float) -> None:
         """Switch on only where no other node has the id.
@@ -247,10 +246,14 @@ class Master(Cia402Master[CanopenDrive]):
             self.axes[axis].drive.require_unique(timeout_s)
         super().servo(axis, on, timeout_s)
 
+    def _transmit_before_sync(self) -> None:
+        """Send the RPDOs in the last control period before a SYNC."""
+        if (self._cycles + 1) % self.layout.cycles_per_sync == 0:
+            self._transmit()
+
     def _transmit(self) -> None:
-        """Send the RPDOs once per SYNC, in the last control period before it."""
-        last = (self._cycles + 1) % self.layout.cycles_per_sync == 0
-        if self._transmitted or not last:
+        """Send the RPDOs, once per SYNC."""
+        if self._transmitted:
             return
         self._transmitted = True
         for axis in self.axes:

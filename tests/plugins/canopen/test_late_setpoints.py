@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from tests.fakes import FakeClock
 from tests.plugins.canopen.network import options, plan
 
 from robotd.descriptor import RobotDescriptor
+from robotd.device.process_image import ProcessImage
+from robotd.device.state import ConnectionState, Operation
 from robotd.errors import LateSetpoint
 from robotd_canopen.frame import Frame
 from robotd_canopen.master import Master
@@ -94,3 +98,28 @@ def test_the_first_setpoint_after_skipped_periods_is_sent(harness: Harness) -> N
     harness.due_ns += 10 * PERIOD_NS
     harness.period()
     assert harness.master.timing.after_rest
+
+
+@pytest.mark.parametrize("cycles", [1, 2])
+def test_each_sync_has_its_frames_where_no_setpoint_came(
+    monkeypatch: pytest.MonkeyPatch, cycles: int
+) -> None:
+    """A stop of another axis goes on, and a servo is switched off."""
+    robot = RobotDescriptor.model_validate(
+        {"schema": 1, "name": "test", "axes": 2, "cycle": {"rate_hz": 250}}
+    )
+    master = Master(robot, plan(options(sync_period_s=0.004 * cycles)), FakeClock())
+    sent, image = list[int](), ProcessImage(2)
+    monkeypatch.setattr(master.bus, "send", lambda frame: sent.append(frame.arbitration_id))
+    monkeypatch.setattr(master, "_state", ConnectionState.COMMUNICATING)
+    monkeypatch.setattr(master, "stream_problem", lambda _: "")
+    for axis in master.axes:
+        axis.drive.node.configured = True
+        monkeypatch.setattr(axis, "observe", lambda _: None)
+    master.axes[0].activity.begin(Operation.STREAM)
+    for _ in range(12):
+        master.read(image)
+    syncs = [place for place, cob_id in enumerate(sent) if cob_id == 0x080]
+    frames = [sent[before:after] for before, after in pairwise(syncs)]
+    assert len(frames) >= 5
+    assert all({0x201, 0x202} <= set(between) for between in frames)
