@@ -176,10 +176,15 @@ class Cia402Master(AxisDriver, Generic[DriveT]):
     def set_gear_ratio(self, axis: int, numerator: float, denominator: float) -> None:
         self._require_off(axis)
         scaled = self.axes[axis]
-        scaled.scaling.change(numerator / denominator, scaled.scaling.polarity)
+        before, polarity = scaled.scaling.counts_per_unit, scaled.scaling.polarity
+        scaled.scaling.change(numerator / denominator, polarity)
         scaled.drive.forget_written()
         if scaled.drive.node.online:  # else it is written when the drive is configured again
-            write_quick_stop_ramp(scaled)
+            try:
+                write_quick_stop_ramp(scaled)
+            except RobotdError:
+                scaled.scaling.change(before, polarity)
+                raise
 
     def home(self, axis: int, timeout_s: float) -> None:
         self._commands[axis].home(timeout_s)

@@ -9,6 +9,7 @@ from tests.plugins.cia402.looped_drive import PERIOD_NS, PERIOD_S, LoopedDrive, 
 from robotd.api import (
     CommandMode,
     ConnectionState,
+    DeviceTimeout,
     NotReady,
     Operation,
     OperationError,
@@ -137,6 +138,19 @@ def test_the_scale_changes_with_the_servo_off_only(axes: LoopedAxes) -> None:
     axes.set_polarity(0, -1)
     axes.set_gear_ratio(0, 2e5, 2.0)
     assert axes.looped.axis.scaling.position == pytest.approx(-1e-5)
+
+
+def test_a_scale_whose_ramp_cannot_be_written_is_not_in_force(axes: LoopedAxes) -> None:
+    """Its caller goes on with the scale of before."""
+    axes.servo(0, on=False, timeout_s=1.0)
+
+    def no_answer(index: int, sub: int, value: int) -> None:
+        raise DeviceTimeout("no answer")
+
+    axes.looped.objects.write = no_answer  # type: ignore[method-assign]
+    with pytest.raises(DeviceTimeout, match="no answer"):
+        axes.set_gear_ratio(0, 2e5, 1.0)
+    assert axes.looped.axis.scaling.position == pytest.approx(1e-5)
 
 
 def test_an_alarm_is_cleared_and_the_axis_homed(axes: LoopedAxes) -> None:
