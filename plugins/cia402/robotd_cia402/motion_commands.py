@@ -1,0 +1,185 @@
+"""Motion that one axis makes by itself: move, jog, homing, and their stops."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from robotd.api import (
+    DeviceTimeout,
+    InvalidArgument,
+    NotReady,
+    Operation,
+    OperationError,
+    Profile,
+)
+from robotd_cia402.command_steps import STEP_S, CommandSteps
+from robotd_cia402.controlword import Control, Status
+from robotd_cia402.modes import VELOCITY_MODES, OperationMode
+from robotd_cia402.object_numbers import TARGET_VELOCITY
+
+_HERE = (35, 37)  # homing methods that take the present position
+_FRESH_FRAMES = 5  # and a turn, after which every value is from after the event
+
+
+class MotionCommands(CommandSteps):
+    """Commands that begin a motion, and stops of any motion."""
+
+    def move(self, target: float, profile: Profile) -> None:
+        """Profile position: write changed ramps by SDO; the control loop runs the handshake."""
+        axis = self._axis
+        stops = axis.activity.stops
+        with axis.lock:
+            self._prepare_motion(stops)
+            axis.activity.complete = False
+            axis.drive.set_value(0x6081, 0, self._speed_units(profile.velocity))
+            profile = self._write_ramps(profile)
+            self._require_no_stop(stops)
+            axis.begin_move(target, profile)
+            self._require_no_stop(stops)
+
+    def jog(self, profile: Profile) -> None:
+        """Profile or cyclic synchronous velocity."""
+        axis = self._axis
+        stops = axis.activity.stops
+        if TARGET_VELOCITY not in axis.drive.outputs:
+            raise self._error(NotReady, "no PDO holds 0x60FF (target velocity)")
+        self._speed_units(profile.velocity)
+        with axis.lock:
+            self._prepare_motion(stops)
+            mode, setpoint = VELOCITY_MODES[axis.options.velocity_mode], axis.setpoint
+            if mode is OperationMode.PROFILE_VELOCITY:
+                profile = self._write_ramps(profile)
+            if axis.mode.requested is not mode:
+                setpoint.target_velocity = setpoint.velocity = 0.0
+                self._enter(mode)
+            self._require_no_stop(stops)
+            setpoint.acceleration = profile.acceleration
+            setpoint.deceleration = profile.deceleration
+            axis.mode.bits = 0
+            axis.activity.complete = False
+            setpoint.target_velocity = profile.velocity
+            axis.estimate.run(profile.velocity, profile.acceleration, profile.deceleration)
+            if profile.velocity or not axis.activity.is_idle:
+                axis.activity.begin(Operation.VELOCITY)
+            self._require_no_stop(stops)
+
+    def home(self, timeout_s: float) -> None:
+        """Homing mode with the configured method; 35 and 37 do not move."""
+        axis, drive, options = self._axis, self._axis.drive, self._axis.options
+        stops, braking_s = axis.activity.stops, 0.0
+        with axis.lock:
+            self._prepare_motion(stops)
+            axis.activity.home_done = False
+            drive.set_value(0x6098, 0, options.homing_method)
+            if options.homing_method not in _HERE:
+                speeds = options.homing_speed_rad_s, options.homing_creep_rad_s
+                for sub, speed in enumerate(speeds, 1):
+                    drive.set_value(0x6099, sub, self._speed_units(speed))
+                ramp = axis.scaling.ramp_units(options.homing_acceleration_rad_s2)
+                drive.set_value(0x609A, 0, ramp)
+                braking_s = max(speeds) / options.homing_acceleration_rad_s2
+            self._require_no_stop(stops)
+            try:
+                self._enter(OperationMode.HOMING)
+                self._run_homing(timeout_s, stops)
+            finally:
+                # End the drive's own motion; then every value is from after it.
+                axis.mode.bits = 0
+                if not axis.activity.is_idle:
+                    axis.activity.begin_stop()
+                    if not self._wait(lambda: axis.activity.is_idle, braking_s + STEP_S):
+                        axis.power.quick_stop()  # some drives do not watch the bit
+                        self._wait(lambda: axis.activity.is_idle, STEP_S)
+                self._wait_for_fresh_values()
+                axis.report.rebase()
+                axis.setpoint.position = axis.report.position
+                axis.mode.requested = self._rest_mode()
+                axis.hold()
+            self._enter(axis.mode.requested)
+            axis.activity.home_done = True
+
+    def stop(self) -> None:
+        """Controlled stop; the control loop does the rest. A command that runs begins no motion."""
+        self._axis.brake(self._stop_ramp())
+
+    def quick_stop(self) -> None:
+        """The drive's own quick stop; the axis stays powered. As ``stop``.
+
+        Of a command that ends with a harder ramp it is a stop: the drive's own is gentler.
+        """
+        axis, ramp = self._axis, self._axis.options.quick_stop_deceleration_rad_s2
+        moving = not axis.activity.is_idle
+        if moving and self._stop_ramp() > ramp:
+            self.stop()
+            return
+        axis.brake(ramp)
+        if moving:
+            axis.power.quick_stop()
+
+    def _run_homing(self, timeout_s: float, stops: int) -> None:
+        axis, report, activity = self._axis, self._report, self._axis.activity
+        activity.begin(Operation.HOMING)
+        self._require_no_stop(stops)
+        axis.mode.bits = int(Control.START_HOMING)
+        started = self._wait(lambda: bool(axis.controlword & Control.START_HOMING), STEP_S)
+        self._wait_for_fresh_values()  # until then the statusword may be that of the homing before
+        done = Status.HOMING_ATTAINED | Status.TARGET_REACHED
+
+        def failed() -> bool:
+            interrupted = activity.operation is not Operation.HOMING
+            return interrupted or bool(report.statusword & Status.HOMING_ERROR)
+
+        def ended() -> bool:
+            return report.statusword & done == done or failed()
+
+        if not started or not self._wait(ended, timeout_s):
+            text = f"homing did not end within {timeout_s:g} s, {self._status()}"
+            raise self._error(DeviceTimeout, text)
+        if failed():
+            raise self._error(OperationError, f"homing failed, {self._status()}")
+
+    def _stop_ramp(self) -> float:
+        """Return the deceleration of a stop now, rad/s² or m/s²."""
+        axis = self._axis
+        if axis.activity.operation is Operation.STREAM:
+            return axis.options.stop_deceleration_rad_s2
+        return axis.setpoint.deceleration
+
+    def _wait_for_fresh_values(self) -> None:
+        """Wait until every value is from after the present frame."""
+        drive = self._axis.drive
+        fresh = drive.frames + _FRESH_FRAMES + drive.turn
+        self._wait(lambda: drive.frames >= fresh, STEP_S + drive.turn * self._report.period_s)
+
+    def _prepare_motion(self, stops: int) -> None:
+        """Require power, without a quick stop. The ramp of a stop since ``stops`` stays."""
+        self._require_power()
+        self._recover()
+        self._require_no_stop(stops)
+
+    def _require_no_stop(self, stops: int) -> None:
+        """Raise OperationError, with the axis stopped, after a stop since ``stops`` of them."""
+        if self._axis.activity.stops != stops:
+            self.stop()
+            raise self._error(OperationError, "stopped before the motion began")
+
+    def _write_ramps(self, profile: Profile) -> Profile:
+        """Write the ramps; return the profile with those that the drive has.
+
+        Without 0x6084, which is optional, it has one ramp: that which stops in time.
+        """
+        scaling, drive = self._axis.scaling, self._axis.drive
+        if not drive.set_optional(0x6084, scaling.ramp_units(profile.deceleration)):
+            profile = replace(profile, acceleration=profile.deceleration)
+        drive.set_value(0x6083, 0, scaling.ramp_units(profile.acceleration))
+        return profile
+
+    def _speed_units(self, velocity: float) -> int:
+        """Return the velocity units of a speed. Raises InvalidArgument where they are 0."""
+        scaling = self._axis.scaling
+        units = abs(scaling.velocity_units(velocity))
+        if velocity and not units:
+            unit = abs(scaling.velocity)
+            text = f"a velocity of {velocity:g} is less than half a unit of the drive, {unit:.3g}"
+            raise self._error(InvalidArgument, text)
+        return units

@@ -1,0 +1,100 @@
+"""Commands on the power stage of one axis: servo on and off, alarm."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from robotd.api import DeviceTimeout, NotReady, OperationError, RobotdError
+from robotd_cia402.command_steps import STEP_S, CommandSteps
+from robotd_cia402.controlword import TOWARDS_ENABLED, Control, DriveState
+from robotd_cia402.modes import OperationMode
+
+
+class PowerCommands(CommandSteps):
+    """Commands of the state machine."""
+
+    def enable(self, timeout_s: float) -> None:
+        """Enable operation, with the command at the measured position.
+
+        An axis that is on is left as it is, and taken out of a quick stop. Nothing is switched on
+        after ``timeout_s``, or after a ``disable`` that came meanwhile.
+        """
+        axis, report, releases = self._axis, self._report, self._axis.power.releases
+        left_s = self._countdown(timeout_s)
+
+        def step(control: Control, *, done: bool = False) -> None:
+            if not axis.power.switch_on(control, releases, done=done):
+                raise self._error(OperationError, "switched off before the servo was on")
+
+        with axis.lock:
+            self.require_online()
+            if axis.power.requested and report.powered:
+                self._recover()
+                return
+            if not self._wait(lambda: report.known, left_s()):
+                reason = axis.drive.node.fault or axis.drive.awaited
+                raise self._error(NotReady, f"its position is not known: {reason}")
+            late = f"the last servo-off has not ended within {timeout_s:g} s"
+            self._require(lambda: not report.powered, left_s(), late)
+            axis.mode.bits = 0
+            axis.power.lost = ""
+            axis.mode.requested = self._rest_mode()
+            # Without a torque an arm would fall. Some drives change their mode when they are on.
+            torque = OperationMode.CYCLIC_TORQUE
+            self._wait(lambda: report.displayed_mode != torque, min(STEP_S, left_s() / 2))
+            try:
+                while (state := report.state) is not DriveState.OPERATION_ENABLED:
+                    self._require_no_alarm()
+                    step(TOWARDS_ENABLED.get(state, Control.DISABLE_VOLTAGE))
+                    left = partial(self._has_left, state, releases)
+                    if not left_s() or not self._wait(left, left_s()):
+                        text = f"the servo did not go on within {timeout_s:g} s, {self._status()}"
+                        raise self._error(DeviceTimeout, text)
+                self._enter(axis.mode.requested)
+                step(Control.ENABLE_OPERATION, done=True)
+            except RobotdError:
+                axis.power.control = int(Control.DISABLE_VOLTAGE)
+                raise
+
+    def _has_left(self, state: DriveState, releases: int) -> bool:
+        return self._report.state is not state or self._axis.power.releases != releases
+
+    def disable(self, timeout_s: float) -> None:
+        """Switch the power stage off at once, whatever another command waits for.
+
+        A command that is being started begins no motion, and a homing ends.
+        """
+        axis, report, left_s = self._axis, self._report, self._countdown(timeout_s)
+        axis.activity.stops += 1
+        axis.power.release(report.state)
+        with axis.lock:
+            axis.mode.bits = 0
+            self.require_online()
+            late = f"the servo did not go off within {timeout_s:g} s"
+            self._require(lambda: not report.powered, left_s(), late)
+            axis.hold()
+
+    def clear_alarm(self, timeout_s: float) -> None:
+        """Fault reset: bit 7 must rise, so it is sent as 0 first. Not after ``timeout_s``."""
+        axis, report, left_s = self._axis, self._report, self._countdown(timeout_s)
+        with axis.lock:
+            self.require_online()
+            # Just after the start the drive may not have reported its alarm yet.
+            self._wait(lambda: report.state is not DriveState.UNKNOWN, min(STEP_S, left_s()))
+            if not report.in_alarm:
+                return
+            axis.mode.bits = 0
+            self._wait(lambda: report.state is not DriveState.FAULT_REACTION_ACTIVE, left_s())
+            for word in (Control.DISABLE_VOLTAGE, Control.FAULT_RESET):
+                if left_s():
+                    axis.power.control = int(word)
+                    self._wait(partial(lambda sent: axis.controlword == sent, word), left_s())
+            reset_ns = self._clock.now_ns()
+            cleared = self._wait(lambda: not report.in_alarm, left_s())
+            axis.power.control = int(Control.DISABLE_VOLTAGE)
+            axis.power.lost = ""
+            if not cleared:
+                report.read_error_register()
+                text = f"the alarm is still there after {timeout_s:g} s: {report.alarm_text}"
+                raise self._error(DeviceTimeout, text)
+            axis.drive.node.forget_emergency_before(reset_ns)  # not every drive reports its end
