@@ -224,7 +224,8 @@ class Axis(Generic[DriveT]):
         self.power.quick_stop()
 
     def _watch_operation(self) -> None:
-        reached = self.report.statusword & Status.TARGET_REACHED
+        # A drive may show for some time that it has reached the target of the move before.
+        reached = self.report.statusword & Status.TARGET_REACHED and self.estimate.ended
         match self.activity.operation:
             case Operation.POSITION if reached and self.mode.phase is Phase.DONE:
                 self.setpoint.position = self.setpoint.target_counts * self.scaling.position

@@ -124,6 +124,11 @@ class ProfileEstimate:
         self._elapsed_s = 0.0
         self._max_deceleration = max_deceleration
 
+    @property
+    def ended(self) -> bool:
+        """True at the end of the profile."""
+        return not self._segments or self._elapsed_s >= self._segments[-1].start_s
+
     def rest(self, position: float) -> None:
         """Stand at ``position``."""
         self._segments, self.position, self.velocity = (), position, 0.0

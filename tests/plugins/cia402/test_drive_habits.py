@@ -11,9 +11,9 @@ from tests.plugins.cia402.looped_drive import LoopedDrive
 from tests.plugins.cia402.test_looped_drive import FAST, idle, peak_velocity
 
 from robotd.api import CommandMode, DeviceTimeout, InvalidArgument, OperationError, Profile
-from robotd_cia402.controlword import Control, DriveState
+from robotd_cia402.controlword import Control, DriveState, Status
 from robotd_cia402.modes import OperationMode
-from robotd_cia402.object_numbers import DEMAND, INPUTS, MODE
+from robotd_cia402.object_numbers import DEMAND, INPUTS, MODE, STATUSWORD
 from robotd_cia402.simulated.drive import State
 from robotd_cia402.simulated.mode_motion import Mode
 
@@ -265,3 +265,26 @@ def test_an_emergency_that_the_drive_does_not_end_is_over_with_its_alarm() -> No
     looped.drive.trip(0x8611)
     looped.run(0.1)
     assert looped.image.reason[0] == "node 1: error code 0x8611 following error"
+
+
+def test_a_move_does_not_end_by_the_target_reached_of_the_move_before() -> None:
+    """A drive may clear the bit some time after it has taken the set-point."""
+    looped = LoopedDrive()
+    looped.commands.enable(1.0)
+    looped.commands.move(0.1, FAST)
+    idle(looped)
+    take, words = looped.objects.take, [State.OPERATION_ENABLED.value | 1 << 10] * 15
+
+    def clear_late() -> None:
+        take()
+        word = looped.objects._taken[INPUTS.index(STATUSWORD)]
+        words.append(word)
+        reached = words.pop(0) & Status.TARGET_REACHED
+        looped.objects._taken[INPUTS.index(STATUSWORD)] = word & ~Status.TARGET_REACHED | reached
+
+    looped.objects.take = clear_late  # type: ignore[method-assign]
+    looped.commands.move(1.1, FAST)
+    idle(looped)
+    assert looped.motors.velocity(0) == pytest.approx(0.0, abs=0.02)
+    assert looped.drive.position == pytest.approx(1.1, abs=1e-3)
+    assert looped.axis.activity.complete
