@@ -14,7 +14,7 @@ from robotd_canopen.node import ANSWERS, FRAMES, Node
 from robotd_canopen.object_dictionary import variable
 from robotd_canopen.pdo import Entry, Pdo
 from robotd_cia402.drive_access import DriveAccess, SdoAbort
-from robotd_cia402.object_numbers import MODE, OUTPUTS
+from robotd_cia402.object_numbers import MODE, OUTPUTS, POSITION, VELOCITY
 
 _EVENT_S = 1.0  # for an event-driven TPDO whose objects cannot be read
 _FIRST_OBJECT = 0x1000  # below are types, which fill gaps of a mapping
@@ -49,8 +49,11 @@ class CanopenDrive(DriveAccess):
         super().__init__()
         self.node = node
         self.inputs = frozenset(entry.base for pdo in layout.tpdos for entry in pdo.entries)
-        turns = [pdo.transmission for pdo in layout.tpdos if not pdo.is_event_driven]
-        self.turn = max(turns, default=1)
+        synchronous = [pdo for pdo in layout.tpdos if not pdo.is_event_driven]
+        self.turn = max((pdo.transmission for pdo in synchronous), default=1)
+        source = VELOCITY if VELOCITY in self.inputs else POSITION
+        holding = [pdo.transmission for pdo in synchronous if pdo.holds(source)]
+        self.velocity_turn = max(holding, default=1)
         self.outputs = frozenset(entry.base for pdo in layout.rpdos for entry in pdo.entries)
         self.layout, self._number = layout, number
         self._feedback, self._bus = feedback, bus

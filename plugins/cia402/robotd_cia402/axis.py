@@ -244,7 +244,8 @@ class Axis(Generic[DriveT]):
         """Return True for an axis whose command is 0 and whose motor is at rest."""
         enabled = self.report.state is DriveState.OPERATION_ENABLED
         commanded = self.mode.requested.is_ours and self.setpoint.velocity != 0.0 and enabled
-        return self.activity.is_at_rest(self.report.velocity, commanded=commanded)
+        turn = self.drive.velocity_turn
+        return self.activity.is_at_rest(self.report.velocity, turn, commanded=commanded)
 
     def _fill_values(self, image: ProcessImage) -> None:
         """Write the measured values, and the command: ours, the estimated or the measured one."""

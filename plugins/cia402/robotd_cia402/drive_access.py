@@ -37,12 +37,13 @@ class DriveAccess(ABC):
         node: on the bus.
         inputs, outputs: objects in the cyclic frames, once it is configured.
         turn: frames from one to the next that hold the input which comes most rarely.
+        velocity_turn: the same for the velocity.
     """
 
     node: FieldbusNode
     inputs: Collection[int]
     outputs: Collection[int]
-    turn = 1
+    turn = velocity_turn = 1
 
     def __init__(self) -> None:
         self._written: dict[tuple[int, int], int] = {}

@@ -50,16 +50,16 @@ class Activity:
         self.complete = False
         self._resting_frames = 0
 
-    def is_at_rest(self, velocity: float, *, commanded: bool) -> bool:
+    def is_at_rest(self, velocity: float, turn: int, *, commanded: bool) -> bool:
         """Control loop: the motor has been slow for some frames.
 
         Args:
-            velocity: measured, rad/s or m/s.
+            velocity: measured, rad/s or m/s; of each ``turn``-th frame.
             commanded: the setpoint still moves, so the axis does not rest.
         """
         slow = not commanded and abs(velocity) < _REST_VELOCITY_RAD_S
         self._resting_frames = self._resting_frames + 1 if slow else 0
-        return self._resting_frames >= _REST_FRAMES
+        return self._resting_frames >= _REST_FRAMES * turn
 
 
 class Setpoint:

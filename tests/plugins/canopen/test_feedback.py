@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.fakes import FakeClock
 from tests.plugins.canopen.network import drive, options, plan
 
+from robotd.descriptor import RobotDescriptor
 from robotd_canopen.feedback import Feedback
+from robotd_canopen.master import Master
 from robotd_cia402.object_numbers import INPUTS, POSITION
 from robotd_cia402.scaling import Scaling
 
@@ -231,3 +234,17 @@ def test_an_event_driven_tpdo_may_come_at_any_rate(event_driven: Drives) -> None
     assert event_driven.feedback.doubled(0) not in [
         pdo for pdo in event_driven.axes[0].tpdos if pdo.is_event_driven
     ]
+
+
+@pytest.mark.parametrize(("objects", "turn"), [(["0x606C"], 20), (["0x6077"], 10)])
+def test_the_turn_of_the_velocity_is_that_of_its_source(objects: list[str], turn: int) -> None:
+    """Without object 0x606C it is computed from positions."""
+    tpdos = [
+        {"number": 1, "transmission": 10, "objects": ["0x6041", "0x6061", "0x6064"]},
+        {"number": 2, "transmission": 20, "objects": objects},
+    ]
+    layout = plan(options(axes=[drive(0, tpdos=tpdos), drive(1)]))
+    robot = RobotDescriptor.model_validate({"schema": 1, "name": "test", "axes": 2})
+    slow, usual = (axis.drive for axis in Master(robot, layout, FakeClock()).axes)
+    assert (slow.turn, slow.velocity_turn) == (20, turn)
+    assert (usual.turn, usual.velocity_turn) == (4, 1)

@@ -13,7 +13,7 @@ from tests.plugins.cia402.test_looped_drive import FAST, idle, peak_velocity
 from robotd.api import CommandMode, DeviceTimeout, InvalidArgument, OperationError, Profile
 from robotd_cia402.controlword import Control, DriveState, Status
 from robotd_cia402.modes import OperationMode
-from robotd_cia402.object_numbers import DEMAND, INPUTS, MODE, STATUSWORD
+from robotd_cia402.object_numbers import DEMAND, INPUTS, MODE, STATUSWORD, VELOCITY
 from robotd_cia402.simulated.drive import State
 from robotd_cia402.simulated.mode_motion import Mode
 
@@ -288,3 +288,27 @@ def test_a_move_does_not_end_by_the_target_reached_of_the_move_before() -> None:
     assert looped.motors.velocity(0) == pytest.approx(0.0, abs=0.02)
     assert looped.drive.position == pytest.approx(1.1, abs=1e-3)
     assert looped.axis.activity.complete
+
+
+@pytest.mark.parametrize("velocity_mode", ["csv", "pv"])
+def test_a_velocity_that_comes_rarely_shows_no_rest_in_motion(velocity_mode: str) -> None:
+    looped = LoopedDrive(velocity_mode=velocity_mode)
+    looped.objects.velocity_turn = turn = 50
+    take, place = looped.objects.take, INPUTS.index(VELOCITY)
+
+    def rarely() -> None:
+        before = looped.objects._taken[place]
+        take()
+        if looped.objects.frames % turn:
+            looped.objects._taken[place] = before
+
+    looped.objects.take = rarely  # type: ignore[method-assign]
+    looped.commands.set_mode(CommandMode.VELOCITY)
+    looped.commands.enable(1.0)
+    while looped.objects.frames % turn:
+        looped.run(0.004)
+    looped.commands.jog(Profile(velocity=1.0, acceleration=20.0, deceleration=2.0))
+    looped.run(0.1)
+    looped.commands.stop()
+    idle(looped)
+    assert looped.motors.velocity(0) == pytest.approx(0.0, abs=0.02)
