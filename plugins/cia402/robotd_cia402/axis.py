@@ -228,9 +228,7 @@ class Axis(Generic[DriveT]):
         reached = self.report.statusword & Status.TARGET_REACHED and self.estimate.ended
         match self.activity.operation:
             case Operation.POSITION if reached and self.mode.phase is Phase.DONE:
-                self.setpoint.position = self.setpoint.target_counts * self.scaling.position
-                self.activity.complete = True
-                self.hold()
+                self._end_move()
             case Operation.VELOCITY if self.setpoint.target_velocity == 0 and self._is_at_rest():
                 self.hold()
             case Operation.STOPPING if self._is_at_rest():
@@ -239,6 +237,17 @@ class Axis(Generic[DriveT]):
                 self.hold()
             case _:
                 pass
+
+    def _end_move(self) -> None:
+        limited = self.report.statusword & Status.INTERNAL_LIMIT
+        self.activity.complete = not limited
+        if limited:
+            node = self.drive.node.label
+            log.error("the drive stops at a limit of its own", node=node, axis=self.number)
+            self.setpoint.position = self.present_position()
+        else:
+            self.setpoint.position = self.setpoint.target_counts * self.scaling.position
+        self.hold()
 
     def _is_at_rest(self) -> bool:
         """Return True for an axis whose command is 0 and whose motor is at rest."""

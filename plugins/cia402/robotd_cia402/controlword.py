@@ -35,6 +35,7 @@ class Status(IntFlag):
 
     WARNING = 1 << 7
     TARGET_REACHED = 1 << 10
+    INTERNAL_LIMIT = 1 << 11
     ACKNOWLEDGE = 1 << 12  # profile position: the new set-point is taken
     HOMING_ATTAINED = 1 << 12
     FOLLOWING_ERROR = 1 << 13

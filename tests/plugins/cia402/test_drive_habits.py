@@ -312,3 +312,18 @@ def test_a_velocity_that_comes_rarely_shows_no_rest_in_motion(velocity_mode: str
     looped.commands.stop()
     idle(looped)
     assert looped.motors.velocity(0) == pytest.approx(0.0, abs=0.02)
+
+
+def test_a_move_that_ends_at_a_limit_of_the_drive_is_not_complete() -> None:
+    """The drive reports that its target is reached, and an internal limit."""
+    looped = LoopedDrive()
+    looped.objects.dictionary[0x607D, 1], looped.objects.dictionary[0x607D, 2] = -20_000, 20_000
+    looped.commands.enable(1.0)
+    looped.commands.move(1.0, FAST)
+    idle(looped)
+    assert not looped.axis.activity.complete
+    assert looped.image.position_command[0] == pytest.approx(0.2, abs=1e-3)
+    looped.commands.move(0.1, FAST)
+    idle(looped)
+    assert looped.axis.activity.complete
+    assert looped.image.position_command[0] == pytest.approx(0.1, abs=1e-5)
