@@ -33,12 +33,10 @@ class DriveState(Enum):
 class Status(IntFlag):
     """Bits of the statusword that do not belong to the state."""
 
-    WARNING = 1 << 7
     TARGET_REACHED = 1 << 10
     INTERNAL_LIMIT = 1 << 11
     ACKNOWLEDGE = 1 << 12  # profile position: the new set-point is taken
     HOMING_ATTAINED = 1 << 12
-    FOLLOWING_ERROR = 1 << 13
     HOMING_ERROR = 1 << 13
 
 
