@@ -84,7 +84,8 @@ class Tap:
         self._observed = 0
         self._io = IoSampler(robot.io, robot.clock.now_ns)
         self._readers: list[Callable[[], None]] = []
-        self._failing = self._was_stopped = False
+        self._failing: set[Callable[[], None]] = set()  # steps whose last call raised
+        self._was_stopped = False
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="robotd-tap", daemon=True)
         robot.control_loop.observe(period_writer(robot, self.frames, self._io))
@@ -124,33 +125,42 @@ class Tap:
             self.observe()
 
     def observe(self) -> None:
-        """Look for changes, take a sample, call the readers. What fails is logged once."""
-        try:
-            frames, self._cursor, _ = self.frames.since(self._cursor)
-            for event in self._detector.events(frames):
-                self.events.note(event)
-            if self.robot.connection.state is ConnectionState.COMMUNICATING:
-                self._sample()
-            for read in self._readers:
-                read()
-            self._failing = False
-        except Exception:
-            if not self._failing:
-                log.exception("the tap failed")
-            self._failing = True
+        """Look for changes, take samples, call the readers.
 
-    def _sample(self) -> None:
-        now_ns = self.robot.clock.now_ns()
+        What fails holds up nothing else, and is logged once until it succeeds.
+        """
+        communicates = self.robot.connection.state is ConnectionState.COMMUNICATING
+        samples = (self._sample_io, self._sample_objects, self._sample_fieldbus)
+        for step in (self._find_changes, *(samples if communicates else ()), *self._readers):
+            try:
+                step()
+                self._failing.discard(step)
+            except Exception:
+                if step not in self._failing:
+                    log.exception("the tap failed", step=getattr(step, "__qualname__", step))
+                self._failing.add(step)
+
+    def _find_changes(self) -> None:
+        frames, self._cursor, _ = self.frames.since(self._cursor)
+        for event in self._detector.events(frames):
+            self.events.note(event)
+
+    def _sample_io(self) -> None:
         for sample in self._io.changes():
             self.samples.append(sample, SAMPLE_OVERHEAD_BYTES + len(sample[2]))
+
+    def _sample_objects(self) -> None:
         if (world := self.robot.world) is not None and world.objects:
             poses = {
                 each.name: dict(zip(POSE_VALUES, pose, strict=True))
                 for each, pose in zip(world.objects, world.poses().tolist(), strict=True)
             }
             size = SAMPLE_OVERHEAD_BYTES + len(poses) * len(POSE_VALUES) * VALUE_BYTES
-            self.samples.append((now_ns, OBJECTS, poses), size)
+            self.samples.append((self.robot.clock.now_ns(), OBJECTS, poses), size)
+
+    def _sample_fieldbus(self) -> None:
         if self._observed % BUS_PERIOD_SAMPLES == 0:
+            now_ns = self.robot.clock.now_ns()
             self.buses = self._read_buses()
             self.fieldbus = {
                 name: values

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from robotd.api import FloatArray, InvalidArgument
+from robotd.api import FloatArray, InvalidArgument, RobotdError
 from robotd.api.features import MAX_IO_BYTES, CameraPictures, Tap, identity
 from robotd.api.models import RobotDescriptor
 from robotd.api.robots import Gripper, PacedClock, Robot
@@ -122,7 +122,10 @@ def _finite(value: float) -> float | None:
 
 
 class WorldObjects:
-    """Shapes and poses of the objects of a robot's world, which may have none. One thread."""
+    """Shapes and poses of the objects of a robot's world, which may have none. One thread.
+
+    Where the backend fails to return the poses, the last ones stay; the tap logs the error.
+    """
 
     def __init__(self, robot: Robot) -> None:
         self._robot, self._world = robot, robot.world
@@ -131,13 +134,13 @@ class WorldObjects:
     def describe(self) -> dict[str, Any] | None:
         """Return the frame, and shape and pose of each object; None without objects."""
         world = self._world
-        if world is None or not world.objects:
+        if world is None or not len(poses := self._poses()):
             return None
         shapes = [
             {"name": each.name, "shape": each.shape, "size": each.size_m, "color": each.color}
             for each in world.objects
         ]
-        return {"frame": world.frame, "shapes": shapes, "poses": self._poses().tolist()}
+        return {"frame": world.frame, "shapes": shapes, "poses": poses.tolist()}
 
     def moved(self) -> Message | None:
         """Return the poses where they differ from those of the call before."""
@@ -151,7 +154,12 @@ class WorldObjects:
 
     def _poses(self) -> FloatArray:
         """Return the rounded poses (n, 7), m and quaternions x, y, z, w."""
-        return np.empty(0) if self._world is None else self._world.poses().round(DIGITS)
+        if self._world is None:
+            return np.empty(0)
+        try:
+            return self._world.poses().round(DIGITS)
+        except RobotdError:
+            return self._shown
 
 
 class PageFeed:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.features.harness import Observed
-from tests.world_backend import START, cube_backend
+from tests.world_backend import START, Cubes, cube_backend
 
 from robotd.clock.simulated import SteppedClock
 from robotd.control.problem import ProblemKind
@@ -255,4 +255,27 @@ def test_objects_are_described_and_sent_again_when_they_have_moved(arm: Observed
     moved = objects.moved()
     assert isinstance(moved, str)
     assert json.loads(moved) == {"type": "objects", "poses": [[0.3, *START[1:]]]}
+    robot.shutdown()
+
+
+def test_a_world_whose_poses_are_not_known_ends_no_feed(monkeypatch: pytest.MonkeyPatch) -> None:
+    broken: list[bool] = []
+
+    def poses(world: Cubes) -> np.ndarray:
+        if broken:
+            raise ValueError("the scene is gone")
+        return np.array([START])
+
+    monkeypatch.setattr(Cubes, "poses", poses)
+    robot = Robot(load_robot_descriptor("cr3a"), cube_backend(), SteppedClock())
+    robot.start()
+    known, objects = WorldObjects(robot), WorldObjects(robot)
+    assert known.moved() is not None
+    broken.append(True)
+    assert objects.describe() is None
+    assert objects.moved() is None
+    assert known.moved() is None
+    described = known.describe()
+    assert described is not None
+    assert described["poses"] == [[*START]]
     robot.shutdown()
