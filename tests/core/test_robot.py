@@ -334,6 +334,15 @@ def test_disabling_sees_a_servo_that_has_just_gone_on(harness: Harness) -> None:
     assert not harness.simulation.states.servo_on.any()
 
 
+def test_disabling_in_a_stall_switches_off_what_no_image_shows(harness: Harness) -> None:
+    harness.robot.start(enable=False)
+    harness.clock.detach()  # no period of the control loop until the end
+    harness.robot.axes.servo(0, True)
+    assert not harness.image.servo_on[0]
+    harness.robot.servos.disable()
+    assert not harness.simulation.states.servo_on.any()
+
+
 def test_no_motion_starts_after_a_request_to_end(harness: Harness) -> None:
     harness.up()
     harness.robot.connection.abort_start()

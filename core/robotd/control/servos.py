@@ -98,8 +98,9 @@ class Servos:
         if self.read_only or not self._connection.ready:
             return
         self.bring_to_rest()
-        self._axes.wait_for_servos()
-        enabled = [axis for axis in range(len(self._axes)) if self._axes.image.servo_on[axis]]
+        shown, on = self._axes.wait_for_servos(), self._axes.image.servo_on
+        # An image from before may miss one that was switched on: then each counts as on.
+        enabled = [axis for axis in range(len(self._axes)) if on[axis] or not shown]
         for axis, failure in each(enabled, lambda axis: self._axes.servo(axis, False)).items():
             if failure is not None:
                 log.error(

@@ -361,11 +361,15 @@ class Axes:
             names = ", ".join(self.names[axis] for axis in self._moving(axes))
             raise DeviceTimeout(f"{names}: not at rest after {timeout_s} s")
 
-    def wait_for_servos(self) -> None:
-        """Wait for a servo that is being switched on, and until the image shows it."""
+    def wait_for_servos(self) -> bool:
+        """Wait for a servo that is being switched on, and until the image shows it.
+
+        Returns False where no such image comes, as in a control-loop stall.
+        """
         with self.connection.scaling_lock:
             switched_ns = self.clock.now_ns()
         self._wait_for_newer(switched_ns)
+        return self._is_newer(switched_ns)
 
     def wait_for_motion(self) -> None:
         """Wait for an image that shows the last move or jog, if it was accepted.
