@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -82,7 +83,7 @@ class OpenStream(ABC, Generic[Motion]):
         self.joints, self._source = commands.joints, commands.source
         self._motion, self._release = motion, release
         self._received = self.clipped = 0
-        self._closed = False
+        self._closing = threading.Lock()  # taken by the first ``close``, for good
 
     @abstractmethod
     def put(self, command: Any) -> None:
@@ -112,8 +113,7 @@ class OpenStream(ABC, Generic[Motion]):
 
     def close(self) -> None:
         """Slow to rest, wait, and give the joints back; a second call has no effect."""
-        if not self._closed:
-            self._closed = True
+        if self._closing.acquire(blocking=False):
             self.end("closed by the client")
             self._release(self._motion)
             log.info("stream ended", reason=self.message, **self._counts())

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import math
+import sys
+import threading
 from collections.abc import Iterator
 from contextlib import suppress
+from types import FrameType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +17,7 @@ from tests.core.control.harness import ACCELERATION, PERIOD_S, Harness, arm
 from robotd.clock import NANOSECONDS
 from robotd.control.completion import Outcome
 from robotd.control.joint_stream import JointStream
+from robotd.control.open_stream import OpenStream
 from robotd.device.axes import Axes
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation
@@ -20,6 +25,7 @@ from robotd.errors import InvalidArgument, NotReady, Unsupported
 from robotd.motion import TrajectoryRejected
 
 ANGULAR = 2.0 * math.pi * 0.4
+WAIT_S = 10.0
 
 
 @pytest.fixture
@@ -101,6 +107,34 @@ def test_the_joints_belong_to_the_stream_until_it_is_closed(robot: Harness) -> N
     assert axes.owner(0) == ""
     robot.run(0.1)
     assert robot.axes_in(Operation.STREAM) == []
+
+
+def test_two_threads_that_close_a_stream_give_the_joints_back_once(robot: Harness) -> None:
+    stream, released = robot.robot.stream(), list[object]()
+    release, stream._release = stream._release, released.append
+    entered, may_go_on, lines = threading.Event(), threading.Event(), list[int]()
+
+    def interrupt(frame: FrameType, event: str, argument: object) -> Any:
+        if frame.f_code is not OpenStream.close.__code__:
+            return None
+        lines.extend([frame.f_lineno] * (event == "line"))
+        if len(lines) == 2:  # behind the first line
+            entered.set()
+            may_go_on.wait(WAIT_S)
+        return interrupt
+
+    def close() -> None:
+        sys.settrace(interrupt)
+        stream.close()
+
+    first = threading.Thread(target=close)
+    first.start()
+    assert entered.wait(WAIT_S)
+    stream.close()
+    may_go_on.set()
+    first.join(WAIT_S)
+    assert released == [stream._motion]
+    release(stream._motion)
 
 
 def test_without_commands_the_joints_slow_to_rest_and_the_next_one_continues(
