@@ -19,7 +19,7 @@ from robotd.control.trajectory_execution import PlannedGoal, TrajectoryExecution
 from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation
-from robotd.errors import RobotdError
+from robotd.errors import DeviceTimeout, RobotdError
 from robotd.log import get_logger
 from robotd.motion import JointLimits, Trajectory, spline_points
 
@@ -44,14 +44,19 @@ class DeviceTrajectory(TrajectoryExecution):
     the command to joints that did not follow it. An arrival needs the device's command at the last
     point, not before its time. A fault ends it when the device does not follow.
 
-    ``goal``, ``start_ns``: see ``TrajectoryExecution``; nothing moves before ``start_ns``.
+    Args:
+        driver: of the axes.
+        given_up: of ``Axes``.
+        goal, start_ns: see ``TrajectoryExecution``; nothing moves before ``start_ns``.
     """
 
     streams = False
 
-    def __init__(self, driver: AxisDriver, goal: PlannedGoal, start_ns: int) -> None:
+    def __init__(
+        self, driver: AxisDriver, given_up: set[int], goal: PlannedGoal, start_ns: int
+    ) -> None:
         super().__init__(goal, start_ns)
-        self._driver = driver
+        self._driver, self._given_up = driver, given_up
         self.completion.on_end = self._wake
         self._times_s, self._points = spline_points(self.trajectory, driver.max_trajectory_points)
         self._has_path = bool(np.ptp(self._points, axis=0).max() >= MIN_PATH)
@@ -167,7 +172,7 @@ class DeviceTrajectory(TrajectoryExecution):
         try:
             if not self.completion.requested and self.completion.outcome is None:
                 if self._has_path:
-                    self._driver.follow(self._axes.tolist(), self._times_s, self._points)
+                    self._follow(self._times_s, self._points)
                 self._started = True
                 self._ended.wait()
         except RobotdError as error:
@@ -180,6 +185,14 @@ class DeviceTrajectory(TrajectoryExecution):
             self._return_device(self._return)
             self._return_sent = True
 
+    def _follow(self, times_s: FloatArray, points: FloatArray) -> None:
+        axes = self._axes.tolist()
+        try:
+            self._driver.follow(axes, times_s, points)
+        except DeviceTimeout:  # the device may begin it all the same
+            self._given_up.update(axes)
+            raise
+
     def _stop_device(self) -> None:
         try:
             self._stop_s = stop_time(self.trajectory, self.time_s, self._limits)
@@ -189,7 +202,7 @@ class DeviceTrajectory(TrajectoryExecution):
 
     def _return_device(self, path: CommandReturn) -> None:
         try:
-            self._driver.follow(self._axes.tolist(), *path.points(RETURN_POINTS))
+            self._follow(*path.points(RETURN_POINTS))
         except RobotdError as error:
             log.error("the command was not returned to the joints", reason=str(error))
 

@@ -22,7 +22,7 @@ class MotionStop:
     """Ends all motion while the latch is engaged, and engages it by an input.
 
     Setpoint sources come to rest along their paths, moves, jogs and homing by their own ramps.
-    A move or jog that begins after its call was given up is stopped, too.
+    What the device begins after its call was given up is stopped, too.
 
     ``stop_input``: forbids motion, and counts while the device is ready; None: there is none.
     """
@@ -54,8 +54,10 @@ class MotionStop:
             latch.engage(rejection)
         if latch.reason:
             self._mixer.end_all(Outcome.STOPPED, f"stopped: {latch.reason}")
-        ended = range(image.axes) if latch.reason else self._axes.given_up.copy()
+        given_up = self._axes.given_up.copy()
+        ended = range(image.axes) if latch.reason else given_up
         moved = [axis for axis in ended if image.operation[axis] in BY_DEVICE]
+        moved += [axis for axis in given_up if image.operation[axis] == Operation.STREAM]
         if moved:
             self._axes.stops.request(moved)
 

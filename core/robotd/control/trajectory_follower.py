@@ -151,7 +151,7 @@ class TrajectoryFollower:
                 trajectory, self._joint_axes, limits, allowed, self.rules.stopped_velocity
             )
             if self._on_device is not None:
-                return partial(DeviceTrajectory, self._on_device, goal)
+                return partial(DeviceTrajectory, self._on_device, self._axes.given_up, goal)
             return partial(StreamedTrajectory, self._axes, self._motion_limits, goal)
 
         with ExitStack() as claim:

@@ -98,7 +98,7 @@ class Axes:
         speed: of all motion.
         motion_limits: of the joint groups.
         deceleration: ramp by which the move or velocity command of each axis ends, rad/s² or m/s².
-        given_up: axes whose last move or jog was not answered in time; it may begin later.
+        given_up: axes whose last command was not answered in time; its motion may begin later.
     """
 
     def __init__(
@@ -285,7 +285,12 @@ class Axes:
         self.stop_latch.check()
         self._require(Capability.HOMING, "homing")
         with self._reserved(axis, "homing"), self._naming(axis):
-            self._driver.home(axis, self.connection.settings.homing_timeout_s)
+            self.given_up.discard(axis)
+            try:
+                self._driver.home(axis, self.connection.settings.homing_timeout_s)
+            except DeviceTimeout:
+                self.given_up.add(axis)
+                raise
             self._wait_for_newer(self.clock.now_ns())
 
     @noted
@@ -422,6 +427,7 @@ class Axes:
             self._check_command(axes, mode)
             for axis in axes:
                 self._check_idle(axis, owner)
+            self.given_up.difference_update(axes)
             if streams:
                 with self._naming():
                     self._driver.begin_stream(axes)

@@ -40,6 +40,7 @@ class Harness:
     def __init__(self, *, velocities: bool = False, target: float = 0.5) -> None:
         self.axes = FakeAxes(2)
         self.axes.image.servo_on[:] = True
+        self.given_up: set[int] = set()
         self.image = ProcessImage(2)
         self.mixer = SetpointMixer(self.axes, 2, 1e9 / PERIOD_NS)
         self.slot = self.mixer.slot()
@@ -59,7 +60,7 @@ class Harness:
             Tolerances(LIMITS, RULES, [JointTolerance("a", 0.2)], (), 0.0),
             RULES.stopped_velocity,
         )
-        execution = DeviceTrajectory(self.axes, goal, self.time_ns)
+        execution = DeviceTrajectory(self.axes, self.given_up, goal, self.time_ns)
         self.mixer.advance(self.time_ns - PERIOD_NS, self.image)
         assert self.slot.submit(execution, None)
         execution.begin()

@@ -11,7 +11,7 @@ from structlog.testing import capture_logs
 from tests.core.control.harness import ACCELERATION, RATE_HZ, Harness, arm
 
 from robotd.control.trajectory_execution import Outcome
-from robotd.device.axes import Jog, Move
+from robotd.device.axes import Axes, Jog, Move
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, Operation
 from robotd.errors import DeviceTimeout, NotReady, OperationError
@@ -176,6 +176,50 @@ def test_a_move_that_begins_after_its_time_out_is_stopped(harness: Harness) -> N
     harness.move(0, 0.5)
     harness.run(1.5)
     assert harness.image.position[0] == pytest.approx(0.5, abs=1e-3)
+
+
+def test_a_homing_that_goes_on_after_its_time_out_is_stopped(harness: Harness) -> None:
+    driver, operations = harness.robot.axes._driver, harness.simulation.states.operation
+    home = driver.home
+
+    def hang(*_: object) -> None:
+        raise DeviceTimeout("no answer")
+
+    driver.home = hang  # type: ignore[method-assign]
+    with pytest.raises(DeviceTimeout):
+        harness.robot.axes.home(0)
+    driver.home = home  # type: ignore[method-assign]
+    operations[0] = Operation.HOMING  # it searches a switch
+    harness.run(0.1)
+    assert harness.axes_in(Operation.HOMING) == []
+    harness.robot.axes.home(0)
+
+
+def test_a_trajectory_that_the_device_begins_after_its_time_out_is_stopped(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with monkeypatch.context() as on_device:
+        on_device.setattr(Axes, "trajectories_on_device", True)
+        harness = Harness().up()
+        driver = harness.robot.axes._driver
+
+        def hang(*_: object) -> None:
+            raise DeviceTimeout("no answer")
+
+        driver.follow = hang  # type: ignore[method-assign]
+        with harness.goal(FAR) as execution:
+            harness.end(execution)
+    assert (execution.outcome, execution.message) == (Outcome.FAULT, "no answer")
+    harness.run(0.1)
+    driver.begin_stream([0, 1, 2])  # the abandoned call goes on
+    assert harness.axes_in(Operation.STREAM) == [0, 1, 2]
+    harness.run(0.1)
+    assert harness.axes_in(Operation.IDLE) == [0, 1, 2]
+    with harness.robot.stream() as stream:
+        stream.send_velocity([0.5] * 3)
+        harness.run(0.1)
+        assert stream.open
+        assert harness.axes_in(Operation.STREAM) == [0, 1, 2]
 
 
 def test_a_stop_during_a_reset_stays_in_force(harness: Harness) -> None:
