@@ -32,7 +32,6 @@ from robotd_ros.middleware import (
 log = get_logger("ros")
 
 _HANG_S = 2.0  # handlers in the executor thread read memory or hand on a command
-_URGENT_WORKERS = 2
 _PENDING_LIMIT = 64
 
 
@@ -57,7 +56,7 @@ class RosHost:
     Args:
         args: command line of the process, from ``--ros-args`` on or whole.
         domain_id: ROS domain; None takes ``ROS_DOMAIN_ID``.
-        workers: threads for ordinary calls, and as many for motions; urgent ones have two.
+        workers: threads for ordinary calls; each motion and each urgent call has its own.
         make_executor: called with ``context=``; any rclpy executor.
         close_timeout_s: how long ``close`` waits for what is still running.
 
@@ -95,10 +94,11 @@ class RosHost:
         self._running: _Running | None = None
         self._nodes: list[Node] = []
         self._stopping = threading.Event()
-        # Threads of a pool start with its first call, so these cost nothing yet.
+        # A thread of a pool starts with a call that finds none idle, so these cost nothing yet.
         self._workers = _Pool("robotd-worker", workers)
-        self._motions = _Pool("robotd-motion", workers)
-        self._urgent = _Pool("robotd-urgent", _URGENT_WORKERS)
+        # A goal waits for no other one, and a hard stop for no gentle one: both last until rest.
+        self._motions = _Pool("robotd-motion", _PENDING_LIMIT)
+        self._urgent = _Pool("robotd-urgent", _PENDING_LIMIT)
         self._lock = threading.Lock()  # of the calls of the pools
 
     @property
@@ -178,8 +178,9 @@ class RosHost:
         Args:
             function: may block.
             args: its arguments.
-            urgent: never waits behind ordinary calls; for stopping, not for moving.
-            until_rest: returns when a motion has ended; no other call waits behind it.
+            urgent: never waits behind other calls; for stopping, not for moving.
+            until_rest: returns when a motion has ended; no other call waits behind it, and it
+                behind none.
 
         Raises:
             NotReady: the host is closed.

@@ -204,6 +204,16 @@ def test_flood_is_rejected(host: RosHost) -> None:
     release.set()
 
 
+@pytest.mark.parametrize("kind", ["urgent", "until_rest"])
+def test_a_stop_or_a_motion_waits_for_no_other_one(host: RosHost, kind: str) -> None:
+    release, ran = threading.Event(), threading.Event()
+    for _ in range(20):
+        host.submit(release.wait, WAIT_S, **{kind: True})
+    host.submit(ran.set, **{kind: True})
+    assert ran.wait(WAIT_S / 2)
+    release.set()
+
+
 def test_callback_that_raises_does_not_end_the_others(
     host: RosHost, server: Node, caller: Caller
 ) -> None:

@@ -139,11 +139,11 @@ class R2Motion:
     Any worker thread may call; ``arrive`` and ``state`` are for the executor thread.
 
     Args:
-        run_in_worker: runs a function with arguments that waits.
+        submit: of the host, whose workers wait for the ends of motions.
     """
 
-    def __init__(self, robot: Robot, tool: RobotTool, run_in_worker: Callable[..., None]) -> None:
-        self._robot, self._tool, self._run_in_worker = robot, tool, run_in_worker
+    def __init__(self, robot: Robot, tool: RobotTool, submit: Callable[..., None]) -> None:
+        self._robot, self._tool, self._submit = robot, tool, submit
         self._axes, self._names = tool.group.joint_axes, tool.group.joint_names
         self._interruptions = robot.rearming.interruptions
         self._running: _Running | None = None
@@ -177,7 +177,7 @@ class R2Motion:
         try:
             with self._lock:
                 self._running = running
-            self._run_in_worker(self._attend, running, stack)
+            self._submit(self._attend, running, stack, until_rest=True)
         except RobotdError:
             stack.close()
             self._forget(running)

@@ -93,7 +93,8 @@ class Arm:
     def run(self, seconds: float) -> None:
         self.robot.step(round(seconds * self.robot.descriptor.cycle.rate_hz))
 
-    def _defer(self, function: Callable[..., None], *args: Any) -> None:
+    def _defer(self, function: Callable[..., None], *args: Any, until_rest: bool) -> None:
+        assert until_rest  # services do not queue behind it
         self._waiting.append(partial(function, *args))
 
 
