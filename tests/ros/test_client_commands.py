@@ -14,6 +14,7 @@ import pytest
 from rclpy.task import Future
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 from tests.ros.action_client import GoalClient
 from tests.ros.robot_process import ACTION, WAIT_S, Client, RobotProcess, wait_until
 
@@ -186,6 +187,23 @@ def test_the_other_joints_of_a_chosen_arm_stay_where_that_arm_has_them(
         end = client.next(second).position
     assert end[0] == pytest.approx(start[0] + 0.05, abs=1e-3)
     assert end[1:] == pytest.approx(start[1:], abs=1e-3)
+
+
+def test_the_robot_of_a_chosen_arm_is_asked_whether_it_may_move(
+    cr3a: RobotProcess, client: Client
+) -> None:
+    remap = ("--ros-args", "-r", "__ns:=/other")
+    move = ("move", "joint1=0.05", "--action", f"/other{ACTION}")
+    with RobotProcess(*remap, domain=cr3a.domain) as robot:
+        robot.wait_ready()
+        assert client.call(Trigger, "/robotd/stop").success
+        status, _, error = robotd(cr3a.domain, *move)
+        assert client.call(Trigger, "/robotd/reset").success
+        assert status == 0, error
+        assert client.call(Trigger, "/other/robotd/stop").success
+        status, _, error = robotd(cr3a.domain, *move)
+    assert status == 1
+    assert "motion is stopped: by a client of the stop service" in error
 
 
 def test_a_robot_that_dies_in_motion_is_noticed() -> None:

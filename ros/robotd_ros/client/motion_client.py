@@ -24,6 +24,7 @@ from unique_identifier_msgs.msg import UUID
 from robotd.clock import NANOSECONDS
 from robotd.descriptor.group_parameters import ACTION_PARAMETER, GROUPS, JOINTS
 from robotd.errors import DeviceTimeout, InvalidArgument, OperationError, unknown_name
+from robotd_ros.client.operator_client import reason_of_silence
 from robotd_ros.client.ros_client import RosClient
 
 JOINT_STATES = "joint_states"
@@ -86,11 +87,12 @@ def find_arm(client: RosClient, joints: Collection[str], action: str | None = No
     Raises:
         DeviceTimeout: there is none, or its joint states do not come.
         InvalidArgument: no joint group has one of ``joints``, or several have them.
-        OperationError: there are several and ``action`` is None.
+        OperationError: there are several and ``action`` is None, or its robot is not ready.
     """
     name, node = _find_action(client, action)
     namespace = posixpath.dirname(node)  # may be below that of the client
-    with client.listen(JointState, posixpath.join(namespace, JOINT_STATES)) as joint_states:
+    topic = posixpath.join(namespace, JOINT_STATES)
+    with reason_of_silence(client, namespace), client.listen(JointState, topic) as joint_states:
         # Other servers may have neither.
         count, units = client.parameters(node, ["joint_number", "joint_units"]) or (None, None)
         groups = _groups(client, node)

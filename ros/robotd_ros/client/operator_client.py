@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import posixpath
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -29,10 +30,14 @@ STANDING = (*NOT_READY, ProblemKind.STOPPED, ProblemKind.PAUSED)
 
 
 class ProblemListener:
-    """Subscription of the problems; ``stack`` closes it. One thread."""
+    """Subscription of the problems; ``stack`` closes it. One thread.
 
-    def __init__(self, client: RosClient, stack: ExitStack) -> None:
-        self._messages = stack.enter_context(client.listen(DiagnosticArray, PROBLEMS, LATCHED))
+    ``namespace``: of the robot; "" for the client's own.
+    """
+
+    def __init__(self, client: RosClient, stack: ExitStack, namespace: str = "") -> None:
+        topic = posixpath.join(namespace, PROBLEMS)
+        self._messages = stack.enter_context(client.listen(DiagnosticArray, topic, LATCHED))
 
     @property
     def is_known(self) -> bool:
@@ -59,13 +64,14 @@ def with_remedy(problem: Problem) -> str:
     return f"{problem}. {problem.remedy}" if problem.remedy else str(problem)
 
 
-def require(client: RosClient, *kinds: ProblemKind) -> None:
+def require(client: RosClient, namespace: str, *kinds: ProblemKind) -> None:
     """Raise OperationError, with the reason and the remedy, for a problem of one of ``kinds``.
 
-    A system without the node ``robotd`` cannot be asked: no effect.
+    ``namespace``: of the robot, here and below; "" for the client's own. A system without the node
+    ``robotd`` cannot be asked: no effect.
     """
     with ExitStack() as stack:
-        problems = ProblemListener(client, stack)
+        problems = ProblemListener(client, stack, namespace)
         try:
             client.wait(lambda: problems.is_known, PROBLEMS, DISCOVERY_S)
         except DeviceTimeout:
@@ -74,27 +80,27 @@ def require(client: RosClient, *kinds: ProblemKind) -> None:
             raise OperationError(with_remedy(problem))
 
 
-def require_ready(client: RosClient) -> None:
+def require_ready(client: RosClient, namespace: str = "") -> None:
     """Raise OperationError, with the robot's reason and what helps, unless axes take commands."""
-    require(client, *NOT_READY)
+    require(client, namespace, *NOT_READY)
 
 
-def require_motion(client: RosClient) -> None:
+def require_motion(client: RosClient, namespace: str = "") -> None:
     """Raise OperationError while goals would be rejected, or wait: not ready, stopped or paused."""
-    require(client, *STANDING)
+    require(client, namespace, *STANDING)
 
 
 @contextmanager
-def reason_of_silence(client: RosClient) -> Iterator[None]:
+def reason_of_silence(client: RosClient, namespace: str = "") -> Iterator[None]:
     """Check ``require_ready`` before the block, and again when its DeviceTimeout comes out.
 
     On a busy computer the topic may be discovered only during the block.
     """
-    require_ready(client)
+    require_ready(client, namespace)
     try:
         yield
     except DeviceTimeout:
-        require_ready(client)
+        require_ready(client, namespace)
         raise
 
 

@@ -99,9 +99,8 @@ def _jog(
 ) -> ExitCode:
     """Move ``joint``; INTERRUPTED after Ctrl-C. Raises Rejected with the robot's reason."""
     with robot_client(timeout_s, searches=True) as client:
-        with import_ros("robotd_ros.client.operator_client").reason_of_silence(client):
-            arm = import_ros("robotd_ros.client.motion_client").find_arm(client, [joint], action)
-        import_ros("robotd_ros.client.operator_client").require_motion(client)
+        arm = import_ros("robotd_ros.client.motion_client").find_arm(client, [joint], action)
+        import_ros("robotd_ros.client.operator_client").require_motion(client, arm.namespace)
         print_addressed_robots(client, arm.namespace)
         arm.check([joint])
         unit = arm.units.get(joint, "rad or m")

@@ -111,9 +111,8 @@ def move(
         return _move_tool(timeout_s, words, deg=deg, frame=frame, goal=goal)
     targets = parse_targets(words)
     with robot_client(timeout_s, searches=True) as client:
-        with import_ros("robotd_ros.client.operator_client").reason_of_silence(client):
-            arm = import_ros("robotd_ros.client.motion_client").find_arm(client, targets, action)
-        import_ros("robotd_ros.client.operator_client").require_motion(client)
+        arm = import_ros("robotd_ros.client.motion_client").find_arm(client, targets, action)
+        import_ros("robotd_ros.client.operator_client").require_motion(client, arm.namespace)
         print_addressed_robots(client, arm.namespace)
         turning = {joint for joint in targets if deg and arm.units.get(joint) != "m"}
         positions = {
