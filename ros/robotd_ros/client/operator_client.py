@@ -24,6 +24,7 @@ LEVELS = {"on": True, "off": False}
 
 Levels = dict[str, bool | None]
 PROBLEMS = f"{OPERATOR_NODE}/problems"
+RECOVERY = f"{OPERATOR_NODE}/recovery"
 DISCOVERY_S = 1.0
 NOT_READY = (ProblemKind.STARTING, ProblemKind.ENDING, ProblemKind.DEVICE)
 STANDING = (*NOT_READY, ProblemKind.STOPPED, ProblemKind.PAUSED)
@@ -111,17 +112,15 @@ def recover(client: RosClient, on_step: Callable[[str], None]) -> bool:
     step names what allows it.
 
     Raises:
-        DeviceTimeout: no robot answers, or it has gone in between.
+        DeviceTimeout: no robot answers, or it has gone in between, maybe restarted.
         OperationError: the reason of the step that failed.
     """
     service = client.node.create_client(Trigger, f"{OPERATOR_NODE}/recover")
-    with (
-        ExitStack() as stack,
-        client.listen(String, f"{OPERATOR_NODE}/recovery", LATCHED) as report,
-    ):
+    with ExitStack() as stack, client.listen(String, RECOVERY, LATCHED) as report:
         problems = ProblemListener(client, stack)
         client.wait(service.service_is_ready, f"service {service.service_name}")
         before = report.wait()  # the report of the last recovery, empty before the first
+        asked = _publishers(client)
         answer = service.call_async(Trigger.Request())
         printed: list[str] = []
         seen_s = time.monotonic()
@@ -129,7 +128,7 @@ def recover(client: RosClient, on_step: Callable[[str], None]) -> bool:
             client.spin()
             if report.newest is not before:
                 _print_new(report.newest.data, printed, on_step)
-            if service.service_is_ready():
+            if asked & _publishers(client):  # the service may be that of a restarted robot
                 seen_s = time.monotonic()
             elif time.monotonic() - seen_s > client.timeout_s:
                 raise DeviceTimeout("the robot has gone during the recovery")
@@ -141,6 +140,12 @@ def recover(client: RosClient, on_step: Callable[[str], None]) -> bool:
         if paused := problems.first(ProblemKind.PAUSED):
             on_step(with_remedy(paused))
         return problems.first(ProblemKind.STOPPED) is None
+
+
+def _publishers(client: RosClient) -> set[bytes]:
+    """Return which processes report a recovery: another one each time that robotd is started."""
+    found = client.node.get_publishers_info_by_topic(RECOVERY)
+    return {bytes(each.endpoint_gid) for each in found}
 
 
 def _print_new(text: str, printed: list[str], on_step: Callable[[str], None]) -> None:
