@@ -16,6 +16,7 @@ from robotd_cia402.command_steps import STEP_S, CommandSteps
 from robotd_cia402.controlword import Control, Status
 from robotd_cia402.modes import VELOCITY_MODES, OperationMode
 from robotd_cia402.object_numbers import TARGET_VELOCITY
+from robotd_cia402.scaling import wrapped
 
 _HERE = (35, 37)  # homing methods that take the present position
 _FRESH_FRAMES = 5  # and a turn, after which every value is from after the event
@@ -29,6 +30,7 @@ class MotionCommands(CommandSteps):
         axis = self._axis
         stops = axis.activity.stops
         with axis.lock:
+            self._require_reach(target)
             self._prepare_motion(stops)
             axis.activity.complete = False
             axis.drive.set_value(0x6081, 0, self._speed_units(profile.velocity))
@@ -115,6 +117,14 @@ class MotionCommands(CommandSteps):
         axis.brake(ramp)
         if moving:
             axis.power.quick_stop()
+
+    def _require_reach(self, target: float) -> None:
+        """Raise InvalidArgument for a target that wraps to another place: it is too far away."""
+        scaling = self._axis.scaling
+        way = scaling.counts(target) - scaling.counts(self._report.demand())
+        if wrapped(way) != way:
+            text = f"target {target:g} is {abs(way)} counts away, which has to be less than 2^31"
+            raise self._error(InvalidArgument, text)
 
     def _run_homing(self, timeout_s: float, stops: int) -> None:
         axis, report, activity = self._axis, self._report, self._axis.activity

@@ -14,6 +14,7 @@ from tests.plugins.cia402.looped_drive import SUPPORTED_MODES, LoopedDrive
 from robotd.api import (
     CommandMode,
     DeviceTimeout,
+    InvalidArgument,
     MonotonicClock,
     NotReady,
     Operation,
@@ -675,6 +676,18 @@ def test_an_endless_axis_runs_over_32_bits() -> None:
         looped.commands.move(target, FAST)
         idle(looped)
     assert looped.image.position[0] == pytest.approx(3.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("target", [3.0, -3.0])
+def test_a_target_that_wraps_to_another_place_is_rejected(target: float) -> None:
+    looped = LoopedDrive(counts_per_rad=1e9)
+    looped.commands.enable(1.0)
+    text = f"target {target:g} is 3000000000 counts away, which has to be less than 2\\^31"
+    with pytest.raises(InvalidArgument, match=text):
+        looped.commands.move(target, FAST)
+    looped.run(1.0)
+    assert looped.axis.activity.is_idle
+    assert looped.drive.position == 0.0
 
 
 def test_the_command_mode_is_kept_for_the_next_stream(on: LoopedDrive) -> None:
