@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from robotd.api import OperationError, wait_until
+from robotd.api import DeviceTimeout, OperationError, wait_until
 from robotd_canopen.bus import Bus
 from robotd_canopen.feedback import Feedback
 from robotd_canopen.frame import Frame
@@ -145,13 +145,12 @@ class CanopenDrive(DriveAccess):
                 feedback.seed(number, pdo, values)
 
     def require_unique(self, timeout_s: float) -> None:
-        """Worker: wait for some SYNCs, and raise OperationError where two nodes have the id.
-
-        Positions of both would be mixed.
-        """
+        """Wait for some SYNCs first."""
         number, feedback, node = self._number, self._feedback, self.node
         counted = lambda: feedback.is_counted(number) or not node.online  # noqa: E731
-        wait_until(counted, timeout_s, node.clock)
+        if not wait_until(counted, timeout_s, node.clock):
+            text = f"too few SYNCs within {timeout_s:g} s to look for another node with its id"
+            raise DeviceTimeout(f"{node.name}: {text}")
         if node.sdo.doubled:
             raise OperationError(f"{node.name}: {ANSWERS}")
         if pdo := feedback.doubled(number):

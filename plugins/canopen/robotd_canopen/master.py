@@ -237,15 +237,6 @@ class Master(Cia402Master[CanopenDrive]):
         if all(axis.mode.requested.is_torque or not axis.activity.streaming for axis in self.axes):
             self._transmit_before_sync()
 
-    def servo(self, axis: int, on: bool, timeout_s: float) -> None:
-        """Switch on only where no other node has the id.
-
-        An axis that is on goes on when another one comes; switched off, it stays off.
-        """
-        if on:
-            self.axes[axis].drive.require_unique(timeout_s)
-        super().servo(axis, on, timeout_s)
-
     def _transmit_before_sync(self) -> None:
         """Send the RPDOs in the last control period before a SYNC."""
         if (self._cycles + 1) % self.layout.cycles_per_sync == 0:

@@ -107,6 +107,12 @@ class DriveAccess(ABC):
     def forget(self) -> None:
         """Discard the inputs: the drive has been configured anew. Worker."""
 
+    def require_unique(self, timeout_s: float) -> None:  # noqa: B027 - not on every bus
+        """Raise OperationError where another node answers as this one. Worker.
+
+        Positions of both would be mixed. Raises DeviceTimeout: not known after ``timeout_s``.
+        """
+
     def set_value(self, index: int, sub: int, value: int) -> None:
         """Write an object unless it has that value already. Worker. Raises as ``write``."""
         if self._written.get((index, sub)) != value:

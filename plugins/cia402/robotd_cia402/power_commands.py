@@ -17,7 +17,7 @@ class PowerCommands(CommandSteps):
         """Enable operation, with the command at the measured position.
 
         An axis that is on is left as it is, and taken out of a quick stop. Nothing is switched on
-        after ``timeout_s``, or after a ``disable`` that came meanwhile.
+        after ``timeout_s``, after a ``disable`` that came meanwhile, or where two nodes answer.
         """
         axis, report, releases = self._axis, self._report, self._axis.power.releases
         left_s = self._countdown(timeout_s)
@@ -26,6 +26,7 @@ class PowerCommands(CommandSteps):
             if not axis.power.switch_on(control, releases, done=done):
                 raise self._error(OperationError, "switched off before the servo was on")
 
+        axis.drive.require_unique(left_s())
         with axis.lock:
             self.require_online()
             if axis.power.requested and report.powered:

@@ -12,6 +12,7 @@ from structlog.testing import capture_logs
 from tests.plugins.cia402.looped_drive import SUPPORTED_MODES, LoopedDrive
 
 from robotd.api import (
+    NANOSECONDS,
     CommandMode,
     DeviceTimeout,
     InvalidArgument,
@@ -725,6 +726,22 @@ def test_a_servo_that_stays_on_is_logged(on: LoopedDrive) -> None:
     with capture_logs() as lines:
         switch_off([on.axis], 1.0, on.clock)
     assert "the servo did not go off within 0.5 s" in lines[-1]["reason"]
+
+
+def test_the_search_for_a_second_node_is_part_of_the_time_out() -> None:
+    looped, searches = LoopedDrive(), list[float]()
+
+    def search(timeout_s: float) -> None:
+        searches.append(timeout_s)
+        looped.run(0.6)
+
+    looped.objects.require_unique = search  # type: ignore[method-assign]
+    looped.faults.statusword = 0x0650  # switch on disabled, whatever happens
+    began_ns = looped.clock.now_ns()
+    with pytest.raises(DeviceTimeout, match="the servo did not go on within 1 s"):
+        looped.commands.enable(1.0)
+    took_s = (looped.clock.now_ns() - began_ns) / NANOSECONDS
+    assert (searches, took_s) == ([1.0], pytest.approx(1.0, abs=0.02))
 
 
 def test_servo_on_waits_for_the_end_of_a_servo_off(on: LoopedDrive) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from functools import partial
-from threading import Event
+from threading import Event, Thread
 from typing import Any
 
 import numpy as np
@@ -196,6 +196,36 @@ def test_a_command_that_was_given_up_begins_no_motion(
         syncs = harness.master.sync.count
         harness.until(lambda: harness.master.sync.count > syncs + RATE_HZ)
         assert abs(harness.image.position[1]) < 1e-3
+
+
+def test_a_servo_that_is_switched_off_while_a_second_node_is_looked_for_stays_off(
+    open_rig: OpenRig,
+) -> None:
+    with open_rig(SMALL) as harness:
+        harness.robot.axes.servo(1, False)
+        drive, looks, looked = harness.master.axes[1].drive, Event(), Event()
+        require_unique, errors = drive.require_unique, list[RobotdError]()
+
+        def look(timeout_s: float) -> None:
+            looks.set()
+            looked.wait(60.0)
+            require_unique(timeout_s)
+
+        def switch_on() -> None:
+            try:
+                harness.master.servo(1, True, 5.0)
+            except RobotdError as error:
+                errors.append(error)
+
+        drive.require_unique = look  # type: ignore[method-assign]
+        on = Thread(target=switch_on)
+        on.start()
+        assert looks.wait(60.0)
+        harness.master.servo(1, False, 5.0)
+        looked.set()
+        on.join()
+        assert not harness.image.servo_on[1]
+        assert "switched off before the servo was on" in str(errors)
 
 
 def test_late_and_some_lost_pdos_are_lived_with(open_rig: OpenRig) -> None:
