@@ -185,7 +185,12 @@ class Collisions:
                 raise reject(f"{place} {self._text(distances[at], close[at])}")
 
     def obstacle(self, positions: FloatArray, stopped: FloatArray) -> str:
-        """Return what comes too close on the way from ``positions`` (n,) to ``stopped`` (n,)."""
+        """Return what comes too close on the way from ``positions`` (n,) to ``stopped`` (n,).
+
+        Nothing is known to be apart from a joint that may be anywhere: it is named, too.
+        """
+        if not (known := np.isfinite(stopped)).all():
+            return f"the position of {self.chain.names[int(known.argmin())]} is not known"
         way = np.stack([positions, 0.5 * (positions + stopped), stopped])
         distances = self.distances(way)
         close = distances[1:] < self._least(distances[0])

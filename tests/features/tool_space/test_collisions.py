@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from structlog.testing import capture_logs
 from tests.features.tool_space.arms import go
 
 from robotd import Robot, open_robot
@@ -17,6 +18,7 @@ from robotd.api.robots import TrajectoryRequest
 from robotd.clock.simulated import SteppedClock
 from robotd.control.completion import Outcome
 from robotd.device.axes import Jog, Move
+from robotd.device.process_image import ProcessImage
 from robotd.motion.rejection import TrajectoryRejected
 from robotd_tool_space.capsules import Capsules, enclosing_capsule
 from robotd_tool_space.collisions import (
@@ -213,6 +215,24 @@ def test_moves_and_jogs_of_single_axes_stop_before_a_collision(arm: Arm) -> None
     axes.jog([Jog(0, Profile(-1.0, 5.0, 5.0))])
     assert MARGIN_M < arm.run(1500) < MARGIN_M + 0.03
     assert arm.robot.image.operation[0] == Operation.IDLE
+
+
+def test_a_move_stops_while_the_position_of_another_joint_is_not_known(arm: Arm) -> None:
+    driver = arm.robot.control_loop._driver
+    read = driver.read
+
+    def read_partly(image: ProcessImage) -> None:
+        read(image)
+        image.position[3] = np.nan  # of a drive that was not there at the start
+
+    driver.read = read_partly  # type: ignore[method-assign]
+    arm.robot.step(1)
+    with capture_logs() as lines:
+        arm.robot.axes.move([Move(0, 0.5, Profile(0.5, 5.0, 5.0))])
+        arm.robot.step(200)
+    assert arm.robot.image.operation[0] == Operation.IDLE
+    assert arm.position[0] == pytest.approx(BENT[0], abs=0.01)
+    assert [line["reason"] for line in lines] == ["the position of joint4 is not known"]
 
 
 def test_a_urdf_without_shapes_is_an_error(file: Path) -> None:
