@@ -27,6 +27,8 @@ KEPT = re.compile(
     r"|LD_LIBRARY_PATH"
 )
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+NAMESPACE = re.compile(r"/?([A-Za-z_][A-Za-z0-9_]*/)*([A-Za-z_][A-Za-z0-9_]*/?)?")
+USER = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*|[0-9]+")
 ETC = "/etc/robotd"
 WATCHDOG_S = 10
 START_TIMEOUT_S = 60  # until the nodes answer; the device may come later
@@ -186,6 +188,11 @@ def _unit(
     name = name or descriptor.name
     if not NAME.fullmatch(name):
         raise InvalidArgument(f"--name {name!r}: letters, digits, '.', '_' and '-' only")
+    if not NAMESPACE.fullmatch(namespace):
+        what = "names of letters, digits and '_' that begin with no digit, with '/' between them"
+        raise InvalidArgument(f"--namespace {namespace!r}: {what}")
+    if not USER.fullmatch(user):
+        raise InvalidArgument(f"--user {user!r}: a name of letters, digits, '.', '_' and '-'")
     python = Path(sys.executable)
     command = [str(python), "-m", "robotd", "run"]
     command += ["--robot", str(Path(robot).resolve()) if Path(robot).is_file() else robot]
@@ -294,7 +301,9 @@ def environment_text(variables: Sequence[tuple[str, str]]) -> str:
 def quoted(word: str) -> str:
     """Return ``word`` as systemd reads it back in a command line."""
     word = word.replace("%", "%%").replace("$", "$$")
-    return word if _PLAIN.fullmatch(word) else f'"{_in_double_quotes(word)}"'
+    if _PLAIN.fullmatch(word):
+        return word
+    return '"{}"'.format(_in_double_quotes(word).replace("\n", r"\n"))
 
 
 def is_in_home(path: Path) -> bool:

@@ -51,6 +51,13 @@ def test_the_unit_starts_the_robot_with_its_servos_off(tmp_path: Path) -> None:
     assert value(unit, "LimitRTPRIO") == "60"
 
 
+@pytest.mark.parametrize("namespace", ["left/arm_2", "/left/arm_2/", "/"])
+def test_a_namespace_may_be_nested(tmp_path: Path, namespace: str) -> None:
+    unit = unit_of(tmp_path, *CANOPEN, "--namespace", namespace)
+    ending = f" -r __ns:=/{namespace.strip('/')}"
+    assert value(unit, "ExecStart").endswith(ending)
+
+
 def test_a_backend_says_which_capabilities_it_needs(tmp_path: Path) -> None:
     unit = unit_of(tmp_path, *ETHERCAT)
     assert value(unit, "CapabilityBoundingSet") == "CAP_NET_RAW"
@@ -78,6 +85,11 @@ def test_a_robot_or_backend_that_is_wrong_writes_nothing(tmp_path: Path) -> None
         (("--robot", "cr3a", "--backend", "none"), "none"),
         (("--robot", "cr3a", "--backend", "canopen"), "name the CAN bus"),
         ((*CANOPEN, "--name", "../up"), "--name"),
+        ((*CANOPEN, "--namespace", "a b"), "--namespace 'a b'"),
+        ((*CANOPEN, "--namespace", "left//arm"), "--namespace 'left//arm'"),
+        ((*CANOPEN, "--namespace", "left/2"), "--namespace 'left/2'"),
+        ((*CANOPEN, "--user", "a b"), "--user 'a b'"),
+        ((*CANOPEN, "--user", "robotd\nGroup=root"), "--user"),
     ):
         result = install(*words, "--root", str(tmp_path))
         assert result.exit_code != 0
@@ -93,6 +105,7 @@ def test_a_robot_or_backend_that_is_wrong_writes_nothing(tmp_path: Path) -> None
         ("100%", '"100%%"'),
         ("$HOME", '"$$HOME"'),
         ('a"b\\c', '"a\\"b\\\\c"'),
+        ("a\nb", '"a\\nb"'),
         ("", '""'),
     ],
 )
