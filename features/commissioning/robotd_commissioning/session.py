@@ -96,9 +96,8 @@ class DescriptorEdit:
         try:
             newline = "\r\n" if b"\r\n" in self.path.read_bytes() else None
             copy.write_text(text, encoding="utf-8", newline=newline)
-            copy.chmod(self.path.stat().st_mode)
             check(copy)
-            copy.replace(self.path)
+            _replace(self.path, text, newline)
         except OSError as error:
             raise DescriptorError(f"cannot be written: {error.strerror}", path=self.path) from None
         finally:
@@ -119,6 +118,19 @@ class DescriptorEdit:
             " list into this file, which keeps what this machine needs"
         )
         raise DescriptorError(what, path=self.path, key=where)
+
+
+def _replace(path: Path, text: str, newline: str | None = None) -> None:
+    """Replace the content of a file at once; it may be new. A symbolic link stays one."""
+    file = path.resolve()
+    copy = file.with_name(f".{file.name}.new")
+    try:
+        copy.write_text(text, encoding="utf-8", newline=newline)
+        if file.exists():
+            copy.chmod(file.stat().st_mode)
+        copy.replace(file)
+    finally:
+        copy.unlink(missing_ok=True)
 
 
 def _set_startup(item: Any, name: str, value: int) -> None:
@@ -194,10 +206,8 @@ class CommissionRecord:
             self._save()
 
     def _save(self) -> None:
-        copy = self.path.with_name(f".{self.path.name}.new")
         try:
-            copy.write_text(json.dumps(self._content.model_dump(), indent=2) + "\n", "utf-8")
-            copy.replace(self.path)
+            _replace(self.path, json.dumps(self._content.model_dump(), indent=2) + "\n")
         except OSError as error:
             raise DescriptorError(f"cannot be written: {error.strerror}", path=self.path) from None
 

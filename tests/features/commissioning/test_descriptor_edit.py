@@ -82,6 +82,24 @@ def test_a_file_that_fails_its_check_is_not_written(path: Path) -> None:
     assert [each.name for each in path.parent.iterdir()] == ["robot.yaml"]
 
 
+def test_a_symbolic_link_stays_one(path: Path) -> None:
+    file = path.with_name("machines") / "third.yaml"
+    file.parent.mkdir()
+    path.replace(file)
+    path.symlink_to(file)
+    record = path.with_name("robot.commission.json")
+    record.symlink_to(file.with_name("third.json"))
+    edit = edit_of(path)
+    edit.save(edit.changed([Change(Place.JOINT, "upper_rad", 0.5)]), load_robot_descriptor)
+    CommissionRecord(path).note("a", "direction", "right")
+    assert path.is_symlink()
+    assert record.is_symlink()
+    assert load_robot_descriptor(file).joints[0].upper_rad == 0.5
+    assert CommissionRecord(path).finding("a", "direction") == "right"
+    assert {each.name for each in file.parent.iterdir()} == {"third.yaml", "third.json"}
+    assert {each.name for each in path.parent.iterdir()} == {path.name, record.name, "machines"}
+
+
 def test_lines_keep_their_ends(path: Path) -> None:
     path.write_bytes(TEXT.replace("\n", "\r\n").encode())
     edit = edit_of(path)
