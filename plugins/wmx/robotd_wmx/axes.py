@@ -48,9 +48,7 @@ class WmxAxes(AxisDriver):
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
         self._scaling = connection.scaling
-        self._stream = VelocityStream(
-            connection, lambda axes: self._slow_down(self._stream.end(axes))
-        )
+        self._stream = VelocityStream(connection, self._slow_down)
         self._positions = PositionStream(connection)
         self._splines = Splines(connection)
         connection.before_close(self._positions.close)

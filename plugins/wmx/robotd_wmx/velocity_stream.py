@@ -29,16 +29,17 @@ class VelocityStream:
 
     Args:
         connection: to the engine.
-        on_timeout: called with the axes that have streamed and get no setpoints any more.
+        slow_down: stops axes that get no setpoints any more.
 
     Attributes:
         active: (n,) the axes that are streamed now.
     """
 
-    def __init__(self, connection: Connection, on_timeout: Callable[[Sequence[int]], None]) -> None:
+    def __init__(self, connection: Connection, slow_down: Callable[[Sequence[int]], None]) -> None:
         axes = connection.robot.axes
         self.active = np.zeros(axes, bool)
-        self._connection, self._on_timeout = connection, on_timeout
+        self._connection, self._slow_down = connection, slow_down
+        self._unstopped: set[int] = set()  # axes whose stop the engine has rejected
         self._ramp_ms = 1000.0 / connection.robot.cycle.rate_hz
         self._velocity: FloatArray = np.full(axes, np.nan)
         self._sending = threading.Lock()
@@ -110,14 +111,22 @@ class VelocityStream:
         return axes
 
     def _expire(self) -> None:
-        axes = self._feeds()
-        if not axes:  # they have been ended since
-            return
-        log.warning("stopped: no setpoints arrive", axes=axes, after_s=TIMEOUT_S)
-        try:
-            self._on_timeout(axes)
-        except (CallError, RobotdError) as error:
-            log.error("stopping a stream failed", axes=axes, reason=_reason(error))
+        """Stop what gets no setpoints; a stop that is rejected is repeated after ``TIMEOUT_S``."""
+        stopped = []
+        with self._sending:  # no other stop comes in between, and is followed by this gentler one
+            for axis in self._feeds():
+                try:
+                    self._slow_down([axis])
+                except (CallError, RobotdError) as error:
+                    if axis not in self._unstopped:
+                        log.error("stopping a stream failed", axis=axis, reason=_reason(error))
+                    self._unstopped.add(axis)
+                else:
+                    self.active[axis] = False
+                    self._unstopped.discard(axis)
+                    stopped.append(axis)
+        if stopped:
+            log.warning("stopped: no setpoints arrive", axes=stopped, after_s=TIMEOUT_S)
 
 
 def _reason(error: CallError | RobotdError) -> str:

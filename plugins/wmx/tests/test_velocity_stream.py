@@ -137,6 +137,26 @@ def test_an_axis_stops_without_setpoints(tmp_path: Path) -> None:
         eventually(lambda: bool(abs(robot.image.velocity[AXIS]) < 1e-3), 1.0)
 
 
+def test_a_stop_that_is_rejected_is_repeated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with running(tmp_path) as robot:
+        robot.axes.set_command_mode(AXIS, CommandMode.VELOCITY)
+        stop, calls = rejecting("timed_stop_velocity", AXIS), list[int]()
+
+        def reject(device: Device, axis: int, milliseconds: float) -> None:
+            calls.append(axis)
+            stop(device, axis, milliseconds)
+
+        monkeypatch.setattr(Device, "timed_stop_velocity", reject)
+        robot.axes._driver.begin_stream([AXIS])
+        send(robot, 0.2)
+        eventually(lambda: len(calls) >= 2, 2.0)
+        assert abs(robot.image.velocity_command[AXIS]) == pytest.approx(SPEED_RAD_S)
+        monkeypatch.undo()
+        eventually(lambda: bool(abs(robot.image.velocity[AXIS]) < 1e-3), 2.0)
+
+
 def test_a_stream_that_has_ended_is_not_missed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
