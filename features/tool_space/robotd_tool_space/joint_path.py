@@ -6,13 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotd.api import FloatArray
+from robotd.api import FloatArray, InvalidArgument
 from robotd_tool_space.kinematics import Kinematics, Obstacle, Unreachable
 from robotd_tool_space.rotations import pose_differences
 from robotd_tool_space.tool_path import ToolPath
 
 STEP_M, STEP_RAD = 0.002, 0.01  # of the tool between two samples
 MIN_SAMPLES, MAX_SAMPLES = 12, 4000  # of each piece
+MAX_PATH_SAMPLES = 20_000  # about 20 s of planning, and 40 m
 DAMPING = 1e-12  # of squared singular values; lets a step through an exactly singular position end
 ACCURACY = 1e-9  # of the positions on the path: rad, and m divided by ``length_m``
 MAX_STEP_RAD = 0.3  # of a joint between two samples; a larger one skips something
@@ -70,8 +71,14 @@ def follow_path(kinematics: Kinematics, path: ToolPath, start: FloatArray) -> Jo
     """Return the joint positions of ``path``, continuously from ``start`` (n,).
 
     Raises Unreachable: the arm leaves its limits, or is singular; with the place.
+    InvalidArgument: the path is too long to be planned at once.
     """
     at_s = _samples(path)
+    if len(at_s) > MAX_PATH_SAMPLES:
+        raise InvalidArgument(
+            f"lines of {len(path.pieces)} pieces need {len(at_s)} steps of {1e3 * STEP_M:g} mm or"
+            f" {STEP_RAD:g} rad, at most {MAX_PATH_SAMPLES} are planned: send them in parts"
+        )
     poses = path.poses(at_s)
     positions = np.empty((len(at_s), len(start)))
     slope = np.empty_like(positions)
@@ -109,13 +116,11 @@ def slopes(
     kinematics: Kinematics, path: ToolPath, at_s: FloatArray, positions: FloatArray
 ) -> FloatArray:
     """Return the joint velocities (k, n) at unit speed of the parameter."""
-    weights, half_s = kinematics.weights, 1e-5 * path.length_s
+    weights, edges, half_s = kinematics.weights, path.edges_s, 1e-5 * path.edges_s[-1]
     # One-sided at both ends and never across a corner that is a stop: the piece decides.
-    before, behind = np.maximum(at_s - half_s, 0.0), np.minimum(at_s + half_s, path.length_s)
-    for edge in path.edges_s[1:-1]:
-        near = np.abs(at_s - edge) < half_s
-        before = np.where(near & (at_s >= edge), np.maximum(before, edge), before)
-        behind = np.where(near & (at_s < edge), np.minimum(behind, edge), behind)
+    piece = np.clip(np.searchsorted(edges, at_s, "right") - 1, 0, len(path.pieces) - 1)
+    before = np.maximum(at_s - half_s, edges[piece])
+    behind = np.minimum(at_s + half_s, edges[piece + 1])
     difference = pose_differences(path.poses(before), path.poses(behind))
     twist = difference / np.maximum(behind - before, 1e-12)[:, None] * weights
     pose, jacobian = kinematics.chain.forward_and_jacobian(positions)

@@ -102,7 +102,7 @@ def plan_lines(
 
     Raises:
         Unreachable: the line leaves the limits or the reach, or is singular; with the place.
-        InvalidArgument: it takes more than an hour.
+        InvalidArgument: it takes more than an hour, or is too long to be planned at once.
     """
     first = kinematics.forward(start)
     for pose in poses:

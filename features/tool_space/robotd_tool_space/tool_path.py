@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -101,7 +102,7 @@ class ToolPath:
         """Duration at full speed of the tool; 0: the tool is there already."""
         return sum(piece.length_s for piece in self.pieces)
 
-    @property
+    @cached_property
     def edges_s(self) -> FloatArray:
         """(pieces + 1,) parameter at the ends of the pieces."""
         return np.cumsum([0.0, *(piece.length_s for piece in self.pieces)])
@@ -111,10 +112,9 @@ class ToolPath:
         edges = self.edges_s
         index = np.clip(np.searchsorted(edges, at_s, "right") - 1, 0, len(self.pieces) - 1)
         result = np.empty((len(at_s), 4, 4))
-        for number, piece in enumerate(self.pieces):
+        for number in np.unique(index).tolist():
             inside = index == number
-            if inside.any():
-                result[inside] = piece.poses(at_s[inside] - edges[number])
+            result[inside] = self.pieces[number].poses(at_s[inside] - edges[number])
         return result
 
 

@@ -124,6 +124,9 @@ class MoveToolAction(WorkerAction):
         self, goal: Any, result: Any, after: ExitStack, tool: RobotTool, arrival: Arrival
     ) -> tuple[Outcome, str]:
         motion = planned(tool, goal.request)
+        if goal.is_cancel_requested:
+            result.message = "canceled while it was planned; nothing moved"
+            return Outcome.CANCELED, result.message
         result.duration_s, result.deviation_m = motion.duration_s, motion.deviation_m
         if goal.request.plan_only:
             tool.group.follower.check(motion.request(tool.group.joint_names))

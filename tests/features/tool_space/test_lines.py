@@ -147,6 +147,14 @@ def test_a_line_of_years_is_rejected_before_it_fills_the_memory() -> None:
         plan_lines(arm.kinematics, arm.limits, arm.start, [target], slow)
 
 
+def test_lines_that_would_be_planned_for_minutes_are_rejected_at_once() -> None:
+    arm = Arm("cr3a")
+    there_and_back = [arm.moved([0.0, 9.0 * side, 0.0]) for side in (1.0, -1.0) * 3]
+    text = "lines of 6 pieces need 24001 steps of 2 mm or 0.01 rad, at most 20000 are planned"
+    with pytest.raises(InvalidArgument, match=text):
+        arm.plan(*there_and_back)
+
+
 def test_a_tool_that_is_there_already_stands() -> None:
     arm = Arm("cr3a")
     motion = arm.plan(arm.pose)
