@@ -112,6 +112,8 @@ def test_a_long_number_takes_no_longer_than_its_text(digits: str) -> None:
     ("text", "problem"),
     [
         ("<robot>", "arm.urdf:1: not XML: "),
+        ("", "arm.urdf:1: not XML: Document is empty"),
+        ("\0", "arm.urdf:1: not XML: Document is empty"),
         ('<sdf version="1.6"/>', "arm.urdf:1: begins with <sdf>, not <robot>: no URDF"),
         ('<robot xmlns:xacro="http://www.ros.org/wiki/xacro">\n<xacro:arm/></robot>',
          "arm.urdf:1: is xacro, not URDF: pass it to 'robotd new-robot --urdf'"),

@@ -53,10 +53,11 @@ def urdf_text(data: bytes | str, path: Path) -> str:
     try:
         etree.fromstring(text.encode(), _parser())
     except etree.XMLSyntaxError:
-        text = _mended(text)
+        pass
     else:
         return text
     try:
+        text = _mended(text)
         etree.fromstring(text.encode(), _parser())
     except etree.XMLSyntaxError as error:
         raise DescriptorError(f"not XML: {error.msg}", path=path, line=error.lineno) from None
