@@ -24,6 +24,8 @@ _BOUNDS = {
     "less_than": "must be less than {lt:g}",
     "less_than_equal": "must be at most {le:g}",
 }
+_LIST, _MAPPING = "must be a list", "must be a mapping of keys to values"
+_SHAPES = {"tuple_type": _LIST, "list_type": _LIST, "dict_type": _MAPPING, "model_type": _MAPPING}
 
 
 def validate(
@@ -78,11 +80,16 @@ def _extension(tree: Node | None, node: Node | None) -> str:
 def _text(model: type[BaseModel], found: ErrorDetails, loc: Sequence[str | int]) -> str:
     kind, context = found["type"], found.get("ctx", {})
     if kind == "extra_forbidden":
-        return "unknown key" + did_you_mean(str(loc[-1]), _keys_at(model, loc[:-1]))
+        key = str(loc[-1])
+        if key.isdecimal() and found["input"] is None:  # {velocity_rad_s: 2,5}
+            return "unknown key; a number has a decimal point, not a comma"
+        return "unknown key" + did_you_mean(key, _keys_at(model, loc[:-1]))
     if kind == "missing":
         return "missing"
     if kind in _BOUNDS:
         text = _BOUNDS[kind].format(**context)
+    elif kind in _SHAPES:
+        text = _SHAPES[kind]
     elif kind == "value_error":
         text = str(context["error"])
     elif kind == "string_pattern_mismatch":

@@ -92,10 +92,12 @@ def merge(base: Node, overlay: Node) -> Node:
 
 def read_yaml(path: Path) -> Node:
     """Read a file whose top level is a mapping. Raises DescriptorError."""
+    data = read_limited(path, MAX_BYTES)
     try:
-        text = read_limited(path, MAX_BYTES).decode("utf-8")
+        text = data.decode("utf-8")
     except UnicodeDecodeError as error:
-        raise DescriptorError(f"not UTF-8 text ({error.reason})", path=path) from None
+        line = data.count(b"\n", 0, error.start) + 1
+        raise DescriptorError(f"not UTF-8 text ({error.reason})", path=path, line=line) from None
     root = _build(text, path)
     if not isinstance(root.value, dict):
         raise DescriptorError("must be a mapping of keys to values", path=path, line=1)
@@ -115,15 +117,26 @@ def _build(text: str, path: Path, *, has_lines: bool = True) -> Node:
     try:
         root = builder.document(iter(yaml.parse(text, Loader=_LOADER)))
     except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        what = getattr(error, "problem", None) or getattr(error, "reason", None) or "unreadable"
-        line = None if mark is None else mark.line + 1
-        # libyaml from 0.2.6 looks 1000 brackets ahead, before the first of them is an event here.
-        text = _TOO_DEEP if "nesting depth" in what else f"not valid YAML: {what}"
-        raise DescriptorError(text, path=path, line=line) from None
+        raise _syntax_error(text, error, path) from None
     if builder.problems:
         raise DescriptorError.join(builder.problems)
     return root
+
+
+def _syntax_error(text: str, error: Any, path: Path) -> DescriptorError:
+    """Return the error of a text that is no YAML, with its line."""
+    what = getattr(error, "problem", None) or getattr(error, "reason", None) or "unreadable"
+    # libyaml from 0.2.6 looks 1000 brackets ahead, before the first of them is an event here.
+    if "nesting depth" in what:
+        return DescriptorError(_TOO_DEEP, path=path, line=error.problem_mark.line + 1)
+    mark, start = getattr(error, "problem_mark", None), getattr(error, "context_mark", None)
+    # Without a mark it is a character that no text has, by its byte.
+    line = 1 + (mark.line if mark else text.encode().count(b"\n", 0, error.position))
+    if any(each.lstrip(" ").startswith("\t") for each in text.splitlines()[line - 1 : line]):
+        what = "the line is indented by a tab: use spaces"
+    elif start is not None and start.line + 1 != line:  # such as the quote that is not closed
+        what += f", {error.context} from line {start.line + 1}"
+    return DescriptorError(f"not valid YAML: {what}", path=path, line=line)
 
 
 class _Builder:

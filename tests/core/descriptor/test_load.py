@@ -121,6 +121,7 @@ def test_all_problems_come_at_once_with_line_key_and_value(robots: Path) -> None
         ("joints: [f]", "joints: [a]", "7: gripper.joints.0: is a joint of the arm already"),
         ("joints: [f]", "joints: [f, f]", "7: gripper.joints.1: used before, by joints.0"),
         ("closed_m: 0.1", "closed_m: 0.0", "7: gripper.closed_m: must differ from open_m"),
+        ("rate_hz: 100", "rate_hz: 100, 5", "cycle.5: unknown key; a number has a decimal point"),
         ("name: arm", "name: 'an arm'", "2: name: must begin with a letter"),
         ("[manipulator_state]", "[other]", "not in nodes (other) (value 'manipulator_state')"),
         ("rate: 500", "rate: null", "ros_parameters.manipulator_state.rate: must be a boolean"),
@@ -131,6 +132,9 @@ def test_all_problems_come_at_once_with_line_key_and_value(robots: Path) -> None
         ("topic: null", "topik: null", "17: ros_parameters.manipulator_state.topik: must be a bo"),
         ("gripper: null", "griper: null", "17: griper: unknown key; did you mean 'gripper'?"),
         ("schema: 1", "schema: 1\nurdf: x.urdf", "2: urdf: file"),
+        ("schema: 1", "schema: 1\ngroups: [a]", "2: groups: must be a mapping of keys to values"),
+        ("schema: 1", "schema: 1\nengine: 1", "2: engine: must be a mapping of keys to values"),
+        ("joints: [f]", "joints: f", "7: gripper.joints: must be a list (value 'f')"),
         ("schema: 1", "schema: 1\naxes: 2", "must be less than axes (2) (value 3)"),
     ],
 )

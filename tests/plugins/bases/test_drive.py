@@ -142,7 +142,7 @@ def test_a_mecanum_drive_has_four_wheels(tmp_path: Path) -> None:
         (MECANUM.replace("  kind: mecanum\n", ""), "drive.front_left_axis: unknown key"),
         (MECANUM + "  wheel_joints: [a, b]\n", r"drive.wheel_joints: must be as many as wheels"),
         (MECANUM.replace("kind: mecanum", "kind: [1]"), "drive.kind: unknown kind of base"),
-        ("schema: 1\nname: rover\ndrive: fast\n", "drive: must be a valid dictionary"),
+        ("schema: 1\nname: rover\ndrive: fast\n", "drive: must be a mapping of keys to values"),
     ],
 )
 def test_mistakes_in_a_kind_of_base_are_named(tmp_path: Path, text: str, where: str) -> None:
