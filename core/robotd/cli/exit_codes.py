@@ -30,8 +30,8 @@ class ExitCode(IntEnum):
     OK = 0
     """Stopped in order, or no problem was found."""
     FAILED = 1
-    """The robot rejected or aborted the request, has no such name, or cannot move; or an internal
-    error."""
+    """The robot rejected or aborted the request, has no such name, or cannot move; a new folder
+    could not be made; or an internal error."""
     USAGE = 2
     """The command line is wrong."""
     CONFIGURATION = 3

@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from robotd.api import InvalidArgument, OperationError
+from robotd.api import InvalidArgument, RobotdError
 from robotd.api.commands import (
     FOLDER,
     ExitCode,
@@ -205,7 +205,7 @@ def new_robot(*, name: str, into: Path, package: bool, **options: Any) -> ExitCo
     words = package_words(name)
     top = into / (words["distribution"] if package else name)
     if top.exists():
-        raise OperationError(f"folder {top} exists already")
+        raise RobotdError(f"folder {top} exists already")
     folder = top / words["package"] / "robots" / name if package else top
     files: dict[str, bytes | Path] = {}
     meshes = ""

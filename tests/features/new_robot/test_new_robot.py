@@ -293,7 +293,7 @@ def test_a_folder_is_not_overwritten(robotd: Robotd, new: New, tmp_path: Path) -
     before = robot.path.read_bytes()
     urdf = str(URDFS / "scara.urdf")
     result = robotd("new-robot", "gantry", "--urdf", urdf, "--into", str(tmp_path))
-    assert result.exit_code != 0
+    assert result.exit_code == ExitCode.FAILED
     assert "exists already" in result.stderr
     assert robot.path.read_bytes() == before
 
