@@ -228,8 +228,10 @@ def _find(robot: str | Path, search_path: Sequence[Path] | None) -> Path:
         return found[0]
     if found:
         raise DescriptorError(f"robot {robot!r} exists twice: {found[0]} and {found[1]}")
-    names = sorted({name for name, _ in robots})
-    raise DescriptorError(unknown_name("robot", str(robot), names))
+    what = unknown_name("robot", robot, sorted({name for name, _ in robots}))
+    if is_file(Path(robot) / FILE_NAME):
+        what += f"; the folder is named by its file: {Path(robot) / FILE_NAME}"
+    raise DescriptorError(what)
 
 
 def _robots(search_path: Sequence[Path] | None) -> Iterator[tuple[str, Path]]:

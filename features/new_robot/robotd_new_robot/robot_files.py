@@ -154,7 +154,7 @@ def _printable(line: str) -> str:
 
 def _head(name: str, title: str, path: Path) -> Iterator[str]:
     yield f"# Made by 'robotd new-robot {name}' from {path.name}; edit it from here on."
-    yield "# Keys: robotd docs reference/descriptor. Check changes by: robotd check --robot FOLDER"
+    yield "# Keys: robotd docs reference/descriptor. Check changes by: robotd check --robot FILE"
     yield "schema: 1"
     yield f"name: {name}"
     yield f"summary: {_quoted(f'{title}, from {path.name}')}"

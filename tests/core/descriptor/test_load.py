@@ -93,6 +93,14 @@ def test_unknown_names_list_what_there_is(robots: Path) -> None:
         load_robot_descriptor(robots / "nothing.yaml")
 
 
+def test_a_folder_in_place_of_a_name_is_answered_with_its_file(
+    robots: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(robots)
+    with pytest.raises(DescriptorError, match=r"unknown robot 'arm' .*: arm/robot.yaml$"):
+        load_robot_descriptor("arm", search_path=[])
+
+
 def test_one_name_in_two_folders_is_rejected(robots: Path, tmp_path: Path) -> None:
     write(tmp_path / "arm", "arm", ARM)
     with pytest.raises(DescriptorError, match="'arm' exists twice: "):
