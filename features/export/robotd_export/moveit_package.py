@@ -122,21 +122,32 @@ def _add_gripper(
     """Add the group of the fingers, and its end effector."""
     group = etree.SubElement(root, "group", name=GRIPPER)
     _add_all(group, "joint", [*fingers])
-    holder = urdf.joint[fingers[0]].parent
-    carrying = [name for name, (joints, _) in groups.items() if holder in _carried(urdf, joints)]
-    if carrying:
+    owners = {
+        link: name
+        for name, (joints, tip) in groups.items()
+        for link in _group_links(urdf, joints, tip)
+    }
+    link = urdf.joint[fingers[0]].parent
+    while link != urdf.root and link not in owners:  # such as the body of the gripper
+        link = urdf.parent_joint[link].parent
+    if link in owners:
         etree.SubElement(
             root,
             "end_effector",
             name=GRIPPER,
-            parent_link=holder,
+            parent_link=link,
             group=GRIPPER,
-            parent_group=carrying[0],
+            parent_group=owners[link],
         )
 
 
-def _carried(urdf: UrdfRobot, joints: tuple[UrdfJoint, ...]) -> list[str]:
-    return urdf.subtree(joints[-1].child)
+def _group_links(urdf: UrdfRobot, joints: tuple[UrdfJoint, ...], tip: str) -> list[str]:
+    """Return the links that are part of a planning group to MoveIt."""
+    links = [joint.child for joint in joints]
+    while tip and tip not in links:  # a tool behind the last joint
+        links.append(tip)
+        tip = urdf.parent_joint[tip].parent
+    return links
 
 
 def _tip(urdf: UrdfRobot, joints: tuple[UrdfJoint, ...], tool: str | None) -> str:

@@ -58,6 +58,32 @@ def test_the_srdf_speaks_of_the_urdf(package: Package) -> None:
     assert joints <= set(urdf.joint)
 
 
+def test_the_gripper_is_on_a_link_of_its_parent_group(tmp_path: Path) -> None:
+    """On an arm that a lift carries, behind a body that is fixed to the last link."""
+    joints = (
+        ("lift", "torso", "prismatic"), ("elbow", "lift", "revolute"), ("body", "elbow", "fixed"),
+        ("a", "body", "prismatic"), ("b", "body", "prismatic"),
+    )  # fmt: skip
+    parts = "".join(
+        f'<link name="{name}"/><joint name="{name}" type="{kind}"><parent link="{parent}"/>'
+        f'<child link="{name}"/><limit lower="0" upper="1" effort="1" velocity="1"/></joint>'
+        for name, parent, kind in joints
+    )
+    (tmp_path / "r.urdf").write_text(f'<robot name="r"><link name="torso"/>{parts}</robot>')
+    limits = "lower_%s: 0, upper_%s: 1, velocity_%s_s: 1, acceleration_%s_s2: 1"
+    (tmp_path / "robot.yaml").write_text(
+        "schema: 1\nname: r\nurdf: r.urdf\nnodes: [follow_joint_trajectory_server]\njoints:\n"
+        f"  - {{name: lift, axis: 0, type: prismatic, {limits.replace('%s', 'm')}}}\n"
+        f"  - {{name: elbow, axis: 1, {limits.replace('%s', 'rad')}}}\n"
+        "groups: {lift: {joints: [lift]}, arm: {joints: [elbow]}}\n"
+        "gripper: {output_byte: 0, output_bit: 0, joints: [a, b], open_m: 1, closed_m: 0}\n"
+    )
+    files = moveit_package(ExportInput(load_robot_descriptor(tmp_path / "robot.yaml")))
+    effector = etree.fromstring(files["config/r.srdf"].encode()).find("end_effector")
+    assert effector is not None
+    assert (effector.get("parent_group"), effector.get("parent_link")) == ("arm", "elbow")
+
+
 def test_every_moving_joint_is_planned_or_passive(package: Package) -> None:
     urdf, srdf = package.urdf, package.srdf
     held = {each.get("name") for each in srdf.iter("joint", "passive_joint")}
