@@ -91,7 +91,7 @@ class SimOptions(BackendOptions):
         """The option ``key`` as an array of shape (axes,). Raises DescriptorError."""
         value = np.asarray(getattr(self, key), dtype=np.float64)
         if value.ndim and value.shape != (axes,):
-            message = f"has {value.size} figures, the robot has {axes} axes"
+            message = f"has {value.size} figures, the robot has {axes} axes, 0 to {axes - 1}"
             raise DescriptorError(message, key=f"backends.sim.{key}")
         return np.broadcast_to(value, (axes,)).copy()
 

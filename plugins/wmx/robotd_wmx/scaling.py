@@ -25,7 +25,9 @@ class Scaling:
     def __init__(self, robot: RobotDescriptor, options: WmxOptions) -> None:
         units = np.asarray(options.units_per_si, np.float64)
         if units.ndim and units.shape != (robot.axes,):
-            message = f"has {units.size} figures, the robot has {robot.axes} axes"
+            message = (
+                f"has {units.size} figures, the robot has {robot.axes} axes, 0 to {robot.axes - 1}"
+            )
             raise DescriptorError(message, key="backends.wmx.units_per_si")
         self.units: FloatArray = np.broadcast_to(units, (robot.axes,)).copy()
         self.si: FloatArray = 1.0 / self.units
