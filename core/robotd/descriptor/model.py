@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
 
@@ -33,7 +34,7 @@ from robotd.descriptor.section import (
     Section,
     twice,
 )
-from robotd.descriptor.source import Node
+from robotd.descriptor.source import Node, merge
 
 DEFAULT_RATE_HZ = 500.0
 
@@ -246,6 +247,21 @@ class RobotDescriptor(Section):
         """Return the settings of a feature, by its model; the defaults where there are none."""
         found = self._settings.get(model)
         return found if isinstance(found, model) else model()
+
+    def with_options(self, backend: str, options: Mapping[str, Any], origin: Node | None) -> Self:
+        """Return a copy with ``options`` laid over the section of a backend.
+
+        ``origin``: their tree, which errors name; None for options of a program.
+        """
+        section = {**self.backends.get(backend, {}), **options}
+        copy = self.model_copy(update={"backends": {**self.backends, backend: section}})
+        if self._tree is not None and origin is not None:
+            # Without lines: a value with a line is taken for one of a robot that this one extends.
+            keys = {key: replace(node, line=None) for key, node in origin.value.items()}
+            backends = Node({backend: replace(origin, value=keys)}, origin.path, None)
+            merged = merge(self._tree, Node({"backends": backends}, origin.path, None))
+            copy._tree = replace(self._tree, value=merged.value)  # noqa: SLF001 - of the same class
+        return copy
 
     @property
     def tree(self) -> Node | None:

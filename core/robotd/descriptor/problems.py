@@ -24,6 +24,10 @@ _BOUNDS = {
     "less_than": "must be less than {lt:g}",
     "less_than_equal": "must be at most {le:g}",
 }
+_LENGTHS = {
+    "too_short": "must have {min_length} or more items",
+    "too_long": "must have {max_length} or fewer items",
+}
 _LIST, _MAPPING = "must be a list", "must be a mapping of keys to values"
 _SHAPES = {"tuple_type": _LIST, "list_type": _LIST, "dict_type": _MAPPING, "model_type": _MAPPING}
 
@@ -86,8 +90,8 @@ def _text(model: type[BaseModel], found: ErrorDetails, loc: Sequence[str | int])
         return "unknown key" + did_you_mean(key, _keys_at(model, loc[:-1]))
     if kind == "missing":
         return "missing"
-    if kind in _BOUNDS:
-        text = _BOUNDS[kind].format(**context)
+    if kind in _BOUNDS or kind in _LENGTHS:
+        text = (_BOUNDS | _LENGTHS)[kind].format(**context)
     elif kind in _SHAPES:
         text = _SHAPES[kind]
     elif kind == "value_error":

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from robotd.api import Capability, InvalidArgument
+from robotd.api import Capability, InvalidArgument, unknown_name
 from robotd.api.models import validate
 from robotd.api.robots import Robot
 
@@ -189,9 +189,7 @@ class Crossing(Part):
     def check(self, robot: Robot) -> None:
         """Raise InvalidArgument when the robot has no such joint."""
         if self.joint not in robot.joint_names:
-            raise InvalidArgument(
-                f"unknown joint {self.joint!r} (available: {', '.join(robot.joint_names)})"
-            )
+            raise InvalidArgument(unknown_name("joint", self.joint, robot.joint_names))
 
     def happens(self, robot: Robot) -> bool:
         """Return True while the joint is beyond the value."""
@@ -227,7 +225,9 @@ class Fault(Part):
     def _one_kind(self) -> Self:
         given = [name for name in FAULTS if getattr(self, name) is not None]
         if len(given) != 1:
-            raise ValueError(f"needs exactly one of {', '.join(FAULTS)}")
+            empty = [name for name in FAULTS if name in self.model_fields_set.difference(given)]
+            hint = f"; without keys it is written {empty[0]}: {{}}" if empty else ""
+            raise ValueError(f"needs exactly one of {', '.join(FAULTS)}{hint}")
         return self
 
     @property

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from robotd.api import NANOSECONDS, ProcessImage, RobotdError, get_logger
+from robotd.api import NANOSECONDS, InvalidArgument, ProcessImage, RobotdError, get_logger
 from robotd.api.robots import Robot
 from robotd_scenario.fault_kinds import FAULTS, Fault, LateCycles, validate_fault
 
@@ -56,8 +56,11 @@ class FaultSchedule:
         """Raises as ``add``."""
         self.happened: list[Happened] = []
         self._planned = faults
-        for fault in faults:
-            _check(fault, robot)
+        for number, fault in enumerate(faults):
+            try:
+                _check(fault, robot)
+            except InvalidArgument as error:
+                raise InvalidArgument(f"faults.{number}: {fault}: {error}") from None
         self._robot = robot
         self._clock = robot.clock
         self._origin_ns = robot.clock.now_ns()

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from robotd.api import ConnectionState, Operation
 from robotd.api.models import RobotDescriptor, beside, read_yaml, validate
@@ -93,6 +93,13 @@ class Check(Part):
     offline: Axes | None = None
     gripper: Fingers | None = None
     standstill: bool | None = None
+
+    @model_validator(mode="after")
+    def _checks_something(self) -> Self:
+        conditions = self.model_dump(exclude_none=True, exclude={"within_s", "tolerance_rad"})
+        if not conditions:
+            raise ValueError("has no condition")
+        return self
 
 
 class Repeat(Part):
@@ -186,7 +193,8 @@ def _joint(robot: Robot, name: str, wanted: float, tolerance: float) -> Iterator
         return
     position = float(robot.image.position[robot.joint_axes[robot.joint_names.index(name)]])
     if not abs(position - wanted) <= tolerance:
-        yield f"{name} is at {position:.6f} rad, not within {tolerance:g} of {wanted:g}"
+        shown = round(position, 6) + 0.0  # no -0
+        yield f"{name} is at {shown:.6f} rad, not within {tolerance:g} of {wanted:g}"
 
 
 def _axes(what: str, wanted: Axes | None, flags: np.ndarray) -> Iterator[str]:
@@ -222,20 +230,21 @@ class Scenario(Part):
     options: dict[str, Any] = Field(default_factory=dict)
     faults: tuple[Fault, ...] = ()
     program: tuple[Step, ...] = ()
+    _tree: Any = PrivateAttr(None)  # of the file; None for a scenario of a program
 
     def lay_over(self, descriptor: RobotDescriptor) -> RobotDescriptor:
         """Return ``descriptor`` with the options of this scenario."""
         if not self.options:
             return descriptor
-        section = {**descriptor.backends.get(self.backend, {}), **self.options}
-        backends = {**descriptor.backends, self.backend: section}
-        return descriptor.model_copy(update={"backends": backends})
+        origin = self._tree.find(("options",)) if self._tree else None
+        return descriptor.with_options(self.backend, self.options, origin)
 
 
 def load_scenario(path: Path) -> Scenario:
     """Read and check a file. Raises DescriptorError with every error and its line."""
     tree = read_yaml(path)
     scenario = validate(Scenario, tree.plain(), tree)
+    scenario._tree = tree  # noqa: SLF001 - the file is read here alone
     robot = scenario.robot
     if robot is None or not (robot.endswith(".yaml") or "/" in robot):
         return scenario

@@ -149,6 +149,8 @@ def run_scenario(file: Path, robot: str | None, scale: float | None) -> ExitCode
     robot = robot or scenario.robot
     if robot is None:
         raise DescriptorError("names no robot, and none is given by --robot", path=file)
+    if not scenario.program:
+        raise DescriptorError("has no program: there is nothing to run", path=file)
     descriptor = load_robot(robot, scenario.variant)
     backend = load_backend(scenario.backend)
     run = ScenarioRun(scenario, descriptor, backend, math.inf if scale is None else scale)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +11,10 @@ from tests.features.scenario.harness import MOVE, robot, run
 
 from robotd.descriptor import load_robot_descriptor
 from robotd.descriptor.group_settings import GroupSettings
-from robotd.errors import DescriptorError
+from robotd.errors import DescriptorError, InvalidArgument
 from robotd.plugin.manager import load_backend
 from robotd_scenario import Result, Scenario, ScenarioRun, load_scenario
+from robotd_scenario.sim_command import run_scenario
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 NOISE = {"torque_noise_nm": 0.3, "velocity_noise_rad_s": 0.01}
@@ -133,11 +135,13 @@ def test_mistakes_in_a_file_are_told_with_their_lines(tmp_path: Path) -> None:
         "schema: 1\n"
         "faults:\n"
         "  - amp_alarm: {axis: -1}\n"
-        "  - {at_s: 1.0}\n"
+        "  - {at_s: 1.0, engine_stopped: null}\n"
         "program:\n"
         "  - move: {to_rad: {joint1: 1.0}, tim_s: 1.0}\n"
         "  - {wait_s: 1.0, expect: fault}\n"
-        "  - {wait_s: 1.0e+300}\n",
+        "  - {wait_s: 1.0e+300}\n"
+        "  - check: {within_s: 1.0}\n"
+        "  - trajectory: {joints: [joint1], points: []}\n",
         encoding="utf-8",
     )
     with pytest.raises(DescriptorError) as caught:
@@ -146,12 +150,47 @@ def test_mistakes_in_a_file_are_told_with_their_lines(tmp_path: Path) -> None:
     for expected in (
         f"{path}:3: faults.0.amp_alarm.axis: must be greater than or equal to 0",
         f"{path}:4: faults.1: needs exactly one of amp_alarm",
+        f"{path}:9: program.3.check: has no condition",
+        f"{path}:10: program.4.trajectory.points: must have 1 or more items (value [])",
         f"{path}:6: program.0.move.tim_s: unknown key; did you mean 'time_s'?",
         f"{path}:6: program.0.move.time_s: missing",
         f"{path}:7: program.1: expect and reason do not go with wait_s",
         f"{path}:8: program.2.wait_s: must be at most 1e+06",
     ):
         assert any(line.startswith(expected.split(" must")[0]) for line in lines), expected
+    assert "; without keys it is written engine_stopped: {}" in lines[1]
+
+
+def test_a_wrong_option_is_named_with_the_file_of_the_scenario(tmp_path: Path) -> None:
+    path = tmp_path / "scenario.yaml"
+    path.write_text("schema: 1\nrobot: cr3a\noptions: {sed: 1}\nprogram: [{wait_s: 1}]\n")
+    with pytest.raises(DescriptorError) as caught:
+        run_scenario(path, None, None)
+    assert str(caught.value) == f"{path}: backends.sim.sed: unknown key; did you mean 'seed'?"
+
+
+@pytest.mark.parametrize(
+    ("fault", "reason"),
+    [
+        ("amp_alarm: {axis: 9}", "faults.0: amp_alarm axis=9 code=8976: axis 9 is outside 0..5"),
+        (
+            "when: {joint: joint7, above_rad: 1}, amp_alarm: {axis: 1}",
+            "unknown joint 'joint7'; did you mean",
+        ),
+    ],
+)
+def test_a_fault_that_does_not_fit_is_named(tmp_path: Path, fault: str, reason: str) -> None:
+    path = tmp_path / "scenario.yaml"
+    path.write_text(f"schema: 1\nrobot: cr3a\nfaults:\n  - {{{fault}}}\nprogram: [{{wait_s: 1}}]\n")
+    with pytest.raises(InvalidArgument, match=re.escape(reason)):
+        run_scenario(path, None, None)
+
+
+def test_a_scenario_without_a_program_does_not_pass(tmp_path: Path) -> None:
+    path = tmp_path / "scenario.yaml"
+    path.write_text("schema: 1\nrobot: cr3a\n")
+    with pytest.raises(DescriptorError, match="has no program"):
+        run_scenario(path, None, None)
 
 
 def test_a_robot_file_is_found_beside_the_scenario(tmp_path: Path) -> None:
