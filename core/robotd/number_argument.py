@@ -35,13 +35,24 @@ class _PlainDigits(click.ParamType):  # type: ignore[type-arg] # generic since c
             self.fail(f"{value!r} is not a number", param, ctx)
         return super().convert(value, param, ctx)
 
+    def _describe_range(self) -> str:
+        """Return the limits for the help; click writes "x<=None" where there are none."""
+        own: Any = self
+        if own.min is own.max is None:
+            return ""
+        return str(super()._describe_range())  # type: ignore[misc] # of the ranges below
+
 
 class IntegerRange(_PlainDigits, click.IntRange):
     """Range of decimal integers, for options and arguments of a command; all without limits."""
 
+    name = "integer"  # error texts have it: click's own is "integer range"
+
 
 class NumberRange(_PlainDigits, click.FloatRange):
     """Range of numbers, for options and arguments of a command; NaN is in none."""
+
+    name = "number"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if math.isnan(number := super().convert(value, param, ctx)):

@@ -16,7 +16,7 @@ from click.shell_completion import CompletionItem
 
 from robotd.cli.exit_codes import ExitCode, exit_code
 from robotd.cli.plugin_commands import plugin_command, plugin_commands
-from robotd.errors import RobotdError
+from robotd.errors import RobotdError, did_you_mean
 from robotd.stop_signals import ended_by_interrupt
 
 ROS_ARGS = "--ros-args"
@@ -69,6 +69,14 @@ class RobotdGroup(click.Group):
         finally:
             if cmd_name != DEFAULT:
                 gc.enable()
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        if not ctx.resilient_parsing and self.get_command(ctx, args[0]) is None:
+            hint = did_you_mean(args[0], self.list_commands(ctx))
+            ctx.fail(f"No such command {args[0]!r}{hint or '.'}")
+        return super().resolve_command(ctx, args)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return [command.name for command in plugin_commands()]

@@ -117,10 +117,16 @@ def test_every_command_for_a_running_robot_takes_ros_args() -> None:
     assert {"stop", "move", "status", "page", "record"} <= clients
 
 
+def test_the_help_shows_no_limits_where_there_are_none(robotd: Robotd) -> None:
+    assert "x<=None" not in robotd("canopen", "scan", "--help").output
+
+
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        (["walk"], "No such command 'walk'"),
+        (["walk"], "No such command 'walk'."),
+        (["statuss"], "No such command 'statuss'; did you mean 'status'?"),
+        (["page", "x"], "'x' is not a valid integer."),
         (["--robt", "cr3a"], "No such option '--robt'"),
         (["--robot", "cr3a", "--rate", "9.9"], "9.9 is not in the range 10<=x<=2000"),
         (["--robot", "cr3a", "--rate", "nan"], "'--rate'"),

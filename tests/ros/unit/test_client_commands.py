@@ -31,7 +31,7 @@ Robotd = Callable[..., Result]
         (["move", "joint1=0", "--time", "nan"], "nan is not a number"),
         (["move", "joint1=0", "--timeout", "nan"], "nan is not a number"),
         (["jog", "joint1"], "Missing argument '±INCREMENT'"),
-        (["jog", "joint1", "far"], "'far' is not a valid float"),
+        (["jog", "joint1", "far"], "'far' is not a valid number."),
         (["jog", "joint1", "-inf"], "-inf is not a finite number"),
         (["jog", "joint1", "-0.1", "--speed", "0"], "0.0 is not in the range"),
         (["sdo", "write", "1", "0x2000", "0", str(1 << 63)], "is outside -2^63 .. 2^63 - 1"),
