@@ -21,6 +21,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from difflib import get_close_matches
 from pathlib import Path
+from traceback import walk_tb
 
 MAX_SHOWN = 50
 MAX_KEY = 200  # characters; names in a file have any length
@@ -177,6 +178,15 @@ class DeviceTimeout(RobotdError, TimeoutError):
 def reason_of(error: Exception) -> str:
     """Return the text of ``error`` without its axis."""
     return error.reason if isinstance(error, RobotdError) else str(error)
+
+
+def plugin_failure(error: BaseException, package: str) -> str:
+    """Return ``KeyError: 'bus' (axes.py:12)``: an exception, and the line of ``package``."""
+    line = ""
+    for frame, number in walk_tb(error.__traceback__):
+        if str(frame.f_globals.get("__name__")).partition(".")[0] == package:
+            line = f" ({Path(frame.f_code.co_filename).name}:{number})"
+    return f"{type(error).__name__}: {error}{line}"
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

@@ -16,6 +16,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from robotd.entry_points import entry_points
+from robotd.errors import plugin_failure
 
 FEATURES = "robotd.features"
 
@@ -108,7 +109,8 @@ def _loaded() -> dict[str, Feature | str]:
         try:
             feature = entry.load()
         except (Exception, SystemExit) as error:  # noqa: BLE001 - of a third party
-            loaded[entry.name] = f"cannot be imported: {type(error).__name__}: {error}"
+            package = entry.value.partition(":")[0].partition(".")[0]
+            loaded[entry.name] = f"cannot be imported: {plugin_failure(error, package)}"
             continue
         if not isinstance(feature, Feature):
             loaded[entry.name] = f"{entry.value} is no Feature"

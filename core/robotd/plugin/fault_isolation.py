@@ -21,7 +21,13 @@ from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDr
 from robotd.device.passive_joints import PassiveJoints
 from robotd.device.state import ConnectionState
 from robotd.device.world import World
-from robotd.errors import DeviceTimeout, OperationError, RobotdError, Unsupported
+from robotd.errors import (
+    DeviceTimeout,
+    OperationError,
+    RobotdError,
+    Unsupported,
+    plugin_failure,
+)
 from robotd.plugin.call_timeout import CallTimeout, call_with_timeout
 from robotd.realtime import is_control_loop
 
@@ -54,15 +60,16 @@ def isolated(driver: Driver, contract: type[Driver], plugin: str, backend: str) 
     The plugin's own object is its attribute ``wrapped``, for debuggers and tests.
     """
     members: dict[str, Any] = {}
+    package = type(driver).__module__.partition(".")[0]
     for name in (name for name in dir(contract) if not name.startswith("_")):
         what, attribute = f"plugin {plugin}: {contract.__name__}.{name}", getattr(contract, name)
         if isinstance(attribute, property):
-            get = _guarded(lambda _, name=name: getattr(driver, name), what, backend)
+            get = _guarded(lambda _, name=name: getattr(driver, name), what, package, backend)
             members[name] = property(get)
             continue
         signature = None if name in _UNTIMED[contract] else inspect.signature(attribute)
         own_s = COMMAND_BUDGET_S if contract in (AxisDriver, IoDriver) else CALL_BUDGET_S
-        call = _guarded(getattr(driver, name), what, backend, signature, own_s)
+        call = _guarded(getattr(driver, name), what, package, backend, signature, own_s)
         members[name] = staticmethod(call)
     if isinstance(driver, DeviceDriver):
         ask_state, ask_fault = members["state"].__func__, members["fault"].__func__
@@ -77,6 +84,7 @@ def isolated(driver: Driver, contract: type[Driver], plugin: str, backend: str) 
 def _guarded(
     call: Call,
     what: str,
+    package: str,
     backend: str,
     signature: inspect.Signature | None = None,
     own_s: float = 0,
@@ -84,7 +92,7 @@ def _guarded(
     """Wrap ``call``: its errors name ``what``, or the backend that does not support it.
 
     Args:
-        what: plugin and method, for errors.
+        what, package: plugin and method, and the package with its lines, for errors.
         signature: of the contract's method, which has a time limit; None: it has none.
         own_s: the limit of a method without a ``timeout_s``.
     """
@@ -108,7 +116,7 @@ def _guarded(
         except RobotdError:
             raise
         except (Exception, SystemExit) as error:
-            raise OperationError(f"{what} failed: {type(error).__name__}: {error}") from error
+            raise OperationError(f"{what} failed: {plugin_failure(error, package)}") from error
 
     return guarded
 

@@ -7,6 +7,7 @@ distribution; so does an import or a hook that does not return.
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -23,11 +24,23 @@ from robotd.device.fault_injector import FaultInjector
 from robotd.device.passive_joints import PassiveJoints
 from robotd.device.world import World
 from robotd.entry_points import entry_points
-from robotd.errors import PluginError, RobotdError, unknown_name
+from robotd.errors import (
+    PluginError,
+    RobotdError,
+    did_you_mean,
+    plugin_failure,
+    unknown_name,
+)
 from robotd.plugin.call_timeout import CallTimeout, call_with_timeout
 from robotd.plugin.code_table import CodeTable, load_code_tables
 from robotd.plugin.driver_set import Drivers
-from robotd.plugin.hookspecs import API_VERSION, BackendInfo, DeviceContext, RobotdHooks
+from robotd.plugin.hookspecs import (
+    API_VERSION,
+    BackendInfo,
+    BackendOptions,
+    DeviceContext,
+    RobotdHooks,
+)
 from robotd.plugin.registry import NodeRegistry, RobotRegistry
 
 BACKENDS = "robotd.backends"
@@ -58,6 +71,11 @@ class PluginOrigin:
     distribution: str
     version: str
 
+    @property
+    def package(self) -> str:
+        """The top of its module's name."""
+        return self.module.partition(":")[0].partition(".")[0]
+
     def __str__(self) -> str:
         return f"{self.name!r} ({self.module} of {self.distribution} {self.version})"
 
@@ -72,7 +90,7 @@ class PluginManager(pluggy.PluginManager):
     def parse_hookimpl_opts(self, plugin: object, name: str) -> Any:
         """Reject, beyond what pluggy checks, hooks that would never get their arguments."""
         found = super().parse_hookimpl_opts(plugin, name)
-        if found is not None and (problem := _signature_problem(getattr(plugin, name))):
+        if found is not None and (problem := _signature_problem(name, getattr(plugin, name))):
             raise pluggy.PluginValidationError(plugin, f"{name} must {problem}")
         return found
 
@@ -116,7 +134,10 @@ class Plugin:
             MANAGER.add(module)
         except pluggy.PluginValidationError as error:
             self._check_version()
-            raise PluginError(f"plugin {origin}: {error}") from error
+            what = str(error)
+            if unknown := re.match(r"unknown hook '(\w+)'", what):
+                what = unknown[0] + did_you_mean(unknown[1], dir(RobotdHooks))
+            raise PluginError(f"plugin {origin}: {what}") from error
         if not MANAGER.hooks_of(module):
             raise PluginError(
                 f"plugin {origin} has no robotd hook; mark them with robotd.api.hookimpl"
@@ -141,9 +162,8 @@ class Plugin:
                 f"plugin {self.origin}: {hook} did not return within {HOOK_BUDGET_S:g} s"
             ) from None
         except (Exception, SystemExit) as error:
-            raise PluginError(
-                f"plugin {self.origin}: {hook} failed: {type(error).__name__}: {error}"
-            ) from error
+            failure = plugin_failure(error, self.origin.package)
+            raise PluginError(f"plugin {self.origin}: {hook} failed: {failure}") from error
 
 
 class Backend(Plugin):
@@ -160,6 +180,9 @@ class Backend(Plugin):
         super().__init__(origin, module)
         self.info: BackendInfo = self._one("robotd_backend", BackendInfo)
         self._require_version(self.info.api_version)
+        options: Any = self.info.options
+        if not (isinstance(options, type) and issubclass(options, BackendOptions)):
+            raise PluginError(f"plugin {origin}: its options do not derive from BackendOptions")
         if derived := sorted(self.info.capabilities & DERIVED):
             raise PluginError(
                 f"plugin {origin} declares {', '.join(derived)}: these are derived from its hooks"
@@ -173,7 +196,7 @@ class Backend(Plugin):
     @cached_property
     def code_tables(self) -> list[CodeTable]:
         """Tables of its codes; imported at the first use."""
-        return load_code_tables(self.origin.module.partition(".")[0])[0]
+        return load_code_tables(self.origin.package)[0]
 
     def advise(self, code: int) -> str:
         """Return what to do about the code of an alarm; "" where unknown."""
@@ -238,11 +261,15 @@ class Backend(Plugin):
         return result
 
 
-def _signature_problem(function: Callable[..., object]) -> str:
+def _signature_problem(name: str, function: Callable[..., object]) -> str:
     """Return why pluggy would not pass all arguments, or ""."""
     if inspect.iscoroutinefunction(function):
         return "not be async"
+    hook = getattr(RobotdHooks, name, None)
+    known = [*inspect.signature(hook).parameters][1:] if hook else []
     for argument in inspect.signature(function).parameters.values():
+        if hook and argument.name not in known:
+            return f"not take {argument.name!r} (available: {', '.join(known) or 'none'})"
         if argument.kind is argument.KEYWORD_ONLY or argument.default is not argument.empty:
             return (
                 f"take {argument.name!r} as a plain argument without a default,"
@@ -311,7 +338,7 @@ def _load(
         ) from None
     except (Exception, SystemExit) as error:
         raise PluginError(
-            f"plugin {origin} cannot be imported: {type(error).__name__}: {error}"
+            f"plugin {origin} cannot be imported: {plugin_failure(error, origin.package)}"
             f"{_version_hint(error)}"
         ) from error
     return kind(origin, module)

@@ -144,11 +144,13 @@ def test_the_hooks_say_what_is_there(install: Install) -> None:
     ("source", "reason"),
     [
         pytest.param(
-            backend_source("def robotd_open_device(contxt): ..."), "contxt", id="unknown argument"
+            backend_source("def robotd_open_device(contxt): ..."),
+            "robotd_open_device must not take 'contxt' (available: context)",
+            id="unknown argument",
         ),
         pytest.param(
             backend_source("def robotd_opn_device(context): ..."),
-            "robotd_opn_device",
+            "unknown hook 'robotd_opn_device'; did you mean 'robotd_open_device'?",
             id="unknown hook",
         ),
         pytest.param("x = 1", "has no robotd hook", id="no hook"),
@@ -162,16 +164,21 @@ def test_the_hooks_say_what_is_there(install: Install) -> None:
         ),
         pytest.param("import not_there_at_all", "ModuleNotFoundError", id="import error"),
         pytest.param("def broken(:", "SyntaxError", id="syntax error"),
-        pytest.param("1 / 0", "ZeroDivisionError: division by zero", id="raises in import"),
+        pytest.param("1 / 0", "division by zero (plugin_acme.py:1)", id="raises in import"),
         pytest.param(
             IMPORTS + "@hookimpl\ndef robotd_backend(): raise OSError('no licence')",
-            "robotd_backend failed: OSError: no licence",
+            "robotd_backend failed: OSError: no licence (plugin_acme.py:3)",
             id="raises in hook",
         ),
         pytest.param(
             IMPORTS + "@hookimpl\ndef robotd_backend(): return 'odd'",
             "robotd_backend returned str, not a BackendInfo",
             id="wrong type",
+        ),
+        pytest.param(
+            backend_source(options="dict"),
+            "options do not derive from BackendOptions",
+            id="options",
         ),
         pytest.param(
             IMPORTS + "@hookimpl\ndef robotd_open_device(context): ...",

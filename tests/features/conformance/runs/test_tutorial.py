@@ -62,7 +62,7 @@ def test_a_forgotten_position(break_it: Break) -> None:
 
 def test_a_misspelt_hook(break_it: Break) -> None:
     break_it("__init__.py", "def robotd_axes(", "def robotd_axis(")
-    told = "'acme' (robotd_acme of robotd-acme 0.1.0): unknown hook 'robotd_axis' in plugin"
+    told = "'acme' (robotd_acme of robotd-acme 0.1.0): unknown hook 'robotd_axis'; did you mean"
     assert told in TUTORIAL.read_text(encoding="utf-8")
     with pytest.raises(PluginError) as caught:
         load_backend("acme")
