@@ -168,6 +168,17 @@ def test_of_several_arms_one_must_be_chosen(cr3a: RobotProcess, client: Client) 
     assert "/other/follow" in error
 
 
+def test_robots_of_one_namespace_are_no_choice_of_an_action(
+    cr3a: RobotProcess, client: Client
+) -> None:
+    with RobotProcess(domain=cr3a.domain) as second:
+        second.wait_ready()
+        status, _, error = robotd(cr3a.domain, "move", "joint1=0")
+    assert status == 1
+    assert "2 robots share the action /movensys_manipulator_arm_controller" in error
+    assert "give each a namespace of its own" in error
+
+
 def test_the_other_joints_of_a_chosen_arm_stay_where_that_arm_has_them(
     cr3a: RobotProcess, client: Client
 ) -> None:

@@ -264,6 +264,9 @@ def _check_only_one(client: RosClient, groups: Groups) -> None:
     servers = [each for each in action_servers(client.node) if each[0] not in groups]
     if groups:
         servers += [(", ".join(groups), "joint groups of one robot")]
+    if len(servers) > 1 and len({*servers}) == 1:
+        what = f"{len(servers)} robots share the action {servers[0][0]}"
+        raise OperationError(f"{what}: give each a namespace of its own")
     if len(servers) > 1:
         listing = ", ".join(f"{action} (of {node})" for action, node in servers)
         raise OperationError(f"several arms: choose one by --action (available: {listing})")

@@ -3,7 +3,8 @@
 On a link that loses datagrams either way may be discovered first: the message on the topic needs
 one endpoint, the service two in each direction. The message is repeated until the robot's latched
 reason shows that it has come, and the service until it answers, which is at standstill. Both may
-come twice: a stop of what is stopped has no effect.
+come twice: a stop of what is stopped has no effect. Where robots share a namespace, the service
+reaches those that are discovered by then, and one answers: the message goes to each other one.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
+from rclpy.duration import Duration
 from std_msgs.msg import Empty, String
 from std_srvs.srv import Trigger
 
@@ -22,6 +24,7 @@ from robotd_ros.qos import LATCHED
 
 REPEAT_S = 0.1
 MESSAGE_AFTER_S = 0.3  # of a call: on a link without losses its answer comes before
+DELIVERY_S = 1.0  # of the message to several robots
 RETRY_S = 3.0  # of a call whose answer does not come; the robot may take as long to come to rest
 
 
@@ -47,9 +50,13 @@ class StopRequest:
         self._call: Any = None
         self._call_s = -RETRY_S
         self._message_s = 0.0
+        self._reached = 1
 
     def advance(self) -> None:
         """Send what is due, and take the answer; after each event of the client."""
+        self.reaches(1)
+        if self.is_done:
+            return
         now_s = time.monotonic()
         if self._call is not None and self._call.done():
             response, self._call = self._call.result(), None
@@ -64,6 +71,14 @@ class StopRequest:
         if not self.is_engaged and not is_called and now_s >= self._message_s + REPEAT_S:
             self._message_s = now_s
             self._publisher.publish(Empty())
+
+    def reaches(self, robots: int) -> bool:
+        """Return whether this many robots have got the stop, and send it to further ones."""
+        count = self._publisher.get_subscription_count()
+        if count > self._reached:
+            self._publisher.publish(Empty())
+        self._reached = max(1, count)
+        return self._reached >= robots
 
     @property
     def is_engaged(self) -> bool:
@@ -86,6 +101,8 @@ class StopRequest:
 
     def close(self) -> None:
         """End what it has made at the client's node."""
+        if self._reached > 1:
+            self._publisher.wait_for_all_acked(Duration(seconds=DELIVERY_S))
         self._stopped.__exit__()
         self._client.node.destroy_publisher(self._publisher)
         self._client.node.destroy_client(self._service)

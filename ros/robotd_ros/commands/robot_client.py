@@ -82,13 +82,18 @@ def _running_robots(client: RosClient) -> str:
     return "".join(f"\n  {line}" for line in lines)
 
 
-def print_addressed_robots(client: RosClient, namespace: str = "") -> None:
-    """Print to standard error which robot of a namespace, "" for the client's, is commanded."""
+def print_addressed_robots(client: RosClient, namespace: str = "") -> int:
+    """Print to standard error which robot of a namespace, "" for the client's, is commanded.
+
+    Returns how many robots share it.
+    """
     robots = import_ros("robotd_ros.client.fleet").addressed_robots(client, namespace)
     if len(robots) > 1:
-        click.echo(f"{len(robots)} robots share this namespace; each gets the command:", err=True)
+        what = "more than one may get the command; give each a namespace of its own"
+        click.echo(f"{len(robots)} robots share this namespace: {what}", err=True)
     for robot in robots:
         click.echo(f"robot: {robot.text}", err=True)
+    return len(robots)
 
 
 def asks_robot(ask: Command) -> Command:

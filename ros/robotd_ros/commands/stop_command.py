@@ -57,9 +57,11 @@ def stop(timeout_s: float, *, stops_all: bool) -> ExitCode:
                 if progress.is_over:
                     raise DeviceTimeout(_unconfirmed(client, request, timeout_s))
             click.echo(request.result())
+            robots = print_addressed_robots(client)
+            with suppress(DeviceTimeout):
+                client.wait(lambda: request.reaches(robots), "robots of this namespace", SETTLE_S)
         finally:
             request.close()
-        print_addressed_robots(client)
     return ExitCode.OK
 
 
@@ -76,8 +78,7 @@ def _stop_all(client: RosClient) -> ExitCode:
             if namespace not in requests:
                 requests[namespace] = make_request(client, namespace)
         for request in requests.values():
-            if not request.is_done:
-                request.advance()
+            request.advance()
         waiting = [name for name, request in requests.items() if not request.is_done]
         is_settled = discovery.quiet_s() > SETTLE_S
         if requests and not waiting and is_settled:
