@@ -80,6 +80,21 @@ def test_the_robots_of_the_domain_are_listed_and_named_where_one_is_missed(
     assert "--ros-args -r __ns:=/left" in missed.stderr
 
 
+@pytest.mark.parametrize("words", [("move", "joint1=0.3"), ("jog", "joint1", "0.1")])
+def test_no_arm_of_another_namespace_moves(
+    domain: int, left: RobotProcess, words: tuple[str, ...]
+) -> None:
+    """A stop from the same terminal would not reach it."""
+    variables = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    done = subprocess.run(
+        [sys.executable, "-m", "robotd", *words, "--timeout", "2"],
+        env=os.environ | variables, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 5, done.stdout
+    assert "cr3a in /left, backend sim" in done.stderr
+    assert "--ros-args -r __ns:=/left" in done.stderr
+
+
 def test_numbers_in_another_unit_are_rejected_with_what_to_give(
     domain: int, left: RobotProcess
 ) -> None:

@@ -80,7 +80,7 @@ class Arm:
 
 
 def find_arm(client: RosClient, joints: Collection[str], action: str | None = None) -> Arm:
-    """The only arm that is running, or the one with ``action``.
+    """The only arm that is running in the client's namespace, or the one with ``action``.
 
     Of a robot with joint groups: the group that has ``joints``.
 
@@ -90,7 +90,7 @@ def find_arm(client: RosClient, joints: Collection[str], action: str | None = No
         OperationError: there are several and ``action`` is None, or its robot is not ready.
     """
     name, node = _find_action(client, action)
-    namespace = posixpath.dirname(node)  # may be below that of the client
+    namespace = posixpath.dirname(node)  # with ``action``, may be below that of the client
     topic = posixpath.join(namespace, JOINT_STATES)
     with reason_of_silence(client, namespace), client.listen(JointState, topic) as joint_states:
         # Other servers may have neither.
@@ -231,11 +231,19 @@ def _goal(positions: Positions, time_s: float) -> Any:
 
 
 def _find_action(client: RosClient, action: str | None) -> tuple[str, str]:
-    """Names of the action and of the node that serves it."""
+    """Names of the action and of the node that serves it.
+
+    Without a name it is one of the client's own namespace, which all other commands address.
+    """
     name = action and client.node.resolve_topic_name(action)
+    own = client.node.get_namespace()
 
     def find() -> list[tuple[str, str]]:
-        return [found for found in action_servers(client.node) if name in (None, found[0])]
+        return [
+            found
+            for found in action_servers(client.node)
+            if (found[0] == name if name else posixpath.dirname(found[1]) == own)
+        ]
 
     what = f"action {name}" if name else "arm (a FollowJointTrajectory action)"
     try:

@@ -97,7 +97,8 @@ class StopRequest:
             return "stopped, standstill is not confirmed yet"
         if self._publisher.get_subscription_count() or self._service.service_is_ready():
             return "found, no confirmation yet"
-        return "no robot found yet"
+        own = self._client.node.get_namespace()
+        return f"no robot found yet in namespace {own} (robotd stop --all: in all)"
 
     def close(self) -> None:
         """End what it has made at the client's node."""

@@ -167,7 +167,7 @@ def test_a_load_never_undoes_the_homing_of_a_live_axis(tmp_path: Path) -> None:
 
 
 def test_options_that_do_not_fit_the_robot_are_rejected() -> None:
-    with pytest.raises(DescriptorError, match=r"backends.sim.bandwidth_hz: has 3 figures, .* 0 to "):
+    with pytest.raises(DescriptorError, match=r"sim.bandwidth_hz: has 3 figures, .* 0 to "):
         closed_rig(2, bandwidth_hz=(1.0, 2.0, 3.0))
     with pytest.raises(DescriptorError, match=r"sim.limit_switches: axis 2 does not exist"):
         closed_rig(2, limit_switches={2: {"positive_rad": 1.0}})
