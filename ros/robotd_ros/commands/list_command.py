@@ -13,7 +13,12 @@ from robotd.cli.layout import columns, warn, warning
 from robotd.cli.options import as_json
 from robotd.cli.preflight import import_ros
 from robotd.stop_signals import Interrupt
-from robotd_ros.commands.robot_client import ROS_EPILOG, client_options, robot_client
+from robotd_ros.commands.robot_client import (
+    ROS_EPILOG,
+    check_watch,
+    client_options,
+    robot_client,
+)
 
 if TYPE_CHECKING:  # it needs rclpy
     from robotd_ros.client.fleet import Fleet, FleetRobot
@@ -35,8 +40,8 @@ def list_robots(timeout_s: float, *, as_json: bool, watch: bool) -> None:
 
     The status is 0 whatever the robots' states are.
     """
-    if watch and as_json:
-        raise click.UsageError("--watch and --json exclude each other")
+    if watch:
+        check_watch(as_json=as_json)
     with robot_client(timeout_s, searches=True) as client:
         fleet = import_ros("robotd_ros.client.fleet")
         if watch:

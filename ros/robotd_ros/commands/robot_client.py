@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial, wraps
@@ -80,6 +81,14 @@ def _running_robots(client: RosClient) -> str:
         for robot in (each.identity for each in found)
     ]
     return "".join(f"\n  {line}" for line in lines)
+
+
+def check_watch(*, as_json: bool) -> None:
+    """Raise click.UsageError where a view that changes cannot be shown."""
+    if as_json:
+        raise click.UsageError("--watch and --json exclude each other")
+    if not sys.stdout.isatty():  # there rich prints nothing before the end
+        raise click.UsageError("--watch needs a terminal")
 
 
 def print_addressed_robots(client: RosClient, namespace: str = "") -> int:

@@ -15,7 +15,12 @@ from robotd.cli.layout import columns, field, warning
 from robotd.cli.options import as_json
 from robotd.cli.preflight import import_ros
 from robotd.stop_signals import Interrupt
-from robotd_ros.commands.robot_client import ROS_EPILOG, client_options, robot_client
+from robotd_ros.commands.robot_client import (
+    ROS_EPILOG,
+    check_watch,
+    client_options,
+    robot_client,
+)
 
 if TYPE_CHECKING:  # it needs rclpy
     from robotd_ros.client.status_client import AxisReport, RobotReport
@@ -33,8 +38,8 @@ def status(*, as_json: bool, watch: bool, timeout_s: float) -> ExitCode:
     The status is 1 when a fault or a stop forbids motion. Servos that are off and a speed of 0 %
     are shown as what stands in the way of motion; the status stays 0.
     """
-    if watch and as_json:
-        raise click.UsageError("--watch and --json exclude each other")
+    if watch:
+        check_watch(as_json=as_json)
     return _watch(timeout_s) if watch else _status(timeout_s, as_json=as_json)
 
 

@@ -58,6 +58,9 @@ Robotd = Callable[..., Result]
         (["--robot", "cr3a", "--time-scale", "1_0"], "'1_0' is neither max nor a number"),
         (["explain", "86_11"], "'86_11' is neither a file nor a number"),
         (["servo", "on", "-1"], "No such option '-1'"),
+        (["status", "--watch"], "--watch needs a terminal"),
+        (["list", "--watch"], "--watch needs a terminal"),
+        (["list", "--watch", "--json"], "--watch and --json exclude each other"),
     ],
 )
 def test_a_wrong_command_line_is_status_2(robotd: Robotd, words: list[str], text: str) -> None:
