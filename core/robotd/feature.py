@@ -105,7 +105,8 @@ def _loaded() -> dict[str, Feature | str]:
     """Return each feature, or why it cannot be used."""
     loaded: dict[str, Feature | str] = {}
     keys: dict[str, str] = {}
-    for entry in entry_points(group=FEATURES):
+    found = entry_points(group=FEATURES)
+    for entry in sorted(found, key=lambda entry: not (entry.dist and entry.dist.name == "robotd")):
         try:
             feature = entry.load()
         except (Exception, SystemExit) as error:  # noqa: BLE001 - of a third party

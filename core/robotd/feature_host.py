@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager
 from pkgutil import resolve_name
 from typing import Any
 
-from robotd.errors import PluginError, RobotdError
+from robotd.errors import PluginError, RobotdError, plugin_failure
 from robotd.feature import installed_features
 from robotd.observation.tap import Tap
 from robotd.open_files import reserve_files
@@ -82,11 +82,11 @@ def open_features(
         for name, feature in installed_features().items():
             try:
                 part = stack.enter_context(resolve_name(feature.open)(host))
-            except (RobotdError, OSError):
+            except RobotdError:
                 raise
             except Exception as error:
-                text = f"feature {name!r} does not start: {type(error).__name__}: {error}"
-                raise PluginError(text) from error
+                failure = plugin_failure(error, feature.open.partition(":")[0].partition(".")[0])
+                raise PluginError(f"feature {name!r} does not start: {failure}") from error
             if part is not None:
                 host.parts[name] = part
         if host.is_observed:

@@ -20,8 +20,8 @@ from robotd.cli.run_command import RunCommand, feature_overrides
 from robotd.clock.simulated import SteppedClock
 from robotd.descriptor import Override, load_robot_descriptor, override, parse_override
 from robotd.device.state import ConnectionState
-from robotd.errors import DescriptorError
-from robotd.feature import _loaded, installed_features
+from robotd.errors import DescriptorError, PluginError
+from robotd.feature import _loaded, feature_failures, installed_features
 from robotd.feature_host import open_features
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
@@ -163,7 +163,7 @@ def test_a_third_party_feature_runs_beside_the_robot(
 from robotd.clock import MonotonicClock
 from robotd.descriptor import load_robot_descriptor, parse_override
 from robotd.device.state import ConnectionState
-from robotd.errors import DescriptorError
+from robotd.errors import DescriptorError, PluginError
 from robotd.feature_host import open_features
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
@@ -199,3 +199,35 @@ def test_a_page_without_a_port_has_its_own_one(arguments: list[str], port: int) 
     CliRunner().invoke(command, ["--page", *arguments], catch_exceptions=False)
     assert found[0] == override("page", port)
     assert len(found) == 1 + ("--page-control" in arguments)
+
+
+def test_a_third_party_feature_takes_no_key_and_is_named_with_the_line_that_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    info = tmp_path / "echo-1.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: echo\nVersion: 1\n")
+    (info / "entry_points.txt").write_text(
+        "[robotd.features]\naaa = plugin_echo:THIEF\necho = plugin_echo:FEATURE\n"
+    )
+    (tmp_path / "plugin_echo.py").write_text(
+        "from robotd.api.features import Feature, Section\n"
+        "class Thief(Section):\n    page: bool = False\n"
+        "THIEF = Feature('takes', settings=Thief, open='plugin_echo:open_echo')\n"
+        "class Echo(Section):\n    echo: bool = False\n"
+        "FEATURE = Feature('fails', settings=Echo, open='plugin_echo:open_echo')\n"
+        "def open_echo(host):\n    raise OSError(5, 'no port')\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    for cached in (installed_features, _loaded):
+        cached.cache_clear()
+    try:
+        assert feature_failures()["aaa"] == "its key 'page' belongs to the feature 'page'"
+        robot = Robot(load_robot_descriptor("cr3a"), load_backend("sim"), SteppedClock())
+        failure = r"feature 'echo' does not start: OSError: .* no port \(plugin_echo.py:9\)"
+        with pytest.raises(PluginError, match=failure), open_features(robot):
+            pass
+    finally:
+        monkeypatch.undo()
+        for cached in (installed_features, _loaded):
+            cached.cache_clear()
