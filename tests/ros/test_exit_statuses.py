@@ -109,6 +109,16 @@ def test_recover_is_1_while_a_stop_stays_in_force(simulated: RobotProcess) -> No
     assert output.endswith("motion is paused. To go on: robotd resume\n")
 
 
+def test_a_robot_whose_time_stands_is_no_riddle(simulated: RobotProcess) -> None:
+    assert robotd(simulated.domain, "sim", "pause")[0] == 0
+    try:
+        code, _, error = robotd(simulated.domain, "status", "--timeout", "2")
+    finally:
+        assert robotd(simulated.domain, "sim", "resume")[0] == 0
+    assert code == 5
+    assert "its time is simulated, and may be paused: robotd sim resume" in error
+
+
 @pytest.mark.parametrize("words", [("move", "joint1=1.5", "--time", "30"), ("jog", "joint1", "1")])
 def test_a_goal_is_canceled_when_its_terminal_is_lost(
     simulated: RobotProcess, operator: Client, words: tuple[str, ...]

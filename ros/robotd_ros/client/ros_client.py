@@ -206,6 +206,8 @@ class RosClient:
     def _missing(self, what: str, timeout_s: float, hint: str) -> str:
         if hint or self.runs():
             hint = hint or "robotd is running, but without it or too busy to answer"
+            if self.node.count_publishers("/clock"):
+                hint += "; its time is simulated, and may be paused: robotd sim resume"
             return f"no {what} within {timeout_s:g} s: {hint}"
         return f"no robot found within {timeout_s:g} s, {self.where()}"
 

@@ -75,7 +75,7 @@ def _running_robots(client: RosClient) -> str:
     own = client.node.get_namespace()
     found, _ = import_ros("robotd_ros.client.fleet").find_robots(client)
     lines = [
-        f"{robot.text} runs here, and does not offer this"
+        f"{robot.text} runs here, and does not answer this"
         if robot.namespace == own
         else f"{robot.text} runs: add --ros-args -r __ns:={robot.namespace}"
         for robot in (each.identity for each in found)
