@@ -11,7 +11,7 @@ from gymnasium.spaces import Box, Dict
 from numpy.typing import NDArray
 
 from robotd.api import FloatArray, InvalidArgument
-from robotd_gym.stepped_robot import SteppedRobot
+from robotd_gym.stepped_robot import SteppedRobot, finite_numbers, positive_number
 
 SPEED = 0.8  # share of the velocity limits at an action of 1: room to catch up
 REACH = 0.9  # share of the range of a joint in which goals are
@@ -66,7 +66,7 @@ class JointReach(gymnasium.Env[Observation, FloatArray]):
         self.render_mode = render_mode
         self.stepped = stepped = SteppedRobot(robot, variant, rate_hz)
         self.joint_names = stepped.joint_names
-        self._tolerance = tolerance
+        self._tolerance = positive_number(tolerance, "tolerance")
         self._largest_change = SPEED * stepped.velocity_limits * stepped.period_s
         self._command = self._goal = np.zeros(len(self.joint_names))
         room = ROOM * (stepped.upper - stepped.lower)
@@ -86,13 +86,18 @@ class JointReach(gymnasium.Env[Observation, FloatArray]):
 
         Args:
             seed: of the goals and the simulated noise; None: continue the random numbers.
-            options: ``goal``: (n,) positions in rad or m instead of a random goal.
+            options: ``goal``: (n,) positions in rad or m instead of a random goal; beyond a limit
+                the limit.
+
+        Raises InvalidArgument: the goal is not one finite number for each joint.
         """
         super().reset(seed=seed)
         self.stepped.reset(int(self.np_random.integers(2**31)))
         goal = (options or {}).get("goal")
         drawn = self._draw_goal()
-        self._goal = drawn if goal is None else self._within_limits(np.asarray(goal, np.float64))
+        count = len(self.joint_names)
+        given = drawn if goal is None else finite_numbers(goal, count, "goal")
+        self._goal = self._within_limits(given)
         self._command = self._within_limits(self.stepped.position)
         return self._observe(), {"is_success": False}
 
@@ -101,11 +106,7 @@ class JointReach(gymnasium.Env[Observation, FloatArray]):
 
         InvalidArgument: the action is not one finite number for each joint.
         """
-        action = np.asarray(action, np.float64)
-        if action.shape != self._goal.shape or not np.isfinite(action).all():
-            raise InvalidArgument(
-                f"action is {action.tolist()}, must be {len(self._goal)} finite numbers"
-            )
+        action = finite_numbers(action, len(self.joint_names), "action")
         change = np.clip(action, -1.0, 1.0) * self._largest_change
         self._command = self._within_limits(self._command + change)
         self.stepped.step(self._command)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from robotd.api import FloatArray, InvalidArgument, World
 from robotd.api.robots import Gripper
 from robotd_gym.joint_reach import FAST, ROOM, SPEED, Observation
-from robotd_gym.stepped_robot import SteppedRobot
+from robotd_gym.stepped_robot import SteppedRobot, finite_numbers, positive_number
 
 AREA_M = ((0.30, 0.45), (-0.25, 0.25))  # x and y of random places, in the frame of the world
 APART_M = 0.1  # between object and goal, at least
@@ -69,7 +69,8 @@ class PickAndPlace(gymnasium.Env[Observation, FloatArray]):
         self.render_mode = render_mode
         self.stepped = stepped = SteppedRobot(robot, variant, rate_hz, backend)
         self.joint_names = stepped.joint_names
-        self._object, self._tolerance, self._camera = object_name, tolerance, camera
+        self._object, self._camera = object_name, camera
+        self._tolerance = positive_number(tolerance, "tolerance")
         self._largest_change = SPEED * stepped.velocity_limits * stepped.period_s
         joints = len(self.joint_names)
         self._command, self._goal = np.zeros(joints), np.zeros(2)
@@ -103,13 +104,15 @@ class PickAndPlace(gymnasium.Env[Observation, FloatArray]):
         Args:
             seed: of the places and the simulated noise; None: continue the random numbers.
             options: ``object`` and ``goal``: x and y in m, instead of random ones.
+
+        Raises InvalidArgument: one of them is not two finite numbers.
         """
         super().reset(seed=seed)
         self.stepped.reset(int(self.np_random.integers(2**31)))
         given = options or {}
         place, goal = self._draw()
-        place = np.asarray(given.get("object", place), np.float64)
-        self._goal = np.asarray(given.get("goal", goal), np.float64)
+        place = finite_numbers(given.get("object", place), 2, "object")
+        self._goal = finite_numbers(given.get("goal", goal), 2, "goal")
         self._start = self._pose()
         self._start[:2] = place
         self._world.place(self._object, self._start)
@@ -121,10 +124,7 @@ class PickAndPlace(gymnasium.Env[Observation, FloatArray]):
 
         Raises as ``SteppedRobot.step``; InvalidArgument: the action is not n + 1 finite numbers.
         """
-        action = np.asarray(action, np.float64)
-        if action.shape != self.action_space.shape or not np.isfinite(action).all():
-            count = len(self.joint_names) + 1
-            raise InvalidArgument(f"action is {action.tolist()}, must be {count} finite numbers")
+        action = finite_numbers(action, len(self.joint_names) + 1, "action")
         closes = bool(action[-1] > 0.0)
         if closes != self._gripper.is_commanded_closed:
             self._gripper.command(closes)

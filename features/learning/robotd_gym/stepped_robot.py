@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robotd.api import FloatArray, InvalidArgument, NotReady
 from robotd.api.models import load_robot_descriptor, parse_override
@@ -14,6 +15,21 @@ from robotd.api.robots import JointStream, Robot, SteppedClock, StreamMode, load
 
 BACKEND = "sim"
 SILENT_PERIODS = 10  # without a target, after which the joints slow to rest
+
+
+def finite_numbers(values: ArrayLike, count: int, what: str) -> FloatArray:
+    """Return an array of ``count`` finite numbers. Raises InvalidArgument: it is none."""
+    numbers = np.asarray(values, np.float64)
+    if numbers.shape != (count,) or not np.isfinite(numbers).all():
+        raise InvalidArgument(f"{what} is {numbers.tolist()}, must be {count} finite numbers")
+    return numbers
+
+
+def positive_number(value: float, what: str) -> float:
+    """Return a number above 0. Raises InvalidArgument: it is none."""
+    if not 0.0 < value < np.inf:
+        raise InvalidArgument(f"{what} is {value:g}, must be above 0")
+    return value
 
 
 class SteppedRobot:

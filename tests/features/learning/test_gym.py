@@ -158,8 +158,14 @@ def test_wrong_arguments_are_rejected() -> None:
         SteppedRobot(rate_hz=30.0)
     with pytest.raises(InvalidArgument, match="mecanum_base has no joints"):
         SteppedRobot("mecanum_base")
-    with pytest.raises(InvalidArgument, match="render_mode is 'human'"):
+    with pytest.raises(InvalidArgument, match=r"render_mode is 'human'"):
         JointReach(render_mode="human")
+    for tolerance in (0.0, -1.0, np.nan):
+        with pytest.raises(InvalidArgument, match=r"tolerance is .*, must be above 0"):
+            JointReach(tolerance=tolerance)
+    for goal in ([0.0] * 5, [np.nan] * 6):
+        with pytest.raises(InvalidArgument, match=r"goal is .*, must be 6 finite numbers"):
+            JointReach().reset(options={"goal": goal})
     with pytest.raises(NotReady, match="has not been reset"):
         SteppedRobot().step(np.zeros(6))
 
