@@ -1,17 +1,27 @@
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from tests.features.harness import Observed
 
+from robotd.api.features import Tap
+from robotd.clock import NANOSECONDS, MonotonicClock, wait_until
+from robotd.clock.simulated import PacedClock
+from robotd.descriptor import load_robot_descriptor, parse_override
 from robotd.errors import OperationError
 from robotd.events import EventKind, sent_by
+from robotd.feature_host import open_features
 from robotd.observation.io_sampler import IoSampler
+from robotd.plugin.manager import load_backend
+from robotd.robot import Robot
 from robotd_recorder import recorder_process
+from robotd_recorder.recorder_process import RecorderProcess
 from robotd_recording.recording_reader import Recording, read_recording
 from robotd_recording.recording_writer import INPUTS
 
@@ -199,3 +209,31 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
     with pytest.raises(OperationError, match="Not a directory"):
         observed.flight.snapshot("test")
     observed.close()
+
+
+class LateProcess(RecorderProcess):
+    """Process that takes a second to start, as on a busy computer."""
+
+    def __init__(self, tap: Tap, *arguments: Any, **named: Any) -> None:
+        end_ns = tap.robot.clock.now_ns() + 100 * NANOSECONDS
+        wait_until(lambda: tap.robot.clock.now_ns() > end_ns, 1.0, MonotonicClock())
+        super().__init__(tap, *arguments, **named)
+
+
+def test_a_fault_in_fast_simulated_time_is_saved_with_its_frames(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("robotd_recorder.recorder.RecorderProcess", LateProcess)
+    values = ["recorder.seconds=60", "recorder.after_s=0", f"recorder.folder={tmp_path}"]
+    descriptor = load_robot_descriptor("cr3a", overrides=[*map(parse_override, values)])
+    robot = Robot(descriptor, load_backend("sim"), PacedClock(math.inf))
+    with open_features(robot) as host:
+        robot.start()
+        flight = host.parts["recorder"].flight
+        robot.fault_injector.trip(2, 0x8611)
+        assert wait_until(lambda: flight.saved or flight.failed, 60.0, MonotonicClock())
+        robot.shutdown()
+    assert flight.last is not None
+    recording = read_recording(flight.last)
+    (fault,) = [event for event in recording.events if event.kind is EventKind.FAULT]
+    assert recording.frames["start_ns"][0] <= fault.time_ns <= recording.frames["start_ns"][-1]
