@@ -126,17 +126,17 @@ def _value_lines(recording: Recording, cause: Event) -> Iterator[str]:
     lower, upper, velocity, _ = recording.info.limits.get(cause.subject, (np.nan,) * 4)
     if "position" in values:
         limits = f", limits {lower:g} to {upper:g} {unit}" if np.isfinite(lower) else ""
-        yield f"  position {values['position']:+.4f} {unit}{limits}"
+        yield f"  position {values['position']:+z.4f} {unit}{limits}"
     if "position_command" in values and "position" in values:
         error = values["position_command"] - values["position"]
         command = values["position_command"]
-        yield f"  following error {error:+.5f} {unit}, command {command:+.4f} {unit}"
+        yield f"  following error {error:+z.5f} {unit}, command {command:+z.4f} {unit}"
     if "velocity" in values:
         limit = f", limit {velocity:g} {unit}/s" if np.isfinite(velocity) else ""
-        yield f"  velocity {values['velocity']:+.4f} {unit}/s{limit}"
+        yield f"  velocity {values['velocity']:+z.4f} {unit}/s{limit}"
     if "torque" in values:
         effort = "force" if unit == "m" else "torque"
-        yield f"  {effort} {values['torque']:+.3f} {'N' if unit == 'm' else 'N·m'}"
+        yield f"  {effort} {values['torque']:+z.3f} {'N' if unit == 'm' else 'N·m'}"
 
 
 def _loop_lines(recording: Recording, cause: Event) -> Iterator[str]:
