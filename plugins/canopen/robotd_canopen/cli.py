@@ -5,15 +5,20 @@ from __future__ import annotations
 import json
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from robotd.api import IntegerRange, NumberRange
 from robotd_cia402.object_commands import Objects, object_commands
+
+if TYPE_CHECKING:
+    from robotd_canopen.options import BusOptions
+
+MULTICAST = "udp_multicast"
 
 # Only click is imported at module level: other commands must not load python-can.
 
@@ -108,39 +113,55 @@ def eds(file: Path, node: int, stream_mode: str) -> None:
 canopen.add_command(object_commands("node", IntegerRange(1, 127), _node_options, _open_node))
 
 
+def _simulated_bus(
+    own: BusOptions, interface: str | None, channel: str | None, multicast: Mapping[str, int | None]
+) -> BusOptions:
+    """Return the bus of simulated nodes; the robot's ``own`` is one only where it is multicast."""
+    from robotd_canopen.options import BusOptions
+
+    if own.interface != MULTICAST or interface not in (None, MULTICAST):
+        own = BusOptions(interface=interface or MULTICAST, channel="239.74.163.2")
+    options = own.options
+    if own.interface == MULTICAST:
+        given = {key: value for key, value in multicast.items() if value is not None}
+        options = {"port": 43113, "hop_limit": 0} | options | given
+    return own.model_copy(update={"channel": channel or own.channel, "options": options})
+
+
 @canopen.command()
 @click.option("--robot", required=True, metavar="NAME|FILE", help="The robot.")
 @click.option("--variant", metavar="NAME", help="Variant of the robot.")
-@click.option("--interface", default="udp_multicast", show_default=True, help="Interface.")
-@click.option("--channel", default="239.74.163.2", show_default=True, help="Channel.")
-@click.option(
-    "--port", type=IntegerRange(), default=43113, show_default=True, help="Port of udp_multicast."
-)
+@click.option("--interface", help="Interface of python-can; by default udp_multicast.")
+@click.option("--channel", help="Channel; without one in the file 239.74.163.2.")
+@click.option("--port", type=IntegerRange(), help="Port of udp_multicast; without one 43113.")
 @click.option(
     "--hops",
+    "hop_limit",
     type=IntegerRange(0, 255),
-    default=0,
-    show_default=True,
-    help="Reach of udp_multicast: 0 is this computer, 1 its networks.",
+    help="Reach of udp_multicast: 0 is this computer, the default, 1 its networks.",
 )
 def simulate(
-    robot: str, variant: str | None, interface: str, channel: str, port: int, hops: int
+    robot: str, variant: str | None, interface: str | None, channel: str | None, **multicast: int
 ) -> None:
     """Simulate the robot's nodes in this process until Ctrl-C.
+
+    On the bus of the robot's file where that is udp_multicast: no other one is sent to unless an
+    option names it.
 
     Reads faults from the standard input, one per line: "help" lists them.
     """
     from robotd.api import load_robot_descriptor, validate_section
-    from robotd_canopen.options import BusOptions, CanopenOptions
+    from robotd_canopen.options import CanopenOptions
     from robotd_canopen.simulated_robot import HELP, inject, simulated_network
 
     descriptor = load_robot_descriptor(robot, variant)
     options = validate_section(descriptor, "backends.canopen", CanopenOptions)
-    extra = {"port": port, "hop_limit": hops} if interface == "udp_multicast" else {}
-    bus = BusOptions(interface=interface, channel=channel, options=extra)
+    bus = _simulated_bus(options.bus, interface, channel, multicast)
+    where = f"{bus.interface}:{bus.channel}"
+    where += "".join(f", {key} {value}" for key, value in bus.options.items())
     with simulated_network(descriptor, options.model_copy(update={"bus": bus})) as network:
         ids = ", ".join(str(node) for node in network.members)
-        click.echo(f"{descriptor.name}: nodes {ids} on {interface}:{channel}; 'help' lists faults")
+        click.echo(f"{descriptor.name}: nodes {ids} on {where}; 'help' lists faults")
         for line in sys.stdin:
             if line.strip():
                 click.echo(HELP if line.strip() == "help" else inject(network, line))
