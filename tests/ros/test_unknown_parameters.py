@@ -40,6 +40,23 @@ def test_an_unknown_parameter_ends_the_process_before_anything_opens(
         assert "device open" not in process.output
 
 
+@pytest.mark.parametrize(
+    ("parameter", "problem"),
+    [
+        (
+            "joint_feedbak_rate:=100",
+            "manipulator_state.joint_feedbak_rate: the node has no such parameter; did you mean",
+        ),
+        ("foo:=1", "foo: no node has such a parameter"),
+    ],
+)
+def test_an_unknown_parameter_for_all_nodes_is_one_problem(parameter: str, problem: str) -> None:
+    with RobotProcess("--ros-args", "-p", parameter) as process:
+        assert process.exit_status() == 3
+        assert f"robotd: error: {problem}" in process.output
+        assert process.output.count("parameter") == 1
+
+
 @pytest.mark.parametrize("section", ["diff_drive_controller", "/**", "/*/diff_drive_controller"])
 def test_a_file_is_checked_like_the_command_line(tmp_path: Path, section: str) -> None:
     file = tmp_path / "parameters.yaml"

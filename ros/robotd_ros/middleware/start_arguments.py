@@ -99,7 +99,7 @@ def check_overrides(
     Raises DescriptorError: the unknown parameters, or an unknown node of ``-p NODE:NAME:=VALUE``.
     """
     accepted = {name for node in nodes for name in overrides_of(node) if node.has_parameter(name)}
-    errors = []
+    unknown: dict[str, list[tuple[str, DescriptorError]]] = {}  # hints and errors by parameter
     for node in nodes:
         for name in overrides_of(node):
             if name in accepted or name.startswith(_ROS_PREFIX):
@@ -109,9 +109,15 @@ def check_overrides(
                 f"the node has no such parameter{hint}", key=f"{node.get_name()}.{name}"
             )
             if node.get_name() in own:
-                errors.append(error)
+                unknown.setdefault(name, []).append((hint, error))
             else:
                 log.warning("parameter not declared at start", reason=str(error))
+    errors = []
+    for name, found in unknown.items():
+        hinted = [error for hint, error in found if hint]
+        if len(found) > 1 and not hinted:  # given for all nodes
+            errors.append(DescriptorError("no node has such a parameter", key=name))
+        errors += hinted or [error for _, error in found if len(found) == 1]
     errors += _check_sections(nodes, known, ros_args)
     if errors:
         raise DescriptorError.join(errors)
