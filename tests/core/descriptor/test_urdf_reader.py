@@ -299,3 +299,20 @@ def test_a_mimic_joint_follows_its_leader() -> None:
     arm = read_urdf(URDFS / "six_axis.urdf")
     opposite = arm.position(arm.joint["right_finger_joint"], {"left_finger_joint": 0.3})
     assert opposite == -0.3
+
+
+@pytest.mark.parametrize(
+    ("limits", "noted"),
+    [
+        ('lower="-90" upper="90"', True),
+        ('lower="0" upper="45"', True),
+        ('lower="-12.57" upper="12.57"', False),
+        ('lower="-1e4" upper="1e4"', False),  # a wheel
+    ],
+)
+def test_limits_in_degrees_are_noted(limits: str, noted: bool) -> None:
+    text = f"""<robot name="arm"><link name="a"/><link name="b"/>
+      <joint name="j" type="revolute"><parent link="a"/><child link="b"/>
+      <limit {limits} effort="1" velocity="1"/></joint></robot>"""
+    notes = parse_urdf(text, PATH).notes
+    assert any("if they are degrees, correct the URDF" in note for note in notes) == noted

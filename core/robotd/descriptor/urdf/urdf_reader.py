@@ -60,6 +60,9 @@ class _Limits(NamedTuple):
     soft: tuple[float, float] | None
 
 
+WIDE_RAD = 25.0  # four turns: a joint of an arm has less, in degrees nearly each has more
+WHEEL_RAD = 500.0  # without limits in effect, as exporters write wheels
+
 _NO_LIMITS = _Limits(-math.inf, math.inf, None, None, None)
 _AXIS = (1.0, 0.0, 0.0)  # of a joint without <axis>
 
@@ -235,6 +238,11 @@ class _Reader:
         upper = self._number(limit, "upper", name, default=0.0)
         if lower is None or upper is None:
             return _Limits(-math.inf, math.inf, velocity, effort, None)
+        if kind == "revolute" and WIDE_RAD < max(-lower, upper) < WHEEL_RAD:
+            self._notes.append(
+                f"joint {name} has the limits {lower:g} to {upper:g} rad, which are"
+                f" {(upper - lower) / math.tau:.0f} turns: if they are degrees, correct the URDF"
+            )
         soft = self._soft_limits(element.find("safety_controller"), name)
         if soft is None or lower >= upper:
             return _Limits(lower, upper, velocity, effort, None)
