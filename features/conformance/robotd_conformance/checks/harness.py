@@ -133,7 +133,7 @@ class Harness:
             except OperationError as error:
                 cause = error.__cause__
                 # As the isolation of faults words it: a driver may have a cause for its own errors.
-                if cause is not None and str(error).endswith(f"{type(cause).__name__}: {cause}"):
+                if cause is not None and f"failed: {type(cause).__name__}: {cause}" in str(error):
                     self.wrong_calls.append(f"{error}, which is no error of robotd")
                 raise
             finally:
