@@ -193,7 +193,7 @@ def sent_by(sender: str) -> Iterator[None]:
 Facade = TypeVar("Facade", bound=HasEvents)
 
 
-def noted(
+def logged_command(
     command: Callable[Concatenate[Facade, Parameters], Result],
 ) -> Callable[Concatenate[Facade, Parameters], Result]:
     """Decorate a command of a facade: note its arguments, its sender and a rejection."""

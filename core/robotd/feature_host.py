@@ -13,7 +13,7 @@ from robotd.observation.tap import Tap
 from robotd.open_files import reserve_files
 from robotd.robot import Robot
 
-FRAMES_S = 30.0  # time that the frames of the tap are held for, where nothing else is asked for
+DEFAULT_FRAME_MEMORY_S = 30.0  # of the frames of the tap, where nothing else is asked for
 
 
 class FeatureHost:
@@ -49,7 +49,7 @@ class FeatureHost:
         self.say = say
         self._tap: Tap | None = None
 
-    def tap(self, seconds: float = FRAMES_S) -> Tap:
+    def tap(self, seconds: float = DEFAULT_FRAME_MEMORY_S) -> Tap:
         """Return the tap of the robot, which starts when all features are opened.
 
         Args:

@@ -51,7 +51,7 @@ from robotd.plugin.manager import Backend, load_backend
 
 log = get_logger("robot")
 
-STOPS_END_S = 1.0  # for a stop that hangs in the driver at shutdown; its thread is abandoned
+STOPS_JOIN_TIMEOUT_S = 1.0  # at shutdown; the thread of a stop that hangs is abandoned
 
 
 class Robot:
@@ -378,7 +378,7 @@ class Robot:
             if self.base is not None:
                 self.base.close()
             self.control_loop.stop()
-            self.axes.stops.close(STOPS_END_S)
+            self.axes.stops.close(STOPS_JOIN_TIMEOUT_S)
             end_idle_threads()
             if isinstance(self.clock, PacedClock):
                 self.clock.end()

@@ -32,10 +32,10 @@ if TYPE_CHECKING:
 
 log = get_logger("serve")
 
-START_ABORT_S = 10.0  # the longest that a start-up under way is waited for
-EMERGENCY_S = 0.5  # for the quick stop of a second signal
+START_ABORT_TIMEOUT_S = 10.0  # the longest that a start-up under way is waited for
+EMERGENCY_STOP_TIMEOUT_S = 0.5  # for the quick stop of a second signal
 EXIT_INTERRUPTED = 130
-TEAR_DOWN_S = 8  # of nodes, executor and middleware; ``RosHost.close`` waits up to 5 s for calls
+TEAR_DOWN_TIMEOUT_S = 8  # of all of ROS; ``RosHost.close`` waits up to 5 s for calls
 M_ARENA_MAX, ARENAS = -8, 2  # malloc.h
 # A supervisor that signals the process and then its group means one signal, not two.
 REPEAT_S = 0.3
@@ -91,8 +91,8 @@ def serve(
         served: called when the nodes are served, before the robot starts.
         ready: called when the robot has started.
         ended: called when the robot is shut down, with the error that ``serve`` is going to raise;
-            returns the exit status of the process. From then on the process ends after
-            ``TEAR_DOWN_S`` with that status even where the middleware hangs. None: no limit.
+            returns the exit status of the process, which then ends with it after
+            ``TEAR_DOWN_TIMEOUT_S`` even where the middleware hangs. None: no limit.
         parts: running features by name.
 
     Returns:
@@ -158,7 +158,7 @@ def _run(
         shut_down = _wait_until_ended(robot, events)
         error = failure or shut_down.error
         if ended is not None:
-            exit_after(TEAR_DOWN_S, ended(error))
+            exit_after(TEAR_DOWN_TIMEOUT_S, ended(error))
     if error is not None:
         raise error
 
@@ -221,7 +221,7 @@ def _lifecycle(nodes: Sequence[Node]) -> RobotLifecycle | None:
 def _stop(robot: Robot, start: threading.Thread, events: SimpleQueue[Event]) -> None:
     try:
         robot.connection.abort_start()
-        start.join(START_ABORT_S)
+        start.join(START_ABORT_TIMEOUT_S)
         robot.shutdown()
     except Exception as error:
         log.exception("shut-down failed")
@@ -238,10 +238,11 @@ def _wait_until_ended(robot: Robot, events: SimpleQueue[Event]) -> _Ended:
 
 
 def _exit_now(robot: Robot) -> NoReturn:
-    """Request a quick stop, wait ``EMERGENCY_S`` for it, and end the process."""
+    """Request a quick stop, wait ``EMERGENCY_STOP_TIMEOUT_S`` for it, and end the process."""
     log.error("second signal: quick stop, then exit without clean-up")
     axes = list(range(len(robot.axes)))
-    _in_thread("robotd-quick-stop", lambda: robot.axes.quick_stop(axes)).join(EMERGENCY_S)
+    quick_stop = _in_thread("robotd-quick-stop", lambda: robot.axes.quick_stop(axes))
+    quick_stop.join(EMERGENCY_STOP_TIMEOUT_S)
     os._exit(EXIT_INTERRUPTED)
 
 

@@ -316,7 +316,7 @@ class Play:
         self.witness.is_stopped = False
         robot.reset()
         self.requested(robot.recover)
-        robot.axes.rest(range(JOINTS), 20.0)
+        robot.axes.stop_and_wait(range(JOINTS), 20.0)
         for axis in range(JOINTS):
             robot.axes.set_command_mode(axis, 0)
         target = np.where(robot.image.position_command > 0.0, -0.5, 0.5)

@@ -136,13 +136,13 @@ def test_limits_hold(robot: Robot, excess: Excess, commands: list[tuple[str, Any
             if before is not None:
                 assert idle(robot), f"{name} was rejected, and an axis moves"
                 assert robot.image.position_command == pytest.approx(before, abs=SETTLING)
-    robot.axes.rest(range(AXES), 30.0)
+    robot.axes.stop_and_wait(range(AXES), 30.0)
     assert excess.position <= ROUNDING
     assert excess.velocity <= ROUNDING
 
 
 def test_a_velocity_command_is_left_running_for_a_minute(robot: Robot, excess: Excess) -> None:
-    robot.axes.rest(range(AXES), 30.0)
+    robot.axes.stop_and_wait(range(AXES), 30.0)
     for axis in range(AXES):
         robot.axes.set_command_mode(axis, 1)
     for sign in (1.0, -1.0):

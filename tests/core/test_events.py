@@ -7,7 +7,15 @@ import numpy as np
 import pytest
 
 from robotd.errors import InvalidArgument
-from robotd.events import MAX_BYTES, MAX_EVENTS, OWN_PROCESS, EventKind, EventLog, noted, sent_by
+from robotd.events import (
+    MAX_BYTES,
+    MAX_EVENTS,
+    OWN_PROCESS,
+    EventKind,
+    EventLog,
+    logged_command,
+    sent_by,
+)
 
 
 def log() -> EventLog:
@@ -19,7 +27,7 @@ class Facade:
     def __init__(self) -> None:
         self.events = log()
 
-    @noted
+    @logged_command
     def servo(self, axis: int, on: bool) -> int:
         if axis > 5:
             raise InvalidArgument(f"axis {axis} is outside 0..5")

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from robotd.descriptor.section import Problem as SectionProblem
     from robotd.device.camera_picture import CameraPictures
     from robotd.device.process_image import FLAGS, NUMBERS, VALUES, ProcessImage
-    from robotd.events import OWN_PROCESS, Event, EventKind, Level, noted, sent_by
+    from robotd.events import OWN_PROCESS, Event, EventKind, Level, logged_command, sent_by
     from robotd.feature import Feature, FeatureOption, feature_failures, installed_features
     from robotd.feature_host import FeatureHost
     from robotd.folders import why_unwritable
@@ -76,8 +76,8 @@ __all__ = [
     "frame_type",
     "identity",
     "installed_features",
+    "logged_command",
     "measured_joints",
-    "noted",
     "period_writer",
     "request_niceness",
     "sent_by",

@@ -17,7 +17,7 @@ from robotd.clock.simulated import PacedClock, SteppedClock
 from robotd.control.period_timing import PeriodDeadlines, PeriodicTasks, Task
 from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.control.source_slot import NOT_RUNNING
-from robotd.control.watchdog import SIMULATED_HANG_S, Watchdog, place_of
+from robotd.control.watchdog import SIMULATED_HANG_TIMEOUT_S, Watchdog, place_of
 from robotd.device.connection import Connection
 from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage
@@ -29,7 +29,7 @@ from robotd.realtime import control_loop_thread, request_realtime
 log = get_logger("control")
 
 PR_SET_TIMERSLACK = 29  # linux/prctl.h
-STOP_S = 2.0  # time-out for the current period; a thread that hangs is abandoned
+STOP_TIMEOUT_S = 2.0  # time-out for the current period; a thread that hangs is abandoned
 SWITCH_INTERVAL_S = 1e-4  # longest wait for a Python thread that holds the interpreter
 
 
@@ -120,7 +120,7 @@ class ControlLoop:
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self._began_ns = 0  # of the work, in real time: simulated time stops while a driver hangs
-        limit_s = SIMULATED_HANG_S if self._simulated else stale_after_s
+        limit_s = SIMULATED_HANG_TIMEOUT_S if self._simulated else stale_after_s
         self._watchdog = Watchdog(self.work_ns, lambda: place_of(self._thread), limit_s, self._hang)
         self._failing = False
         self._observer: Callable[[], None] | None = None
@@ -182,7 +182,7 @@ class ControlLoop:
         self._stopping.set()
         self._watchdog.stop()
         if self._thread is not None:
-            self._thread.join(STOP_S)
+            self._thread.join(STOP_TIMEOUT_S)
             if self._thread.is_alive():
                 log.error("the control loop hangs; its thread is abandoned")
         self._deadlines.expect(0)

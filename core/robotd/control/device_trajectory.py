@@ -26,12 +26,12 @@ from robotd.motion import JointLimits, Trajectory, spline_points
 log = get_logger("trajectory")
 
 MIN_PATH = 1e-6  # rad or m; a shorter path is not sent to the device
-OVERTIME_S = 2.0  # time after the planned end in which the device may still move
+COMPLETION_TIMEOUT_S = 2.0  # time after the planned end in which the device may still move
 END_TOLERANCE = 1e-3  # rad or m, between the device's last command and the last point
 EARLY_S, EARLY_SHARE = 0.05, 0.02  # of the duration: an arrival before that is a fault
 IDLE_PERIODS = 5  # in which an idle device has to show its last command and completion
 STOP_SAMPLES = 64  # of the path during a stop
-STOP_STEP = 1.1  # ratio of the stop times that are tried
+STOP_TIME_RATIO = 1.1  # ratio of the stop times that are tried
 MIN_STOP_S, MAX_STOP_S = 1e-3, 30.0
 RETURN_POINTS = 21  # of the path on which the command returns to joints that did not follow
 
@@ -95,7 +95,7 @@ class DeviceTrajectory(TrajectoryExecution):
             self.start_ns = time_ns
         self.time_s = (time_ns - self.start_ns) / NANOSECONDS
         over_s = self.time_s - self.trajectory.duration_s
-        if moving and over_s > OVERTIME_S:
+        if moving and over_s > COMPLETION_TIMEOUT_S:
             self._fault(f"the device is still moving {over_s:.1f} s after its time")
         elif not moving and (self._seen_moving or over_s > 0.0):
             return self._judge_end(time_ns, image)
@@ -228,7 +228,7 @@ def stop_time(trajectory: Trajectory, from_s: float, limits: JointLimits) -> flo
         path_s = np.minimum(from_s + since_s - since_s**2 / (2.0 * time_s), trajectory.duration_s)
         _, speed, planned = trajectory.evaluate(path_s)
         allowed = np.maximum(limits.acceleration, np.abs(planned).max(axis=0))
-        if (np.abs(planned * rate**2 - speed / time_s) <= allowed * STOP_STEP).all():
+        if (np.abs(planned * rate**2 - speed / time_s) <= allowed * STOP_TIME_RATIO).all():
             break
-        time_s *= STOP_STEP
+        time_s *= STOP_TIME_RATIO
     return time_s

@@ -24,10 +24,10 @@ from robotd.motion import MotionState
 log = get_logger("axes")
 
 OWNER = "follow_joint_trajectory"
-LEAD_S = 0.03  # planning time of a source that takes over from a moving one
+TAKEOVER_LEAD_S = 0.03  # planning time of a source that takes over from a moving one
 STOP_TIMEOUT_S = 10.0  # of a controlled stop
-MOVED_RAD = 1e-6  # change of a command that counts as motion
-PLANNINGS = 8  # of one source, each with twice the lead of the one before
+MIN_COMMAND_CHANGE_RAD = 1e-6  # change of a command that counts as motion
+MAX_PLANNING_ATTEMPTS = 8  # of one source, each with twice the lead of the one before
 
 Source = TypeVar("Source", bound=SetpointSource)
 Planner = Callable[[MotionState], Callable[[int], Source]]
@@ -90,9 +90,9 @@ class JointMotion:
             if self._is_alone or (self._slot.active and foreign):
                 name = self._axes.names[self._joint_axes[0]]
                 raise NotReady(f"{name}: in use by {self._owner}")
-            for attempt in range(PLANNINGS):
+            for attempt in range(MAX_PLANNING_ATTEMPTS):
                 self._axes.stop_latch.check()
-                lead_ns = round(LEAD_S * 2**attempt * NANOSECONDS)
+                lead_ns = round(TAKEOVER_LEAD_S * 2**attempt * NANOSECONDS)
                 running = self._slot.running
                 if running is None or running.completion.done:
                     # At once, unless it takes longer than a period to make the source.
@@ -106,7 +106,9 @@ class JointMotion:
                     self._owner, self._newest = owner, ticket
                     self._active += 1
                     return source
-            raise NotReady(f"the joints did not go on as planned for, {PLANNINGS} times in a row")
+            raise NotReady(
+                f"the joints did not go on as planned for, {MAX_PLANNING_ATTEMPTS} times in a row"
+            )
 
     def start_alone(
         self, axes: Sequence[int], mode: CommandMode, make: Callable[[int], Source], owner: str
@@ -232,7 +234,7 @@ class JointMotion:
         self._claim.close()
         self._claim.enter_context(self._axes.claimed(owner, self._joint_axes))
         self._owner = owner
-        if (np.abs(self.command() - state.position) > MOVED_RAD).any():
+        if (np.abs(self.command() - state.position) > MIN_COMMAND_CHANGE_RAD).any():
             return None
         earliest_ns = max(self._slot.next_start_ns, self._clock.now_ns())
         source = make(max(earliest_ns, start_ns))

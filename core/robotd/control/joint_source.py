@@ -11,7 +11,7 @@ from robotd.arrays import FloatArray, IntArray
 from robotd.clock import NANOSECONDS
 from robotd.control.source_slot import SetpointSource
 from robotd.control.stall_recovery import after_stall
-from robotd.device.axes import SHOWN_S
+from robotd.device.axes import IMAGE_LATENCY_S
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation
 from robotd.motion import JointLimits
@@ -135,7 +135,7 @@ class JointSource(SetpointSource):
             return True
         streaming = bool((image.operation[self._axes] == Operation.STREAM).all())
         self._first_ns = self._first_ns or image.stamp_ns
-        is_shown = image.fresh_ns - self._first_ns > SHOWN_S * NANOSECONDS
+        is_shown = image.fresh_ns - self._first_ns > IMAGE_LATENCY_S * NANOSECONDS
         self._was_streaming |= streaming or is_shown
         return streaming or not self._was_streaming
 

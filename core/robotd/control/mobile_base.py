@@ -20,7 +20,7 @@ from robotd.device.axes import Axes
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode
 from robotd.errors import InvalidArgument, NotReady
-from robotd.events import noted
+from robotd.events import logged_command
 from robotd.log import get_logger
 from robotd.motion.base_kinematics import RollingFollower, SteeredKinematics, WheelFollower
 from robotd.motion.dead_reckoning import Odometry
@@ -30,7 +30,7 @@ from robotd.motion.twist_limits import TwistLimiter
 log = get_logger("base")
 
 NEUTRAL = "a zero twist"
-JUMP = 3.0  # times the wheel speed limit: a larger step means the position was renumbered
+RENUMBERED_SPEED_FACTOR = 3.0  # of the wheel speed limit: a larger step means a renumbered position
 
 
 class MobileBase:
@@ -74,7 +74,7 @@ class MobileBase:
         self._odometry = Odometry(self.wheels, settings.wheel_wrap_rad)
         self._limits, wheel = twist_limits(settings), wheel_limits(settings)
         self._wheel_acceleration = wheel.acceleration
-        self._jump = JUMP * wheel.velocity
+        self._jump = RENUMBERED_SPEED_FACTOR * wheel.velocity
         self._tracked_ns = 0
 
     @property
@@ -103,7 +103,7 @@ class MobileBase:
             )
         )
 
-    @noted
+    @logged_command
     def command(
         self,
         linear_m_s: float,

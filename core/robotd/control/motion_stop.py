@@ -15,7 +15,7 @@ from robotd.device.state import Operation
 from robotd.errors import DeviceTimeout, NotReady, RobotdError
 
 BY_DEVICE = (Operation.POSITION, Operation.VELOCITY, Operation.HOMING)
-QUICK_STOP_S = 1.0  # for what a controlled stop has not brought to rest
+QUICK_STOP_TIMEOUT_S = 1.0  # for what a controlled stop has not brought to rest
 
 
 class MotionStop:
@@ -83,7 +83,7 @@ class MotionStop:
         self._axes.wait_for_motion()
         # Sources end with a device that is lost, too, and its last values stand still.
         if not wait_until(lambda: self.at_rest or not connection.ready, timeout_s, self._clock):
-            self._axes.rest(range(len(self._axes)), QUICK_STOP_S, quick=True)
+            self._axes.stop_and_wait(range(len(self._axes)), QUICK_STOP_TIMEOUT_S, quick=True)
         if not connection.ready:
             raise NotReady(
                 "motion stays stopped; nothing shows whether the axes are at rest:"

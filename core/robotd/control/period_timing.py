@@ -16,9 +16,9 @@ from robotd.log import get_logger
 
 log = get_logger("control")
 
-WINDOW = 8192  # periods kept for percentiles: 16 s at 500 Hz
-AHEAD_NS = 120_000  # other threads begin no work in this time before a period
-MAX_SHIFT = 100  # the period divided by it is the largest shift
+STATISTICS_PERIODS = 8192  # periods kept for percentiles: 16 s at 500 Hz
+YIELD_AHEAD_NS = 120_000  # other threads begin no work in this time before a period
+SHIFT_DIVISOR = 100  # the period divided by it is the largest shift
 WAITS, WAIT_S = 6, 5e-5  # in fact 0.1 ms each: wake-up latency of the system
 
 Task = Callable[[ProcessImage], None]
@@ -77,30 +77,32 @@ class LoopStatistics:
         self.cycles = 0
         self.missed = 0
         self.late_setpoints = 0
-        self._start_ns, self._lateness_ns, self._execution_ns = np.zeros((3, WINDOW), np.int64)
+        self._start_ns, self._lateness_ns, self._execution_ns = np.zeros(
+            (3, STATISTICS_PERIODS), np.int64
+        )
         # A memory view takes one number several times faster than an array.
         self._cells = (self._start_ns.data, self._lateness_ns.data, self._execution_ns.data)
 
     def record(self, late_ns: int, start_ns: int, end_ns: int) -> None:
         """Record a period from ``start_ns`` to ``end_ns``, begun ``late_ns`` late. Loop thread."""
         starts, lateness, execution = self._cells
-        slot = self.cycles % WINDOW
+        slot = self.cycles % STATISTICS_PERIODS
         starts[slot], lateness[slot], execution[slot] = start_ns, late_ns, end_ns - start_ns
         self.last = (start_ns, late_ns, end_ns - start_ns)
         self.cycles += 1
 
     def samples(self) -> CycleSamples:
-        """Return the last ``WINDOW`` periods; consistent once the control loop has ended."""
-        first = max(0, self.cycles - WINDOW)
-        order = np.arange(first, self.cycles) % WINDOW
+        """Return the last ``STATISTICS_PERIODS``; consistent once the control loop has ended."""
+        first = max(0, self.cycles - STATISTICS_PERIODS)
+        order = np.arange(first, self.cycles) % STATISTICS_PERIODS
         return CycleSamples(
             self._start_ns[order], self._lateness_ns[order], self._execution_ns[order]
         )
 
     def report(self) -> LoopReport:
-        """Return the figures of the last ``WINDOW`` periods; zeros before the first."""
+        """Return the figures of the last ``STATISTICS_PERIODS`` periods; zeros before the first."""
         cycles = self.cycles
-        samples = min(cycles, WINDOW)
+        samples = min(cycles, STATISTICS_PERIODS)
         started = self._start_ns[:samples]
         span_s = float(np.ptp(started)) / NANOSECONDS if samples else 0.0
         rate_hz = (samples - 1) / span_s if span_s > 0 else math.nan
@@ -159,7 +161,7 @@ class PeriodDeadlines:
         self._deadline_ns = 0  # of the current period
         self._nominal_ns = 0  # its nominal time; 0: not fixed yet
         self._shift_ns = 0  # of the next deadline
-        self._max_shift_ns = period_ns // MAX_SHIFT
+        self._max_shift_ns = period_ns // SHIFT_DIVISOR
 
     def begin(self, deadline_ns: int) -> tuple[int, bool]:
         """Return the deadline of the next period from ``deadline_ns`` on, and whether it is due.
@@ -208,7 +210,7 @@ class PeriodDeadlines:
     def wait_while_imminent(self) -> None:
         """Wait while a period is imminent or running, 1 ms at most. Any other thread."""
         for _ in range(WAITS):
-            if not self._due_ns or self._clock.now_ns() < self._due_ns - AHEAD_NS:
+            if not self._due_ns or self._clock.now_ns() < self._due_ns - YIELD_AHEAD_NS:
                 return
             time.sleep(WAIT_S)
 

@@ -20,9 +20,9 @@ from robotd.log import get_logger
 
 log = get_logger("recovery")
 
-READY_S = 1.0  # for values to be fresh after communication has started
-SETTLED_S = 0.2  # without a change, after which the states of restarted drives are final
-STABLE_S = 1.0  # without a problem, after which a recovery is verified
+READY_TIMEOUT_S = 1.0  # for values to be fresh after communication has started
+SETTLING_TIME_S = 0.2  # without a change, after which the states of restarted drives are final
+VERIFICATION_TIME_S = 1.0  # without a problem, after which a recovery is verified
 WATCH_POLL_S = 0.01
 NOTHING_WRONG = "nothing is wrong: no axis has a fault"
 
@@ -136,7 +136,7 @@ class Recovery:
 
     def _becomes_ready(self) -> bool:
         connection = self._connection
-        timeout_s = READY_S + connection.settings.stale_after_s
+        timeout_s = READY_TIMEOUT_S + connection.settings.stale_after_s
         fresh = wait_until(lambda: connection.ready, timeout_s, self._clock)
         return fresh and wait_until(lambda: bool(self._axes.image.stamp_ns), timeout_s, self._clock)
 
@@ -152,16 +152,16 @@ class Recovery:
             image = self._axes.image.copy()
             if not np.array_equal(image.flags, flags):
                 since_ns, flags = self._clock.now_ns(), image.flags
-            lasts = image.fresh_ns - since_ns >= SETTLED_S * NANOSECONDS
+            lasts = image.fresh_ns - since_ns >= SETTLING_TIME_S * NANOSECONDS
             return lasts or not self._connection.ready
 
-        wait_until(settled, READY_S + self._connection.settings.stale_after_s, self._clock)
+        wait_until(settled, READY_TIMEOUT_S + self._connection.settings.stale_after_s, self._clock)
 
     def _join_offline(self, report: Report) -> None:
         """Let drives join the bus again where the backend can do that at run time."""
         image, timeout_s = self._axes.image, self._connection.settings.servo_timeout_s
         # After a start a drive may need some periods.
-        wait_until(lambda: not image.offline[self._used].any(), READY_S, self._clock)
+        wait_until(lambda: not image.offline[self._used].any(), READY_TIMEOUT_S, self._clock)
         offline = [axis for axis in self._used if image.offline[axis]]
         if not offline:
             return
@@ -187,7 +187,7 @@ class Recovery:
         ]
         timeout_s = self._connection.settings.servo_timeout_s
         if faulty:
-            axes.rest(faulty, timeout_s)
+            axes.stop_and_wait(faulty, timeout_s)
         owned = {axis for axis in faulty if axes.owner(axis)}
         if not wait_until(lambda: not any(map(axes.owner, owned)), timeout_s, self._clock):
             axis = min(axis for axis in owned if axes.owner(axis))
@@ -217,7 +217,7 @@ class Recovery:
         )
 
     def _watch(self) -> list[Problem]:
-        """Return the problems that show within ``STABLE_S`` after the last command; [] without one.
+        """Return the problems that show within ``VERIFICATION_TIME_S`` after the last command.
 
         Values from before it say nothing: nodes that were lost with others may not be noticed yet.
         """
@@ -227,10 +227,12 @@ class Recovery:
 
         def ended() -> bool:
             problems[:] = self._find_problems()
-            lasts = image.fresh_ns - begun_ns >= STABLE_S * NANOSECONDS
+            lasts = image.fresh_ns - begun_ns >= VERIFICATION_TIME_S * NANOSECONDS
             return lasts or bool(problems)
 
-        if not wait_until(ended, STABLE_S + READY_S + stale_s, self._clock, WATCH_POLL_S):
+        if not wait_until(
+            ended, VERIFICATION_TIME_S + READY_TIMEOUT_S + stale_s, self._clock, WATCH_POLL_S
+        ):
             text = "the device sends no values from after the last command"
             return [Problem(ProblemKind.DEVICE, text)]
         return problems

@@ -6,7 +6,7 @@ from contextlib import suppress
 
 from robotd.control.joint_group import JointGroups
 from robotd.control.mobile_base import MobileBase
-from robotd.control.motion_stop import QUICK_STOP_S
+from robotd.control.motion_stop import QUICK_STOP_TIMEOUT_S
 from robotd.control.problem_finder import limit_problems
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes, each
@@ -83,12 +83,12 @@ class Servos:
             self._groups.stop(time_s)
             if self._base is not None:
                 self._base.stop(time_s)
-            self._axes.rest(everything, time_s)
+            self._axes.stop_and_wait(everything, time_s)
             log.info("at rest")
         except RobotdError as error:
             log.error("controlled stop failed", reason=str(error))
             with suppress(RobotdError):  # a device that cannot be reached, again
-                self._axes.rest(everything, QUICK_STOP_S, quick=True)
+                self._axes.stop_and_wait(everything, QUICK_STOP_TIMEOUT_S, quick=True)
 
     def disable(self) -> None:
         """Bring what moves to rest, then switch the servos off; failures are logged.

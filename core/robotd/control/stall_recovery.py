@@ -11,14 +11,14 @@ from robotd.clock import NANOSECONDS
 from robotd.device.state import Underrun
 from robotd.motion import JointLimits, MotionState
 
-GAP_PERIODS = 1.5  # between two setpoints; more is an underrun
-SHARE = 0.1  # of a joint's velocity limit: highest speed relative to the path
+UNDERRUN_PERIODS = 1.5  # between two setpoints; more is an underrun
+CATCH_UP_VELOCITY_SHARE = 0.1  # of a joint's velocity limit: highest speed relative to the path
 TIME_CONSTANT_S = 0.05  # of the deviation's end
-LONGEST_S = 0.5  # a larger deviation ends the goal
-UNLIMITED_RAD_S = 10.0  # stands for an infinite velocity limit
-FULL_SPEED_S = 0.25  # to the velocity limit, where the acceleration has no limit
-NEGLIGIBLE = 1e-6  # rad or m
-MOVING = 1e-3  # share of the velocity limit above which a path counts as moving
+MAX_CATCH_UP_S = 0.5  # a larger deviation ends the goal
+UNLIMITED_VELOCITY_RAD_S = 10.0  # stands for an infinite velocity limit
+UNLIMITED_RAMP_S = 0.25  # to the velocity limit, where the acceleration has no limit
+NEGLIGIBLE_DEVIATION = 1e-6  # rad or m
+MOVING_VELOCITY_SHARE = 1e-3  # share of the velocity limit above which a path counts as moving
 
 
 def after_stall(pause_s: float) -> str:
@@ -31,7 +31,7 @@ class StallRecovery:
 
     While setpoints are missing an axis extrapolates the last one or holds it, see ``Underrun``.
     The next setpoint continues from there, in position and velocity. An axis that holds stays on
-    its path, which waits for it (``stood``). In all other cases the deviation e from the path
+    its path, which waits for it (``note_hold``). In all other cases the deviation e from the path
     and its rate w then go to zero: w changes by at most the joint's acceleration limit, stays
     within a tenth of its velocity limit once it is there, and does not reverse a moving path.
 
@@ -70,10 +70,10 @@ class StallRecovery:
         )
         self._deviation: FloatArray = np.zeros_like(start)  # of the last setpoint that was sent
         self._next: FloatArray = np.zeros_like(start)  # of the one that is not sent yet
-        velocity = np.minimum(limits.velocity, UNLIMITED_RAD_S)
-        self._moving = MOVING * velocity
-        self._fastest: FloatArray = SHARE * velocity
-        self._acceleration = np.minimum(limits.acceleration, velocity / FULL_SPEED_S)
+        velocity = np.minimum(limits.velocity, UNLIMITED_VELOCITY_RAD_S)
+        self._moving = MOVING_VELOCITY_SHARE * velocity
+        self._fastest: FloatArray = CATCH_UP_VELOCITY_SHARE * velocity
+        self._acceleration = np.minimum(limits.acceleration, velocity / UNLIMITED_RAMP_S)
         self._time_constant_s = np.maximum(
             TIME_CONSTANT_S, 2.0 * self._fastest / self._acceleration
         )
@@ -86,8 +86,8 @@ class StallRecovery:
 
     @property
     def is_far(self) -> BoolArray:
-        """(m,) joints that cannot be led back within ``LONGEST_S``."""
-        far: BoolArray = np.abs(self.offset) > LONGEST_S * self._fastest
+        """(m,) joints that cannot be led back within ``MAX_CATCH_UP_S``."""
+        far: BoolArray = np.abs(self.offset) > MAX_CATCH_UP_S * self._fastest
         return far
 
     def expect(self, time_ns: int, out: FloatArray) -> float:
@@ -123,7 +123,7 @@ class StallRecovery:
         self._next[:] = self._deviation
         self.active, self.left_plan = True, False
 
-    def lay_over(self, path: FloatArray, due_ns: int, period_s: float) -> bool:
+    def correct(self, path: FloatArray, due_ns: int, period_s: float) -> bool:
         """Turn the path's setpoint for ``due_ns`` into the one to send, in place.
 
         Returns True when an underrun was found: ``is_far`` then says whether it is too long.
@@ -144,7 +144,7 @@ class StallRecovery:
         path += self._next
         return underrun
 
-    def stood(self, due_ns: int, period_ns: int) -> bool:
+    def note_hold(self, due_ns: int, period_ns: int) -> bool:
         """Note that the device has held the last setpoint, on the path, in an underrun.
 
         Returns False, without effect, when there was none or the device extrapolates. Otherwise
@@ -178,7 +178,7 @@ class StallRecovery:
         self._next[:] = self._deviation[:] = 0.0
 
     def sent(self, setpoint: FloatArray, due_ns: int, time_s: float = 0.0) -> None:
-        """Note that ``setpoint``, made by ``lay_over``, has been handed to the device.
+        """Note that ``setpoint``, made by ``correct``, has been handed to the device.
 
         ``time_s`` is its trajectory time, for sources that have one.
         """
@@ -188,7 +188,7 @@ class StallRecovery:
             self._buffered.append((due_ns, time_s, setpoint.copy()))
 
     def _is_underrun(self, elapsed_s: float, period_s: float) -> bool:
-        return elapsed_s > GAP_PERIODS * period_s + self._buffer_s
+        return elapsed_s > UNDERRUN_PERIODS * period_s + self._buffer_s
 
     def _of_buffer(self, time_ns: int) -> tuple[float, FloatArray]:
         """The last setpoint that was due by ``time_ns``, and its time; older ones are forgotten."""
@@ -213,6 +213,9 @@ class StallRecovery:
         new_rate = rate + np.clip(back - rate, -step, step)
         self._next[0] = offset + 0.5 * (rate + new_rate) * elapsed_s
         self._next[1] = new_rate
-        if np.abs(self._next[0]).max() < NEGLIGIBLE and np.abs(new_rate).max() < self._moving.min():
+        if (
+            np.abs(self._next[0]).max() < NEGLIGIBLE_DEVIATION
+            and np.abs(new_rate).max() < self._moving.min()
+        ):
             self.active = False
             self._next[:] = 0.0

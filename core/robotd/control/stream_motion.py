@@ -19,8 +19,8 @@ from robotd.device.motion_limits import MotionLimits
 from robotd.device.process_image import ProcessImage
 from robotd.motion import JointLimits, MotionState
 
-MAX_WAITING = 16  # commands in one period; older ones are dropped
-AFTER_STALL = 2.0  # highest share of the acceleration limits; a drive cannot follow any
+MAX_QUEUED_COMMANDS = 16  # commands in one period; older ones are dropped
+MAX_ACCELERATION_SHARE_AFTER_STALL = 2.0  # of the limits; a drive cannot follow any
 
 
 class StreamMotion(JointSource):
@@ -71,7 +71,7 @@ class StreamMotion(JointSource):
         self._setpoints.reset(state)
         self.timeout_ns = round(timeout_s * NANOSECONDS)
         self._timeout_s, self._ends_when_silent = timeout_s, ends_when_silent
-        self._commands: deque[StreamCommand] = deque(maxlen=MAX_WAITING)
+        self._commands: deque[StreamCommand] = deque(maxlen=MAX_QUEUED_COMMANDS)
         self._commanded_ns = start_ns
         self._silent = False
         self._due_ns = 0
@@ -118,7 +118,7 @@ class StreamMotion(JointSource):
             if reached is not None:
                 position, velocity = reached
                 state = MotionState(position, velocity, np.zeros_like(position))
-                self._setpoints.reset(state, AFTER_STALL)
+                self._setpoints.reset(state, MAX_ACCELERATION_SHARE_AFTER_STALL)
                 self.stall_recovery.left_plan = self._due_ns <= self._settled_until_ns
             if self._phase is Phase.RUNNING:
                 self._follow_commands(time_ns)

@@ -20,8 +20,8 @@ from robotd.motion.target_spline import TargetSpline
 
 log = get_logger("stream")
 
-LOOK_S = 0.03  # on which the limit of a group's speed may fall before an acceleration has ramped up
-REFERENCE_STOP_S = 1.0  # a reference that is not at rest by then is left, and the joints stop
+SPEED_LIMIT_LOOKAHEAD_S = 0.03  # in which a limit of speed may fall while an acceleration ramps up
+REFERENCE_STOP_TIMEOUT_S = 1.0  # then a reference that still moves is left, and the joints stop
 
 
 class MovingReference(Protocol):
@@ -172,7 +172,7 @@ class StreamSetpoints:
         if self._reference is None:
             self._limiter.stop()
         elif self._stop_left_s == np.inf:
-            self._stop_left_s = REFERENCE_STOP_S
+            self._stop_left_s = REFERENCE_STOP_TIMEOUT_S
             self._call(self._reference.stop)
 
     def settle(self) -> None:
@@ -204,7 +204,7 @@ class StreamSetpoints:
             peak = self._limiter.peak_velocity()
             # Some joints are at rest before others, whose motion they no longer compensate then.
             parts = np.concatenate([peak * self._subsets, [peak]])
-            ahead = state[0] + LOOK_S * parts
+            ahead = state[0] + SPEED_LIMIT_LOOKAHEAD_S * parts
             ahead[-1] = state[0]
             factor = float(factors(ahead, parts).min())
             if factor < 1.0:

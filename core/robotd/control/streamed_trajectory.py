@@ -122,7 +122,7 @@ class StreamedTrajectory(TrajectoryExecution):
 
     def _advance_time(self, due_ns: int, period_ns: int) -> bool:
         """Set ``time_s`` for ``due_ns``; return True while the rate of the operator is not 1."""
-        if self._sent_time_s is not None and self.stall_recovery.stood(due_ns, period_ns):
+        if self._sent_time_s is not None and self.stall_recovery.note_hold(due_ns, period_ns):
             # The device has held the last setpoint until this period: go on from there.
             self._due_ns = due_ns - period_ns
             self.start_ns = self._due_ns - round(self._sent_time_s * NANOSECONDS)
@@ -159,7 +159,7 @@ class StreamedTrajectory(TrajectoryExecution):
 
     def _recover(self, due_ns: int, period_ns: int) -> None:
         """Continue from the position after an underrun; request a fault when too far off."""
-        if self.stall_recovery.lay_over(self._motion, due_ns, period_ns / NANOSECONDS):
+        if self.stall_recovery.correct(self._motion, due_ns, period_ns / NANOSECONDS):
             if self._command_return is not None:  # it waits, too
                 self._command_return.start_ns += round(self.stall_recovery.pause_s * NANOSECONDS)
             self._check_deviation()

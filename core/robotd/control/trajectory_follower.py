@@ -38,8 +38,8 @@ from robotd.motion import (
 )
 from robotd.motion.rejection import reject
 
-REPLAN_S = 0.5  # age of the joint positions that a client may have planned from
-MAX_RECENT = 50  # trajectories within that time
+MAX_REPLANNING_AGE_S = 0.5  # age of the joint positions that a client may have planned from
+MAX_RECENT_TRAJECTORIES = 50  # trajectories within that time
 SUBJECT = "goal"  # of events
 BAD = frozenset({Outcome.FAULT, Outcome.PATH_TOLERANCE, Outcome.GOAL_TOLERANCE})
 MAX_SAMPLES = 10_000  # of their path: one each 0.1 ms, more often than any client is told of it
@@ -71,7 +71,7 @@ class TrajectoryFollower:
         self._joint_axes = np.array([joint.axis for joint in joints], np.int64)
         self._on_device, self._axes = on_device, axes
         self._checked: Trajectory | None = None  # path that passed last
-        self._recent: deque[TrajectoryExecution] = deque(maxlen=MAX_RECENT)
+        self._recent: deque[TrajectoryExecution] = deque(maxlen=MAX_RECENT_TRAJECTORIES)
 
     def source(self, name: str, rearming: Rearming) -> CommandSource:
         """Return a source of trajectories that has to begin anew after motion was rejected.
@@ -251,18 +251,18 @@ class TrajectoryFollower:
             self._checked = trajectory
 
     def _recent_path(self, start_ns: int) -> FloatArray:
-        """Return (w, m) commanded positions of the last and the next ``REPLAN_S``.
+        """Return (w, m) commanded positions of the last and the next ``MAX_REPLANNING_AGE_S``.
 
         A client that replans in motion does not know the joint positions at the time when its
         goal takes over. It may start from any of these positions.
         """
         now_ns = max(self._clock.now_ns(), start_ns)
-        first_ns = now_ns - round(REPLAN_S * NANOSECONDS)
+        first_ns = now_ns - round(MAX_REPLANNING_AGE_S * NANOSECONDS)
         while len(self._recent) > 1 and self._recent[1].start_ns <= first_ns:
             self._recent.popleft()
         newest = self._recent[-1].completion if self._recent else None
         moving = newest is not None and not newest.done and newest.goes_on
-        seconds = (2.0 if moving else 1.0) * REPLAN_S
+        seconds = (2.0 if moving else 1.0) * MAX_REPLANNING_AGE_S
         # As dense as the fastest joint needs, but a velocity limit may be any number.
         steps = self.limits.velocity * seconds / self.rules.start_tolerance
         needed = float(steps.max(initial=1.0))

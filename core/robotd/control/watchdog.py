@@ -11,9 +11,9 @@ from robotd.log import get_logger
 
 log = get_logger("watchdog")
 
-HANG_S = 1.0  # a busy computer may delay a period by tenths of a second: that is no hang
-SIMULATED_HANG_S = 5.0  # nothing real moves: late detection, but no dependence on the computer
-CHECKS = 4  # per time limit of a piece of work
+HANG_TIMEOUT_S = 1.0  # a busy computer may delay a period by tenths of a second: that is no hang
+SIMULATED_HANG_TIMEOUT_S = 5.0  # nothing real moves: late, but whatever the computer does
+CHECKS_PER_TIMEOUT = 4  # per time limit of a piece of work
 OURS = {"robotd", "robotd_ros", "rclpy", *sys.stdlib_module_names}  # not packages of plugins
 
 
@@ -37,7 +37,7 @@ class Watchdog:
         age_ns: returns the age of the current piece of work, in real time whatever the clock of
             the work is; 0: none.
         place: returns the current call of the watched thread, for messages.
-        limit_s: time limit of a piece of work; at least ``HANG_S`` is used.
+        limit_s: time limit of a piece of work; at least ``HANG_TIMEOUT_S`` is used.
         hang: called with the reason when the limit is exceeded; once for each piece.
         who, piece: names of the watched thread and of a piece of work, for messages.
     """
@@ -54,7 +54,7 @@ class Watchdog:
     ) -> None:
         self._age_ns, self._place = age_ns, place
         self._who, self._piece = who, piece
-        self._limit_s = max(limit_s, HANG_S)
+        self._limit_s = max(limit_s, HANG_TIMEOUT_S)
         self._hang = hang
         self._hanging = False
         self._stop = threading.Event()
@@ -84,7 +84,7 @@ class Watchdog:
             self._hang(f"{what}: {self._piece} takes longer than {self._limit_s:g} s ({place})")
 
     def _run(self) -> None:
-        while not self._stop.wait(self._limit_s / CHECKS):
+        while not self._stop.wait(self._limit_s / CHECKS_PER_TIMEOUT):
             try:
                 self.check()
             except Exception:

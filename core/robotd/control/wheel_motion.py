@@ -177,7 +177,7 @@ class WheelMotion(SetpointSource):
     def _recover(self, recovery: StallRecovery, due_ns: int, period_s: float) -> None:
         """Set the setpoints of steering, from where they are after an underrun."""
         steering = self._path.copy()
-        if recovery.lay_over(steering, due_ns, period_s) and recovery.is_far.any():
+        if recovery.correct(steering, due_ns, period_s) and recovery.is_far.any():
             far = int(np.argmax(recovery.is_far))
             name = self._axes.names[self._wheel_axes[self._steered[far]]]
             off = f"{name} is {abs(recovery.offset[far]):.3f} rad off its path"

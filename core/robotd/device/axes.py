@@ -23,7 +23,7 @@ from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import COMMUNICATES, CommandMode, Operation
 from robotd.device.stops import StopLatch, StopRequests
 from robotd.errors import DeviceTimeout, InvalidArgument, NotReady, RobotdError, Unsupported
-from robotd.events import EventKind, EventLog, noted
+from robotd.events import EventKind, EventLog, logged_command
 from robotd.log import get_logger
 from robotd.motion.limits import AxisLimits, check_jog, check_move
 from robotd.motion.profile import Profile
@@ -33,9 +33,9 @@ log = get_logger("axes")
 Error = TypeVar("Error", bound=RobotdError)
 
 MIN_RATIO_PART, MAX_RATIO_PART = 1e-6, 2**31 - 1  # of a gear ratio's numerator and denominator
-SHOWN_S = 0.1  # for the image, a period or two behind, to show what a driver has reported
-SAMPLES = 3  # slow feedback periods in which it does
-FIRST_S = 1.0  # for values that a command needs: of a new connection, or after a stall
+IMAGE_LATENCY_S = 0.1  # for the image, a period or two behind, to show what a driver has reported
+FEEDBACK_LATENCY_PERIODS = 3  # slow feedback periods in which it does
+FIRST_VALUES_TIMEOUT_S = 1.0  # that a command needs: of a new connection, or after a stall
 
 
 def each(axes: Sequence[int], command: Callable[[int], None]) -> Mapping[int, Exception | None]:
@@ -128,7 +128,7 @@ class Axes:
         self.given_up: set[int] = set()
         self._driver = driver
         self._capabilities = capabilities
-        self._shown_s = max(SHOWN_S, SAMPLES * self.feedback_period_s)
+        self._shown_s = max(IMAGE_LATENCY_S, FEEDBACK_LATENCY_PERIODS * self.feedback_period_s)
         self._commanded_ns = 0  # time of the last motion command
         self._stops = [0] * len(names)  # number of stops of each axis so far
         self._owners: dict[int, str] = {}  # of the axes that are claimed
@@ -201,7 +201,7 @@ class Axes:
                 reason = f"gear ratio {part} {value} is outside 1e-06..2147483647"
                 raise self._error(InvalidArgument, axis, reason)
 
-    @noted
+    @logged_command
     def servo(self, axis: int, on: bool) -> None:
         """Enable (at the measured position, without a jump) or disable one servo; waits for it.
 
@@ -234,7 +234,7 @@ class Axes:
                         self.stop_latch.check_servos()
         self._wait_for(lambda: bool((self.image.servo_on[list(group)] == on).all()))
 
-    @noted
+    @logged_command
     def clear_alarm(self, axis: int) -> None:
         """Clear the amplifier alarm of one axis; waits until it is gone."""
         self._check_axis(axis)
@@ -242,7 +242,7 @@ class Axes:
             self._driver.clear_alarm(axis, self.connection.settings.servo_timeout_s)
         self._wait_for(lambda: not self.image.amp_alarm[axis])
 
-    @noted
+    @logged_command
     def set_command_mode(self, axis: int, mode: int) -> None:
         """Set position (0), velocity (1) or torque (2) mode of an idle axis."""
         self._check_axis(axis)
@@ -256,7 +256,7 @@ class Axes:
             self._driver.set_command_mode(axis, CommandMode(mode))
             self._wait_for(lambda: bool(self.image.mode[axis] == mode))
 
-    @noted
+    @logged_command
     def set_polarity(self, axis: int, polarity: int) -> None:
         """Set polarity 1 or -1, with the servo off."""
         self._check_axis(axis)
@@ -267,7 +267,7 @@ class Axes:
             self._driver.set_polarity(axis, polarity)
         self._wait_for_newer(self.clock.now_ns())
 
-    @noted
+    @logged_command
     def set_gear_ratio(self, axis: int, numerator: float, denominator: float) -> None:
         """Set encoder counts per unit, a fraction of positive parts, with the servo off."""
         self._check_axis(axis)
@@ -278,7 +278,7 @@ class Axes:
             self._driver.set_gear_ratio(axis, numerator, denominator)
         self._wait_for_newer(self.clock.now_ns())
 
-    @noted
+    @logged_command
     def home(self, axis: int) -> None:
         """Make the present position of one idle axis its home position."""
         self._check_axis(axis)
@@ -293,7 +293,7 @@ class Axes:
                 raise
             self._wait_for_newer(self.clock.now_ns())
 
-    @noted
+    @logged_command
     def move(self, moves: Sequence[Move], *, relative: bool = False) -> None:
         """Start position moves together. Returns when all are accepted, not when they end.
 
@@ -315,7 +315,7 @@ class Axes:
             begin = self._driver.move
             self._begin(moves, stops, lambda a: begin(a.axis, a.target, a.profile.scaled(scale)))
 
-    @noted
+    @logged_command
     def jog(self, jogs: Sequence[Jog]) -> None:
         """Start or change velocity commands together; velocity 0 slows to rest.
 
@@ -341,7 +341,7 @@ class Axes:
         scales = [each.scale(velocities, self.image) for each in self.motion_limits]
         return min(scales, default=1.0)
 
-    @noted
+    @logged_command
     def stop(self, axes: Sequence[int]) -> None:
         """Start a controlled stop; never rejected because of an owner.
 
@@ -350,12 +350,12 @@ class Axes:
         """
         self._stop(axes, self._driver.stop)
 
-    @noted
+    @logged_command
     def quick_stop(self, axes: Sequence[int]) -> None:
         """Start the fastest controlled stop; otherwise as ``stop``."""
         self._stop(axes, self._driver.quick_stop)
 
-    def rest(self, axes: Sequence[int], timeout_s: float, *, quick: bool = False) -> None:
+    def stop_and_wait(self, axes: Sequence[int], timeout_s: float, *, quick: bool = False) -> None:
         """Stop the axes, or quick-stop them, and wait until they are idle.
 
         Raises DeviceTimeout naming the axes that still move.
@@ -490,7 +490,8 @@ class Axes:
         """
         image = self.image
         self._wait_for(
-            lambda: bool(np.isfinite(image.position[list(axes)]).all()), at_least_s=FIRST_S
+            lambda: bool(np.isfinite(image.position[list(axes)]).all()),
+            at_least_s=FIRST_VALUES_TIMEOUT_S,
         )
         for axis in axes:
             if not math.isfinite(image.position[axis]):
@@ -559,7 +560,7 @@ class Axes:
 
     def _require_newer(self, time_ns: int) -> None:
         """Wait for an image that is newer than ``time_ns``. Raises NotReady: none comes."""
-        self._wait_for_newer(time_ns, FIRST_S)
+        self._wait_for_newer(time_ns, FIRST_VALUES_TIMEOUT_S)
         if not self._is_newer(time_ns):
             self.connection.require_ready()
             raise NotReady("the device has sent no values since the last command")

@@ -26,7 +26,7 @@ log = get_logger("connection")
 
 ReadyListener = Callable[[bool], None]
 
-ANSWER_S = 1.0  # longest wait for a device that another thread is asking for its state
+STATE_TIMEOUT_S = 1.0  # longest wait for a device that another thread is asking for its state
 REPORT_INTERVAL_S = 5.0  # of a start-up step that takes long
 ENDING = "the robot is being shut down: nothing is started or switched on any more"
 STOPPING = "communication is being stopped: nothing is started any more"
@@ -389,7 +389,7 @@ class Connection:
 
         UNKNOWN, without effect, when another thread gets no answer.
         """
-        if not self._ready_lock.acquire(timeout=ANSWER_S):
+        if not self._ready_lock.acquire(timeout=STATE_TIMEOUT_S):
             return ConnectionState.UNKNOWN
         try:
             state = self.state

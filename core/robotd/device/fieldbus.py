@@ -11,7 +11,7 @@ from robotd.device.capabilities import Capability
 from robotd.device.connection import Connection
 from robotd.device.drivers import FieldbusDriver
 from robotd.errors import InvalidArgument, Unsupported
-from robotd.events import EventLog, noted
+from robotd.events import EventLog, logged_command
 
 MAX_OBJECT_BYTES = 4096  # of one write; the longest texts and tables of drives have less
 
@@ -78,7 +78,7 @@ class Fieldbus:
         _check_node(driver, bus, node)
         return driver.read_object(bus, node, index, subindex)
 
-    @noted
+    @logged_command
     def write_object(self, bus: int, node: int, index: int, subindex: int, data: bytes) -> None:
         """Write an object of a node while every axis is at rest.
 

@@ -17,11 +17,11 @@ from robotd.device.passive_joints import FingerReader
 from robotd.device.process_image import ProcessImage
 from robotd.errors import InvalidArgument
 
-TOLERANCE = 0.05  # share of the stroke within which a position counts as reached
-SETTLE_S = 0.05  # from the end of the travel to the sensor's answer
-START_S = 0.3  # from a command to the first motion of measured fingers
-TRAVEL_LIMIT_S = 2.0  # granted to measured fingers beyond their travel time
-STILL = 1e-3  # share of the stroke that fingers at rest move in SETTLE_S
+REACHED_SHARE = 0.05  # share of the stroke within which a position counts as reached
+SETTLING_TIME_S = 0.05  # from the end of the travel to the sensor's answer
+START_TIMEOUT_S = 0.3  # from a command to the first motion of measured fingers
+TRAVEL_MARGIN_S = 2.0  # granted to measured fingers beyond their travel time
+STANDSTILL_SHARE = 1e-3  # share of the stroke that fingers at rest move in SETTLING_TIME_S
 
 
 @dataclass(frozen=True)
@@ -107,10 +107,10 @@ class Gripper:
         """Return a commanded position of the gripper.
 
         Raises InvalidArgument where it is not between open and closed, with the margin of
-        ``TOLERANCE``.
+        ``REACHED_SHARE``.
         """
         low, high = sorted((self.open_m, self.closed_m))
-        margin = TOLERANCE * (high - low)
+        margin = REACHED_SHARE * (high - low)
         if not (math.isfinite(position_m) and low - margin <= position_m <= high + margin):
             raise InvalidArgument(f"gripper: position {position_m} m is outside {low} to {high} m")
         return position_m
@@ -119,7 +119,7 @@ class Gripper:
         """Return the position of the gripper that leads to the ``positions`` of fingers, by name.
 
         Raises InvalidArgument for an unknown finger, or positions that the fingers cannot have at
-        the same time, with the margin of ``TOLERANCE``.
+        the same time, with the margin of ``REACHED_SHARE``.
         """
         if unknown := [name for name in positions if name not in self.joints]:
             known = ", ".join(self.joints)
@@ -131,7 +131,7 @@ class Gripper:
         }
         if not wanted:
             raise InvalidArgument("the command has no position of a finger that moves")
-        if max(wanted.values()) - min(wanted.values()) > TOLERANCE * abs(
+        if max(wanted.values()) - min(wanted.values()) > REACHED_SHARE * abs(
             self.closed_m - self.open_m
         ):
             named = ", ".join(f"{name} {positions[name]:g}" for name in wanted)
@@ -165,7 +165,7 @@ class Gripper:
             return is_canceled() or self._moves != move
 
         held = closes and self._has_sensor
-        travel_s = self._settings.travel_time_s + (SETTLE_S if held else 0.0)
+        travel_s = self._settings.travel_time_s + (SETTLING_TIME_S if held else 0.0)
         if self.is_measured:
             return self._wait_measured(position_m, travel_s, interrupted)
         wait_until(lambda: interrupted() or (held and self._holds_part()), travel_s, self._clock)
@@ -174,7 +174,7 @@ class Gripper:
         if interrupted() and self.closed != end:
             return GripperState(self.position_m, False, False, False)
         end_m = self.closed_m if closes else self.open_m
-        near = abs(end_m - position_m) <= TOLERANCE * abs(self.closed_m - self.open_m)
+        near = abs(end_m - position_m) <= REACHED_SHARE * abs(self.closed_m - self.open_m)
         return GripperState(end_m, near, not near, True)
 
     def _wait_measured(
@@ -187,17 +187,17 @@ class Gripper:
         def at_rest() -> bool:
             now_ns = self._clock.now_ns()
             has_begun = (
-                abs(self.position_m - start_m) > TOLERANCE * stroke_m
-                or now_ns - began_ns > START_S * NANOSECONDS
+                abs(self.position_m - start_m) > REACHED_SHARE * stroke_m
+                or now_ns - began_ns > START_TIMEOUT_S * NANOSECONDS
             )
-            settle_ns = SETTLE_S * NANOSECONDS
+            settle_ns = SETTLING_TIME_S * NANOSECONDS
             return has_begun and now_ns - self._still_ns > settle_ns > now_ns - self._seen_ns
 
-        limit_s = max(travel_s, START_S) + TRAVEL_LIMIT_S
+        limit_s = max(travel_s, START_TIMEOUT_S) + TRAVEL_MARGIN_S
         stopped = wait_until(lambda: interrupted() or at_rest(), limit_s, self._clock)
         if not stopped or (interrupted() and not at_rest()):
             return GripperState(self.position_m, False, False, False)
-        reached = abs(self.position_m - position_m) <= TOLERANCE * stroke_m
+        reached = abs(self.position_m - position_m) <= REACHED_SHARE * stroke_m
         return GripperState(self.position_m, reached, not reached, True)
 
     @property
@@ -247,5 +247,7 @@ class Gripper:
             return
         self._seen_ns = now_ns
         self.closed = (position_m - self.open_m) / (self.closed_m - self.open_m)
-        if not abs(position_m - self._still_m) <= STILL * abs(self.closed_m - self.open_m):
+        if not abs(position_m - self._still_m) <= STANDSTILL_SHARE * abs(
+            self.closed_m - self.open_m
+        ):
             self._still_m, self._still_ns = position_m, now_ns

@@ -9,7 +9,7 @@ from robotd.descriptor import IoAddress, RobotDescriptor
 from robotd.device.connection import Connection
 from robotd.device.drivers import IoDriver
 from robotd.errors import DescriptorError, InvalidArgument, Unsupported, unknown_name
-from robotd.events import EventLog, noted
+from robotd.events import EventLog, logged_command
 
 
 class Io:
@@ -75,12 +75,12 @@ class Io:
     def output_bytes(self, byte: int, length: int) -> bytes:
         return self._driver("output", byte, length).read_outputs(byte, length)
 
-    @noted
+    @logged_command
     def set_output_bit(self, byte: int, bit: int, value: bool) -> None:
         _check_bit(bit)
         self._driver("output", byte, 1).write_output_bit(byte, bit, value)
 
-    @noted
+    @logged_command
     def set_output_bytes(self, byte: int, data: bytes) -> None:
         self._driver("output", byte, len(data)).write_outputs(byte, data)
 

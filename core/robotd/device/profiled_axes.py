@@ -22,8 +22,8 @@ from robotd.motion.profile import (
     profile_to_velocity,
 )
 
-LONGEST_STEP = 2  # periods; after a longer pause a profile continues where it stopped
-FEEDBACK_LOST_S = 0.2
+MAX_STEP_PERIODS = 2  # periods; after a longer pause a profile continues where it stopped
+FEEDBACK_TIMEOUT_S = 0.2
 _STREAM = int(Operation.STREAM)
 _TAKES_MOVES = (Operation.IDLE, Operation.POSITION, Operation.VELOCITY)
 
@@ -53,7 +53,7 @@ class ProfiledAxes(AxisDriver):
         clock: Clock,
         stop_deceleration: float = 5.0,
         quick_stop_deceleration: float = 20.0,
-        feedback_lost_s: float = FEEDBACK_LOST_S,
+        feedback_lost_s: float = FEEDBACK_TIMEOUT_S,
     ) -> None:
         self.clock, self._period_s = clock, period_s
         self._stop_deceleration = stop_deceleration
@@ -89,7 +89,7 @@ class ProfiledAxes(AxisDriver):
         self.read_feedback(image)
         now_ns = self.clock.now_ns()
         with self._lock:
-            step_s = min((now_ns - self._read_ns) / NANOSECONDS, LONGEST_STEP * self._period_s)
+            step_s = min((now_ns - self._read_ns) / NANOSECONDS, MAX_STEP_PERIODS * self._period_s)
             lost = now_ns - image.fresh_ns > self._feedback_lost_s * NANOSECONDS
             self._read_ns = now_ns
             for axis, motion in enumerate(self._motions):

@@ -20,12 +20,12 @@ from robotd.arrays import FloatArray
 from robotd.motion.joint_planner import Bounds, JointPlanner, Row
 from robotd.motion.joints import JointLimits, MotionState
 
-NEGLIGIBLE = 1e-9  # rad or m: numerical error of a plan's extremum
-RESTING = 1e-9  # rad/s or m/s: slower is standstill
-TRACKABLE = 0.9  # share of the velocity and acceleration limit that a reference may use
+POSITION_ROUNDING = 1e-9  # rad or m: numerical error of a plan's extremum
+STANDSTILL_VELOCITY = 1e-9  # rad/s or m/s: slower is standstill
+TRACKABLE_SHARE = 0.9  # share of the velocity and acceleration limit that a reference may use
 ON_REFERENCE = np.array([[1e-9], [1e-8], [1e-6]])  # position, velocity, acceleration: no deviation
-STRONGER = 2.0  # factor of acceleration and jerk from one attempt to stop in time to the next
-ATTEMPTS = 12
+BRAKE_ESCALATION = 2.0  # factor of acceleration and jerk from one attempt to stop to the next
+MAX_STOP_ATTEMPTS = 12
 
 
 class SetpointLimiter:
@@ -67,7 +67,7 @@ class SetpointLimiter:
     @property
     def at_rest(self) -> bool:
         """No joint moves."""
-        return bool((np.abs(self.state[1]) <= RESTING).all())
+        return bool((np.abs(self.state[1]) <= STANDSTILL_VELOCITY).all())
 
     def reset(self, state: MotionState, strongest: float = np.inf) -> None:
         """Continue from ``state``, which may be moving or beyond the limits, and stop.
@@ -187,9 +187,9 @@ class SetpointLimiter:
         lower, upper = self._range(start[0].tolist())
         for joint, (begin, end) in enumerate(zip(start[0].tolist(), target, strict=True)):
             if stands[joint] and begin > end:
-                lower[joint] = end - NEGLIGIBLE
+                lower[joint] = end - POSITION_ROUNDING
             elif stands[joint] and begin < end:
-                upper[joint] = end + NEGLIGIBLE
+                upper[joint] = end + POSITION_ROUNDING
         state = self.state.tolist()
         unsafe = map(operator.or_, self._unstoppable(state, lower, upper), self._too_fast(state))
         safe = [each and not cannot for each, cannot in zip(tracked, unsafe, strict=True)]
@@ -206,7 +206,7 @@ class SetpointLimiter:
         if jerk != bounds.jerk:
             bounds = bounds._replace(jerk=jerk)
         lower, upper = self._range(start[0])
-        for _ in range(ATTEMPTS):
+        for _ in range(MAX_STOP_ATTEMPTS):
             if not self._planner.plan(start, target, velocity, bounds):
                 self.failures += 1
                 target, velocity = self._anywhere, self._rest
@@ -219,7 +219,7 @@ class SetpointLimiter:
 
     def _strengthen(self, bounds: Bounds, joints: list[bool]) -> Bounds:
         """Return ``bounds`` with which ``joints`` stop in a shorter way."""
-        factors = [STRONGER if each else 1.0 for each in joints]
+        factors = [BRAKE_ESCALATION if each else 1.0 for each in joints]
         highest = map(operator.mul, bounds.highest_acceleration, factors)
         return Bounds.symmetric(
             bounds.highest_velocity,
@@ -252,7 +252,9 @@ class SetpointLimiter:
         limits = self._bounds.highest_velocity, self._bounds.highest_acceleration
         rows = (*reference.tolist(), *limits, self._lower, self._upper)
         return [
-            abs(v) <= TRACKABLE * fastest and abs(a) <= TRACKABLE * strongest and low <= p <= high
+            abs(v) <= TRACKABLE_SHARE * fastest
+            and abs(a) <= TRACKABLE_SHARE * strongest
+            and low <= p <= high
             for p, v, a, fastest, strongest, low, high in zip(*rows, strict=True)
         ]
 
@@ -356,11 +358,11 @@ class SetpointLimiter:
         """Return the allowed positions: unlimited where a joint is beyond its limit."""
         return (
             [
-                low - NEGLIGIBLE if each >= low - NEGLIGIBLE else -math.inf
+                low - POSITION_ROUNDING if each >= low - POSITION_ROUNDING else -math.inf
                 for each, low in zip(position, self._lower, strict=True)
             ],
             [
-                high + NEGLIGIBLE if each <= high + NEGLIGIBLE else math.inf
+                high + POSITION_ROUNDING if each <= high + POSITION_ROUNDING else math.inf
                 for each, high in zip(position, self._upper, strict=True)
             ],
         )
@@ -369,9 +371,9 @@ class SetpointLimiter:
 def _carefree_states(limits: JointLimits) -> tuple[FloatArray, FloatArray]:
     """Return the lowest and highest state (3, m) of which any stop keeps the limits."""
     ramp_s = limits.acceleration / limits.jerk
-    acceleration = TRACKABLE * limits.acceleration
+    acceleration = TRACKABLE_SHARE * limits.acceleration
     gained = limits.acceleration * ramp_s / 2.0
-    velocity = np.minimum(TRACKABLE * limits.velocity, limits.velocity - gained)
+    velocity = np.minimum(TRACKABLE_SHARE * limits.velocity, limits.velocity - gained)
     speed = np.maximum(velocity, 0.0) + gained
     room = speed * (2.0 * ramp_s + speed / (2.0 * limits.acceleration))
     return (

@@ -19,10 +19,10 @@ from robotd.clock import NANOSECONDS
 from robotd.motion.joint_planner import Row
 
 WIDTH_S = 0.06
-PAST_S = 2.0 * WIDTH_S  # of the points that are kept before those of a new window
-FASTER = 1.15  # than the points, for the way back to the reference
-PER_S = 2.0  # velocity of that way for each rad or m of deviation
-SLOWEST = 0.005  # of the velocity limit: always allowed on that way
+RETAINED_PAST_S = 2.0 * WIDTH_S  # of the points that are kept before those of a new window
+CATCH_UP_FACTOR = 1.15  # than the points, for the way back to the reference
+CATCH_UP_GAIN_PER_S = 2.0  # velocity of that way for each rad or m of deviation
+MIN_CATCH_UP_SHARE = 0.005  # of the velocity limit: always allowed on that way
 
 
 class SlidingWindow:
@@ -50,7 +50,7 @@ class SlidingWindow:
 
     def replace(self, times_ns: Sequence[int], position: FloatArray, velocity: FloatArray) -> None:
         """Replace the points from the first of ``times_ns`` on; arguments: those of the class."""
-        begin = bisect_right(self._times_ns, times_ns[0] - round(PAST_S * NANOSECONDS))
+        begin = bisect_right(self._times_ns, times_ns[0] - round(RETAINED_PAST_S * NANOSECONDS))
         end = bisect_right(self._times_ns, times_ns[0] - 1)
         self._set(
             [*self._times_ns[begin:end], *times_ns],
@@ -75,11 +75,11 @@ class SlidingWindow:
 
         They are little more than those of the points, so that no joint catches up fast.
         """
-        back = PER_S * np.abs(position - reference[0]) + SLOWEST * limit
+        back = CATCH_UP_GAIN_PER_S * np.abs(position - reference[0]) + MIN_CATCH_UP_SHARE * limit
         # NaN of joints without points: slowed to rest, within their limits.
         back = np.where(np.isnan(back), limit, back)
-        forward = FASTER * np.fmax(self._highest, reference[1])
-        backward = FASTER * np.fmax(self._lowest, -reference[1])
+        forward = CATCH_UP_FACTOR * np.fmax(self._highest, reference[1])
+        backward = CATCH_UP_FACTOR * np.fmax(self._lowest, -reference[1])
         highest = np.minimum(np.fmax(forward, back), limit)
         lowest = -np.minimum(np.fmax(backward, back), limit)
         return lowest.tolist(), highest.tolist()

@@ -16,19 +16,19 @@ from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS
 from robotd.motion.joint_planner import Row
 
-SPARE = 0.25  # of an input period: arrivals may be late by that
-WINDOW = 16  # arrivals over which their rate is measured
+ARRIVAL_JITTER_SHARE = 0.25  # of an input period: arrivals may be late by that
+RATE_WINDOW = 16  # arrivals over which their rate is measured
 FIRST_PERIOD_S = 1.0 / 30.0  # assumed until two targets have come
 SHORTEST_PERIOD_S = 1e-4
 LONGEST_PERIOD_S = 0.2  # targets further apart do not belong to one motion
-MAX_WAITING = 4  # targets; older ones are left out
-GAIN = 0.2  # of an arrival in the mean phase error
-CORRECTION = 0.15  # of the phase error, in an input period
+MAX_QUEUED_TARGETS = 4  # targets; older ones are left out
+PHASE_FILTER_GAIN = 0.2  # of an arrival in the mean phase error
+PHASE_CORRECTION_SHARE = 0.15  # of the phase error, in an input period
 RATES = (0.5, 2.0)  # lowest and highest, relative to the targets'
 
 
 class TargetSpline:
-    """Reference of m joints, 1.5 + ``SPARE`` input periods behind their targets. One thread.
+    """Reference of m joints, 1.5 + ``ARRIVAL_JITTER_SHARE`` input periods late. One thread.
 
     Args:
         position, velocity: (m,) of the joints now, which the reference continues.
@@ -42,7 +42,7 @@ class TargetSpline:
         half = 0.5 * FIRST_PERIOD_S * velocity
         self._points: FloatArray = np.array([position - half, position + half, target])
         self._waiting: deque[FloatArray] = deque()
-        self._arrivals: deque[int] = deque([time_ns], maxlen=WINDOW)
+        self._arrivals: deque[int] = deque([time_ns], maxlen=RATE_WINDOW)
         self._period_s = FIRST_PERIOD_S
         self._phase = 0.0  # within the present three points; below 0: waits at its beginning
         self._lag = 0.0  # mean number of input periods behind the intended phase
@@ -73,19 +73,19 @@ class TargetSpline:
         if not self._padded:
             self._waiting.append(target)
         elif self._rests():
-            self._points[-1], self._phase, self._lag = target, -SPARE, 0.0
+            self._points[-1], self._phase, self._lag = target, -ARRIVAL_JITTER_SHARE, 0.0
         else:
             self._points[-1] = target
         self._padded = False
-        lag = len(self._waiting) - SPARE - self._phase
-        self._lag += GAIN * (lag - self._lag)
-        while len(self._waiting) > MAX_WAITING:
+        lag = len(self._waiting) - ARRIVAL_JITTER_SHARE - self._phase
+        self._lag += PHASE_FILTER_GAIN * (lag - self._lag)
+        while len(self._waiting) > MAX_QUEUED_TARGETS:
             self._shift()
 
     def advance(self, seconds: float) -> FloatArray:
         """Return (3, m) position, velocity and acceleration ``seconds`` later."""
         slowest, fastest = RATES
-        rate = min(max(1.0 + CORRECTION * self._lag, slowest), fastest) / self._period_s
+        rate = min(max(1.0 + PHASE_CORRECTION_SHARE * self._lag, slowest), fastest) / self._period_s
         self._phase += seconds * rate
         while self._phase >= 1.0:
             self._phase -= 1.0

@@ -14,7 +14,7 @@ from robotd.realtime import is_control_loop
 
 Result = TypeVar("Result")
 
-END_S = 1.0  # for an idle thread to end
+IDLE_THREAD_END_S = 1.0  # for an idle thread to end
 IDLE_NAME = "robotd-call"
 
 
@@ -91,4 +91,4 @@ def end_idle_threads() -> None:
         while True:
             thread = _CallThread.idle.pop()
             thread.calls.put(None)
-            thread.join(END_S)
+            thread.join(IDLE_THREAD_END_S)

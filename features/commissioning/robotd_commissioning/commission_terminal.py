@@ -20,10 +20,10 @@ from robotd_commissioning.findings import in_words
 from robotd_ros.commands.jog_keys import JogKeys, KeyInput
 
 TICK_S = 0.02
-SHOW_S = 0.2
-POWERED_S = 1.0  # of the brake test, before the servo goes off
+DISPLAY_PERIOD_S = 0.2
+BRAKE_TEST_POWERED_S = 1.0  # of the brake test, before the servo goes off
 SETTLE_S = 2.0
-RELEASE_S = 0.3  # without a repetition of the key; terminals repeat one every 30 to 90 ms
+KEY_RELEASE_S = 0.3  # without a repetition of the key; terminals repeat one every 30 to 90 ms
 HELP = "←/→ hold to move   +/- speed   Enter: done"
 HOMING_HELP = "hold → to home; its release stops   Enter: give up"
 _ENTER = (b"\n", b"\r")
@@ -103,7 +103,7 @@ class CommissionTerminal:
     def settle(self) -> float:
         """Return how far the axis moves after its servo went off, rad or m."""
         with self._axis.powered():
-            time.sleep(POWERED_S)
+            time.sleep(BRAKE_TEST_POWERED_S)
             start = self._axis.position()
         farthest, until_s = 0.0, time.monotonic() + SETTLE_S
         while time.monotonic() < until_s:
@@ -129,7 +129,7 @@ class CommissionTerminal:
                     break
                 keys.feed(typed, now_s)
                 tick(keys.velocity(now_s))
-                if now_s - shown_s >= SHOW_S:
+                if now_s - shown_s >= DISPLAY_PERIOD_S:
                     shown_s = now_s
                     self._show(key_input)
             if is_done():
@@ -153,7 +153,7 @@ def _await_release(key_input: KeyInput) -> None:
     with suppress(OSError):
         click.echo("\rdone, release the key")
     quiet_s = last_s = time.monotonic()
-    while quiet_s - last_s < RELEASE_S and not key_input.lost:
+    while quiet_s - last_s < KEY_RELEASE_S and not key_input.lost:
         time.sleep(TICK_S)
         quiet_s = time.monotonic()
         if key_input.read():

@@ -12,10 +12,10 @@ from robotd_commissioning.findings import in_words
 
 SILENCE_S = 0.2  # without a command of the held key the axis slows to rest
 JAMMED = {"rad": 0.0087, "m": 0.5e-3}  # following error of a slow motion, rad or m
-SLOWEST_S = 0.2  # lag of the slowest position loop
+SLOWEST_LAG_S = 0.2  # lag of the slowest position loop
 JAMMED_TICKS = 15  # calls of ``move`` in succession, so that no stall looks like a jam
 MIN_SPEED = {"rad": 0.01, "m": 1e-3}  # below it, an error says nothing about the lag
-ONLINE_S = 3.0  # for the first values of the drive
+ONLINE_TIMEOUT_S = 3.0  # for the first values of the drive
 OWNER = "commissioning"
 
 
@@ -45,7 +45,7 @@ class HeldMotion:
         error, speed = abs(command - measured), abs(image.velocity_command[axis])
         self.travel = float(command - self._start)
         unit = self._axis.unit
-        self._late = self._late + 1 if error > JAMMED[unit] + speed * SLOWEST_S else 0
+        self._late = self._late + 1 if error > JAMMED[unit] + speed * SLOWEST_LAG_S else 0
         if self._late >= JAMMED_TICKS:
             raise OperationError(
                 f"{self._axis.joint.name} does not follow: commanded {in_words(command, unit)},"
@@ -79,7 +79,9 @@ class CommissionedAxis:
         """
         self._robot.connection.require_ready()
         live = self._robot.image
-        if not wait_until(lambda: not live.offline[self.number], ONLINE_S, self._robot.clock):
+        if not wait_until(
+            lambda: not live.offline[self.number], ONLINE_TIMEOUT_S, self._robot.clock
+        ):
             raise OperationError(f"{self.joint.name}: {live.fault(self.number)}")
         return float(self.image().position[self.number])
 
@@ -116,7 +118,7 @@ class CommissionedAxis:
             yield
         finally:
             with suppress(RobotdError):
-                axes.rest([self.number], 2.0)
+                axes.stop_and_wait([self.number], 2.0)
             axes.servo(self.number, False)
 
     @contextmanager

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from robotd.api import InvalidArgument, unknown_name
-from robotd.api.features import ProcessImage, noted
+from robotd.api.features import ProcessImage, logged_command
 from robotd.api.robots import JointGroup, JointStream, Robot, stoppable_velocity
 from robotd_page.control_commands import Finite
 from robotd_page.held_motion import REACHED, TIMEOUT_S, Heartbeat, HeldMotion, Hold, StreamedMotion
@@ -69,7 +69,7 @@ class HeldJog(HeldMotion[Jog]):
     def open(self, beat: Jog, hold: Hold) -> StreamedMotion:
         return self.jog(beat.joint, beat.velocity, beat.step)
 
-    @noted
+    @logged_command
     def jog(self, joint: str, velocity: float, step: float | None) -> StreamedMotion:
         """Open the stream of one joint. Raises RobotdError with the reason of a rejection."""
         highest = self._velocities.get(joint)

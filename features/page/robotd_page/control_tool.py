@@ -9,7 +9,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 
 from robotd.api import DescriptorError, FloatArray, InvalidArgument, Unsupported, unknown_name
-from robotd.api.features import noted
+from robotd.api.features import logged_command
 from robotd.api.robots import JointGroup, JointStream, Robot, TrajectoryExecution
 from robotd_page.control_commands import Finite
 from robotd_page.control_jog import jog_velocities, require_stoppable
@@ -136,7 +136,7 @@ class HeldTool(HeldMotion[JogTool]):
     def open(self, beat: JogTool, hold: Hold) -> StreamedMotion:
         return self.jog_tool(beat.group, beat.frame, *beat.linear, *beat.angular)
 
-    @noted
+    @logged_command
     def jog_tool(
         self,
         group: str,

@@ -25,10 +25,10 @@ from robotd_tool_space.settings import CollisionSettings
 log = get_logger("tool")
 
 STEP_S = 0.005  # of a path between two checks
-CHUNK = 400  # postures in one computation
-SAMPLES = 400  # postures by which pairs are left out
-OFTEN = 0.5  # share of them in which two links that are too close are left out
-WALL = 0.99  # share from which a link is left out with a wall: it is mounted there
+CHUNK_POSTURES = 400  # postures in one computation
+SAMPLED_POSTURES = 400  # postures by which pairs are left out
+CLOSE_SHARE = 0.5  # share of them in which two links that are too close are left out
+WALL_CLOSE_SHARE = 0.99  # share from which a link is left out with a wall: it is mounted there
 ROUNDING_M = 1e-9
 PARALLEL = 1e-12
 BISECTIONS = 10  # of a segment, to its point that is nearest to a box
@@ -172,8 +172,8 @@ class Collisions:
         duration_s = trajectory.duration_s
         times_s = np.linspace(0.0, duration_s, int(np.ceil(duration_s / STEP_S)) + 1)
         least = None
-        for first in range(0, len(times_s), CHUNK):
-            part_s = times_s[first : first + CHUNK]
+        for first in range(0, len(times_s), CHUNK_POSTURES):
+            part_s = times_s[first : first + CHUNK_POSTURES]
             distances = self.distances(trajectory.evaluate(part_s)[0])
             if least is None:
                 least = self._least(distances[0])
@@ -215,12 +215,12 @@ class Collisions:
         """Return these without what is always, or nearly always, too close."""
         lower = np.where(np.isfinite(kinematics.lower), kinematics.lower, -np.pi)
         upper = np.where(np.isfinite(kinematics.upper), kinematics.upper, np.pi)
-        random = np.random.default_rng(0).uniform(lower, upper, (SAMPLES, len(lower)))
+        random = np.random.default_rng(0).uniform(lower, upper, (SAMPLED_POSTURES, len(lower)))
         positions = np.vstack([0.5 * (lower + upper), random])
         close = self.distances(positions) < self.settings.margin_m
         share, count = close.mean(axis=0), len(self.pairs)
-        left_out = (share > OFTEN) | close[0]
-        left_out[count:] = share[count:] > WALL
+        left_out = (share > CLOSE_SHARE) | close[0]
+        left_out[count:] = share[count:] > WALL_CLOSE_SHARE
         for names in [each for each, out in zip(self.names, left_out, strict=True) if out]:
             log.info("collisions of two bodies are not checked", bodies=list(names))
         walled = self.walled.copy()

@@ -20,7 +20,7 @@ MAX_STEP_RAD = 0.3  # of a joint between two samples; a larger one skips somethi
 # Joint speed at full speed of the tool, as a multiple of its limit, that counts as singular: the
 # tool would have to slow down to less than a fiftieth.
 SINGULAR_RATIO = 50.0
-TRIES = 6
+MAX_TRIES = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +87,7 @@ def follow_path(kinematics: Kinematics, path: ToolPath, start: FloatArray) -> Jo
     for index in range(1, len(at_s)):
         step_s = at_s[index] - at_s[index - 1]
         guess = positions[index - 1] + step_s * slope[index - 1]
-        here = correct(kinematics, guess[None], poses[index][None], iterations=TRIES)[0]
+        here = correct(kinematics, guess[None], poses[index][None], iterations=MAX_TRIES)[0]
         place = float(at_s[index] / at_s[-1])
         positions[index] = here
         slope[index] = slopes(kinematics, path, at_s[index : index + 1], here[None])[0]

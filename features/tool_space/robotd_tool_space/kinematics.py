@@ -23,8 +23,8 @@ from robotd_tool_space.chain import Chain
 from robotd_tool_space.inverse import Problem, Task, pose_weights
 from robotd_tool_space.rotations import checked_pose, pose_differences
 
-STARTS = 16  # random ones beside the seed, solved at once
-ROUNDS = 12  # of random starts at most
+RANDOM_STARTS = 16  # random ones beside the seed, solved at once
+MAX_ROUNDS = 12  # of random starts at most
 MANY_STARTS = 128  # for all solutions
 SAME_RAD = 1e-3  # distance of two positions that are one solution, rad or m
 OUTSIDE_RAD = 1e-9  # beyond a limit that is rounding
@@ -171,14 +171,14 @@ class Kinematics:
         problem, seed = self._problem(target), self._checked_seed(seed)
         self.require_possible(self.forward(seed), problem.target)
         random = np.random.default_rng(0)
-        found = problem.solve(np.vstack([seed, self._random(random, STARTS)]), until="first")
+        found = problem.solve(np.vstack([seed, self._random(random, RANDOM_STARTS)]), until="first")
         reached = problem.converged(found)
         if reached[0]:
             return self.near(found[0], seed)
-        for _ in range(ROUNDS):
+        for _ in range(MAX_ROUNDS):
             if reached.any():
                 return self._nearest(found[reached], seed)
-            found = problem.solve(self._random(random, STARTS), until="any")
+            found = problem.solve(self._random(random, RANDOM_STARTS), until="any")
             reached = problem.converged(found)
         raise self._obstacle(problem, seed)
 
@@ -277,7 +277,7 @@ class Kinematics:
             lower=np.where(turning, -np.inf, self.lower),
             upper=np.where(turning, np.inf, self.upper),
         )
-        starts = np.vstack([seed, self._random(np.random.default_rng(1), 4 * STARTS)])
+        starts = np.vstack([seed, self._random(np.random.default_rng(1), 4 * RANDOM_STARTS)])
         found = free.solve(starts)
         reached = free.converged(found)
         if reached.any():

@@ -18,7 +18,7 @@ from robotd_tool_space.tool_groups import ToolGroups
 log = get_logger("tool")
 
 PLANNED_SHARE = 0.98  # of the limit; the rest is for what happens within a period
-TOO_FAST = 1.1  # share of the limit from which a move or jog that runs in the device is stopped
+STOP_SHARE = 1.1  # share of the limit from which a move or jog that runs in the device is stopped
 MIN_SPEED_M_S = 1e-9  # slower counts as standing
 
 
@@ -140,7 +140,7 @@ class ReducedSpeed:
         if moved and factors is not None:
             axes = list(tool.group.joint_axes)
             velocity = np.where(np.isin(axes, moved), image.velocity[axes], 0.0)
-            if float(factors(image.position[axes][None], velocity[None])[0]) < 1.0 / TOO_FAST:
+            if float(factors(image.position[axes][None], velocity[None])[0]) < 1.0 / STOP_SHARE:
                 self._robot.axes.stops.request(moved)
 
 

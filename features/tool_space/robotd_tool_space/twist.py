@@ -31,8 +31,8 @@ from robotd_tool_space.servo_status import ServoCode, ServoStatus
 from robotd_tool_space.twist_limits import FactorRamp, TwistLimits, TwistRamp
 
 SLOW_AT, STOP_AT = 0.25, 0.07  # singular values at which the tool slows down, and stands
-HALTED = 0.02  # s below which the tool stands
-MISSING = 0.02  # share of a twist that the arm cannot give from which on the tool stands
+HALT_TIME_S = 0.02  # s below which the tool stands
+MAX_MISSING_SHARE = 0.02  # share of a twist that the arm cannot give from which on the tool stands
 LOOK_S, LOOK_RAD = 0.01, 0.02  # way ahead on which changes are measured, at most
 VELOCITY_SHARE = 0.85  # of the limits; the drift takes the rest of what can be tracked
 SPEED_SHARE = 0.97  # of a limit of the arm's speed, likewise
@@ -157,7 +157,7 @@ class TwistStage:
         now = factor * twist
         self.pose = _moved(self.pose, 0.5 * dt * (before + now))
         following = factor * rates.velocity
-        if rates.missing <= MISSING:
+        if rates.missing <= MAX_MISSING_SHARE:
             moving = float(np.linalg.norm(now)) / FULL_GAIN_AT
             drift = _small_difference(pose, self.pose)
             following += DRIFT_GAIN * min(1.0, moving) * (rates.inverse @ drift)
@@ -200,7 +200,7 @@ class TwistStage:
         }
         if (factors := self._motion_limits.factors) is not None:
             bounds["speed"] = SPEED_SHARE * float(factors(at[None], rates.velocity[None])[0]), -1
-        if rates.missing > MISSING:
+        if rates.missing > MAX_MISSING_SHARE:
             bounds["singularity"] = 0.0, -1
         highest = min(1.0, *(each for each, _ in bounds.values()))
         s = self._factor.factor
@@ -272,9 +272,9 @@ class TwistStage:
             return ServoStatus(factor=factor, text=self._motion_limits.reason)
         name = self._joints.names[joint]
         if what == "singularity":
-            return _halted(rates) if lowest < HALTED else _approaching(rates, factor)
+            return _halted(rates) if lowest < HALT_TIME_S else _approaching(rates, factor)
         if what == "limit":
-            state = "is at" if lowest < HALTED else "brakes before"
+            state = "is at" if lowest < HALT_TIME_S else "brakes before"
             return ServoStatus(ServoCode.JOINT_BOUND, factor, f"{name} {state} its position limit")
         text = f"{name} would exceed its {what} limit"
         if rates.singularity < SLOW_AT and leaves:
@@ -396,7 +396,7 @@ def _small_difference(pose: FloatArray, target: FloatArray) -> FloatArray:
 
 
 def _halted(rates: Rates) -> ServoStatus:
-    if rates.missing > MISSING:
+    if rates.missing > MAX_MISSING_SHARE:
         text = "singular: no joint moves the tool in this direction from here"
     else:
         text = f"singular ({rates.singularity:.2f}): the tool stops in this direction"

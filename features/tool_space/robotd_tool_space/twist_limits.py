@@ -10,7 +10,7 @@ from ruckig import ControlInterface, InputParameter, Ruckig, Synchronization, Tr
 
 from robotd.api import FloatArray, InvalidArgument
 
-LEAST = 1e-3  # m/s² or rad/s²: limit of a component that does not change
+MIN_ACCELERATION = 1e-3  # m/s² or rad/s²: limit of a component that does not change
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ class TwistRamp:
             limits.angular_rad_s2 / max(float(angular), 1e-9),
             strongest,
         )
-        highest = np.maximum(share * np.abs(change), np.abs(self.acceleration)) + LEAST
+        highest = np.maximum(share * np.abs(change), np.abs(self.acceleration)) + MIN_ACCELERATION
         self._seconds = 0.0
         self._input.max_acceleration = highest.tolist()
         self._input.max_jerk = (highest / limits.rise_s).tolist()

@@ -27,8 +27,8 @@ Handler = Callable[[bytearray], None]
 """Called in the receive thread with the data of a frame; ValueError: the frame is malformed."""
 
 _POLL_S = 0.1  # after which the receive thread sees that it is to end
-_PAUSE_S = 0.01  # between attempts while the bus fails
-_FAILURES = 20  # consecutive failed calls after which the bus is lost
+_RETRY_INTERVAL_S = 0.01  # between attempts while the bus fails
+_MAX_FAILURES = 20  # consecutive failed calls after which the bus is lost
 
 
 _PERMANENT = {
@@ -173,7 +173,7 @@ class Bus:
             try:
                 message = opened.recv(_POLL_S)
             except Exception as error:  # noqa: BLE001 - drivers raise what they like
-                if not ending.wait(_PAUSE_S if self._failures else 0.0):
+                if not ending.wait(_RETRY_INTERVAL_S if self._failures else 0.0):
                     counters.receive_errors += 1
                     reason = f"{type(error).__name__}: {error}"
                     self._failed(f"receiving on {self.name} failed: {reason}")
@@ -207,7 +207,7 @@ class Bus:
 
     def _failed(self, reason: str) -> None:
         self._failures += 1
-        if self._failures >= _FAILURES and self.fault is None:
+        if self._failures >= _MAX_FAILURES and self.fault is None:
             self.fault = reason
             log.error("the CAN bus is lost", reason=reason)
 

@@ -20,7 +20,7 @@ from robotd_cia402.scaling import PositionPlausibility, Scaling
 _ALLOWED_MISSES = 5  # turns in a row that a TPDO may miss, however short they are
 _REPORT_BEFORE = 0.8  # of the age at which values are stale: the error names a node, not an age
 _HORIZON = 2  # times the age at which a TPDO is stale
-_PROBATION = 10  # SYNCs for which the TPDOs of a drive are counted before it may be energised
+_PROBATION_SYNCS = 10  # SYNCs for which the TPDOs of a drive are counted before it may be energised
 _SLACK = 2  # frames beyond one for each turn: of the SYNC before, and not yet counted
 _NEVER = -1
 _NO_TURN = 1 << 40  # SYNCs: an event-driven TPDO has no turn, and is never late
@@ -148,7 +148,7 @@ class Feedback:
 
     def is_counted(self, axis: int) -> bool:
         """Return True when enough SYNCs have passed for ``doubled``. Any thread."""
-        return self.syncs - self._accepted[axis] >= _PROBATION
+        return self.syncs - self._accepted[axis] >= _PROBATION_SYNCS
 
     def doubled(self, axis: int) -> Pdo | None:
         """Return a synchronous TPDO that comes more often than its turn; None: there is none.

@@ -11,7 +11,7 @@ from robotd_canopen.node import NmtState, Node
 from robotd_canopen.pdo import Direction
 from robotd_cia402.device import BUS_STATES, Cia402Fieldbus
 
-_SHOWN = 5  # latest emergencies
+_MAX_SHOWN_EMERGENCIES = 5  # latest emergencies
 
 
 class CanopenFieldbus(Cia402Fieldbus[Master]):
@@ -83,7 +83,7 @@ class CanopenFieldbus(Cia402Fieldbus[Master]):
         silent = [
             f"{n.label}: {n.lost_heartbeats}" for n in self.nodes.values() if n.lost_heartbeats
         ]
-        latest = islice(reversed(list(network.emergencies)), _SHOWN)
+        latest = islice(reversed(list(network.emergencies)), _MAX_SHOWN_EMERGENCIES)
         history = [f"{e}, {(now_ns - e.time_ns) / NANOSECONDS:.1f} s ago" for e in latest]
         return {
             "bus load (%)": f"{100 * bus.load:.0f}",

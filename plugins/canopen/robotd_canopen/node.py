@@ -22,7 +22,7 @@ from robotd_cia402.node import IDENTITY, Emergency, FieldbusNode
 log = get_logger("canopen")
 
 _EMCY, _HEARTBEAT = 0x080, 0x700
-_START_S = 2.0  # for the first heartbeat in state OPERATIONAL
+_START_TIMEOUT_S = 2.0  # for the first heartbeat in state OPERATIONAL
 _CONSUMER = 0x1016
 RESET = "it was reset and has lost its configuration; start communication again"
 """Cause of the loss of a node that has booted by itself."""
@@ -180,7 +180,7 @@ class Node(FieldbusNode):
         self.state, self._silence_ns = NmtState.UNKNOWN, 0
         self.forget_emergency_before(self._boot_ns)
         self.command(NmtCommand.START)
-        if not wait_until(lambda: self.state is NmtState.OPERATIONAL, _START_S, self.clock):
+        if not wait_until(lambda: self.state is NmtState.OPERATIONAL, _START_TIMEOUT_S, self.clock):
             raise OperationError(f"NMT start: {self._start_failure()}")
 
     def enter(self) -> None:
@@ -199,7 +199,8 @@ class Node(FieldbusNode):
             parts.append(f"error register 0x1001 is {register_text(self.sdo.read(0x1001))}")
             latest = self.sdo.read(0x1003, 1) & 0xFFFF if self.sdo.read(0x1003) else 0
             parts += [f"latest error 0x1003:01 is {error_text(latest)}"] if latest else []
-        return f"not operational within {_START_S:g} s: {', '.join(parts)}{self.emergency_text()}"
+        causes = f"{', '.join(parts)}{self.emergency_text()}"
+        return f"not operational within {_START_TIMEOUT_S:g} s: {causes}"
 
     def command(self, command: NmtCommand) -> None:
         """Send an NMT command to this node alone."""

@@ -29,7 +29,7 @@ _INITIATES = (0x20, 0x40)  # download and upload
 _ABORT = 0x80
 _ANSWERS_TO_INITIATE = (0x60, 0x40, _ABORT)
 _MAX_WAIT_S = 2.0  # for answers that come after the time-out
-_LATE_S = 2.0  # after a request, in which the answer of another node with the same id may come
+_LATE_RESPONSE_S = 2.0  # after a request, for the answer of another node with the same id
 _ANSWER_OF = {0x20: 0x60, 0x40: 0x40}  # to each initiate
 
 
@@ -218,10 +218,10 @@ class Sdo:
         """Count an answer for the object ``key``; one too many is of another node.
 
         Answers to requests that another client on the bus has sent do not count, except within
-        ``_LATE_S`` of a request for the same object.
+        ``_LATE_RESPONSE_S`` of a request for the same object.
         """
         answers = self._answers.get(key)
-        if answers is None or time.monotonic() - answers.requested_s > _LATE_S:
+        if answers is None or time.monotonic() - answers.requested_s > _LATE_RESPONSE_S:
             return
         answers.answered_s = time.monotonic()
         if answers.missing:

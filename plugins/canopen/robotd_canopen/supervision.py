@@ -14,7 +14,7 @@ from robotd_cia402.axis import Axis
 
 log = get_logger("canopen")
 
-_KEPT = 100  # latest losses
+_MAX_KEPT_LOSSES = 100  # latest losses
 _SETTLE_NS = 500_000_000  # without a further return: then those that came back are reported
 _MAX_NAMED = 3  # nodes whose causes a text lists; more at once have a common cause
 
@@ -93,7 +93,7 @@ class Supervision:
     def stop(self, reason: str) -> None:
         """Stop all axes, each with its own ramp, and remember why."""
         self.faults.append(reason)
-        del self.faults[:-_KEPT]
+        del self.faults[:-_MAX_KEPT_LOSSES]
         for axis in self._axes:
             axis.brake(axis.options.stop_deceleration_rad_s2)
 

@@ -10,7 +10,7 @@ from robotd_cia402.axis import Axis
 from robotd_cia402.controlword import Control, DriveState
 from robotd_cia402.modes import OperationMode, rest_mode
 
-STEP_S = 1.0  # for a change of mode or a handshake
+STEP_TIMEOUT_S = 1.0  # for a change of mode or a handshake
 
 
 class CommandSteps:
@@ -51,8 +51,8 @@ class CommandSteps:
                 axis.setpoint.position = axis.present_position()
             axis.setpoint.velocity = 0.0
             axis.mode.requested = mode
-        if not self._wait(lambda: report.displayed_mode == mode, STEP_S):
-            shown = f"the drive shows mode {report.displayed_mode} after {STEP_S:g} s"
+        if not self._wait(lambda: report.displayed_mode == mode, STEP_TIMEOUT_S):
+            shown = f"the drive shows mode {report.displayed_mode} after {STEP_TIMEOUT_S:g} s"
             text = f"mode {mode.name.lower()} was requested, {shown}"
             raise self._error(DeviceTimeout, text)
         if mode.is_cyclic_position:
@@ -71,19 +71,19 @@ class CommandSteps:
             return
         braking_s = abs(report.velocity) / axis.options.quick_stop_deceleration_rad_s2
         late = "it still moves in its quick stop"
-        self._require(lambda: axis.activity.is_idle, braking_s + STEP_S, late)
+        self._require(lambda: axis.activity.is_idle, braking_s + STEP_TIMEOUT_S, late)
         axis.setpoint.stand_at(axis.present_position())
         if axis.mode.requested.is_torque:
             axis.mode.requested = self._rest_mode()
         torque = OperationMode.CYCLIC_TORQUE
-        if not self._wait(lambda: report.displayed_mode != torque, STEP_S):
+        if not self._wait(lambda: report.displayed_mode != torque, STEP_TIMEOUT_S):
             text = "the drive remains in its torque mode; switch the servo off and on"
             raise self._error(DeviceTimeout, text)
         if axis.mode.requested is OperationMode.PROFILE_POSITION:
             axis.mode.bits |= Control.HALT
         axis.power.leave_quick_stop()
         late = "the drive remains in quick stop"
-        self._require(lambda: report.state is DriveState.OPERATION_ENABLED, STEP_S, late)
+        self._require(lambda: report.state is DriveState.OPERATION_ENABLED, STEP_TIMEOUT_S, late)
 
     def _require(self, condition: Callable[[], bool], timeout_s: float, late: str) -> None:
         """Wait for ``condition``; raise DeviceTimeout with ``late`` and the state otherwise."""

@@ -13,7 +13,7 @@ from robotd.api import CommandMode
 from robotd_cia402.modes import OperationMode
 
 _LOW_FRAMES = 2  # frames in the mode, with the target and the bit low, before it may rise
-_HANDSHAKE_S = 1.0
+_HANDSHAKE_TIMEOUT_S = 1.0
 
 
 class DriveState(Enum):
@@ -240,7 +240,7 @@ class ModeControl:
                 self._enter(Phase.RELEASING)
             case Phase.RELEASING if not acknowledged:
                 self._enter(Phase.DONE)
-            case _ if self._frames * period_s > _HANDSHAKE_S:
+            case _ if self._frames * period_s > _HANDSHAKE_TIMEOUT_S:
                 self._enter(Phase.FAILED)
             case _:
                 pass

@@ -27,7 +27,7 @@ from robotd_cia402.node import IDENTITY, FieldbusNode
 log = get_logger("cia402")
 
 _FRAMES_OF_RELEASE = 3  # until one of them has carried it, and the next made it effective
-_SERVO_S = 0.5  # for a stop, and for one servo, while the control loop may not be running
+_SERVO_TIMEOUT_S = 0.5  # for a stop, and for one servo, while the control loop may not be running
 MasterT = TypeVar("MasterT", bound=Cia402Master[Any])
 
 BUS_STATES = {
@@ -87,7 +87,7 @@ class Cia402Device(DeviceDriver, Generic[MasterT, SimulationT]):
     def close(self) -> None:
         self._stops += 1
         if self.master.state in (ConnectionState.COMMUNICATING, ConnectionState.UNKNOWN):
-            self.stop_communication(_SERVO_S)
+            self.stop_communication(_SERVO_TIMEOUT_S)
         self.master.close()
         self._end_simulation()
 
@@ -102,7 +102,7 @@ class Cia402Device(DeviceDriver, Generic[MasterT, SimulationT]):
             stops = self._stops
             self.master.start(timeout_s)
             if self._stops != stops:  # by a caller that has given this start up
-                self.stop_communication(_SERVO_S)
+                self.stop_communication(_SERVO_TIMEOUT_S)
                 raise NotReady("communication was stopped while it started")
 
     def stop_communication(self, timeout_s: float) -> None:
@@ -152,10 +152,10 @@ def switch_off(axes: Collection[Axis[Any]], timeout_s: float, clock: Clock) -> N
     sent = [(axis.drive, axis.drive.frames + _FRAMES_OF_RELEASE) for axis in lost]
     for axis in online:
         try:
-            Commands(axis, clock).disable(_SERVO_S)
+            Commands(axis, clock).disable(_SERVO_TIMEOUT_S)
         except RobotdError as error:
             log.warning("switching off failed", axis=axis.number, reason=str(error))
-    wait_until(lambda: all(drive.frames >= last for drive, last in sent), _SERVO_S, clock)
+    wait_until(lambda: all(drive.frames >= last for drive, last in sent), _SERVO_TIMEOUT_S, clock)
 
 
 class Cia402Fieldbus(FieldbusDriver, Generic[MasterT]):

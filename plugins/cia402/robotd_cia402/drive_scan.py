@@ -14,7 +14,7 @@ from robotd_cia402.object_numbers import AXIS_STEP
 
 DRIVE, MODULE = 402, 401  # device profiles, the low half of object 0x1000
 MAX_AXES = 8  # of one drive
-SAME = 1e-6  # part; scales that differ by less are the same
+SAME_SCALE_SHARE = 1e-6  # part; scales that differ by less are the same
 
 Read = Callable[[int, int], int]
 """Reads object index:sub as an unsigned number. Raises RobotdError where there is none."""
@@ -46,7 +46,7 @@ class FoundAxis:
         if turn is None:
             return {}
         keys: dict[str, Any] = {"counts_per_rad": turn / (2.0 * math.pi)}
-        if max(self.scales.values()) > (1.0 + SAME) * min(self.scales.values()):
+        if max(self.scales.values()) > (1.0 + SAME_SCALE_SHARE) * min(self.scales.values()):
             stated = ", ".join(f"{scale:.10g} ({name})" for name, scale in self.scales.items())
             keys["remark"] = f"scale in doubt, the drive states for a turn {stated}: measure it"
         return keys

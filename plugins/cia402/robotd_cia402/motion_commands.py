@@ -12,7 +12,7 @@ from robotd.api import (
     OperationError,
     Profile,
 )
-from robotd_cia402.command_steps import STEP_S, CommandSteps
+from robotd_cia402.command_steps import STEP_TIMEOUT_S, CommandSteps
 from robotd_cia402.controlword import Control, Status
 from robotd_cia402.modes import VELOCITY_MODES, OperationMode
 from robotd_cia402.object_numbers import TARGET_VELOCITY
@@ -89,9 +89,9 @@ class MotionCommands(CommandSteps):
                 axis.mode.bits = 0
                 if not axis.activity.is_idle:
                     axis.activity.begin_stop()
-                    if not self._wait(lambda: axis.activity.is_idle, braking_s + STEP_S):
+                    if not self._wait(lambda: axis.activity.is_idle, braking_s + STEP_TIMEOUT_S):
                         axis.power.quick_stop()  # some drives do not watch the bit
-                        self._wait(lambda: axis.activity.is_idle, STEP_S)
+                        self._wait(lambda: axis.activity.is_idle, STEP_TIMEOUT_S)
                 self._wait_for_fresh_values()
                 axis.report.rebase()
                 axis.setpoint.position = axis.report.position
@@ -131,7 +131,7 @@ class MotionCommands(CommandSteps):
         activity.begin(Operation.HOMING)
         self._require_no_stop(stops)
         axis.mode.bits = int(Control.START_HOMING)
-        started = self._wait(lambda: bool(axis.controlword & Control.START_HOMING), STEP_S)
+        started = self._wait(lambda: bool(axis.controlword & Control.START_HOMING), STEP_TIMEOUT_S)
         self._wait_for_fresh_values()  # until then the statusword may be that of the homing before
         done = Status.HOMING_ATTAINED | Status.TARGET_REACHED
 
@@ -159,7 +159,9 @@ class MotionCommands(CommandSteps):
         """Wait until every value is from after the present frame."""
         drive = self._axis.drive
         fresh = drive.frames + _FRESH_FRAMES + drive.turn
-        self._wait(lambda: drive.frames >= fresh, STEP_S + drive.turn * self._report.period_s)
+        self._wait(
+            lambda: drive.frames >= fresh, STEP_TIMEOUT_S + drive.turn * self._report.period_s
+        )
 
     def _prepare_motion(self, stops: int) -> None:
         """Require power, without a quick stop. The ramp of a stop since ``stops`` stays."""

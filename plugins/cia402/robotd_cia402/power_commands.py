@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 from robotd.api import DeviceTimeout, NotReady, OperationError, RobotdError
-from robotd_cia402.command_steps import STEP_S, CommandSteps
+from robotd_cia402.command_steps import STEP_TIMEOUT_S, CommandSteps
 from robotd_cia402.controlword import TOWARDS_ENABLED, Control, DriveState
 from robotd_cia402.modes import OperationMode
 
@@ -42,7 +42,7 @@ class PowerCommands(CommandSteps):
             axis.mode.requested = self._rest_mode()
             # Without a torque an arm would fall. Some drives change their mode when they are on.
             torque = OperationMode.CYCLIC_TORQUE
-            self._wait(lambda: report.displayed_mode != torque, min(STEP_S, left_s() / 2))
+            self._wait(lambda: report.displayed_mode != torque, min(STEP_TIMEOUT_S, left_s() / 2))
             try:
                 while (state := report.state) is not DriveState.OPERATION_ENABLED:
                     self._require_no_alarm()
@@ -81,7 +81,9 @@ class PowerCommands(CommandSteps):
         with axis.lock:
             self.require_online()
             # Just after the start the drive may not have reported its alarm yet.
-            self._wait(lambda: report.state is not DriveState.UNKNOWN, min(STEP_S, left_s()))
+            self._wait(
+                lambda: report.state is not DriveState.UNKNOWN, min(STEP_TIMEOUT_S, left_s())
+            )
             if not report.in_alarm:
                 return
             axis.mode.bits = 0

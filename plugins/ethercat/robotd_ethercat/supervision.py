@@ -15,9 +15,9 @@ from robotd_ethercat.soem import SlaveState, Soem
 log = get_logger("ethercat")
 
 _INCOMPLETE_FRAMES = 3  # in a row, until the AL states are read
-_KEPT = 100  # latest faults
-_ROUND_S = 1.0  # between two looks at a bus without a fault
-_SEARCH_S = 0.05  # while a slave is lost
+_MAX_KEPT_FAULTS = 100  # latest faults
+_CHECK_PERIOD_S = 1.0  # between two looks at a bus without a fault
+_SEARCH_PERIOD_S = 0.05  # while a slave is lost
 
 
 class Supervision:
@@ -114,7 +114,7 @@ class Supervision:
         """Stop all axes, each with its own ramp, and remember why. Any thread."""
         log.error("motion stopped", reason=reason)
         self.faults.append(reason)
-        del self.faults[:-_KEPT]
+        del self.faults[:-_MAX_KEPT_FAULTS]
         for axis in self._axes:
             axis.brake(axis.options.stop_deceleration_rad_s2)
 
@@ -204,7 +204,7 @@ class Supervision:
     def _run(self, wake: threading.Event, ending: threading.Event) -> None:
         while True:
             searching = bool(self.lost) or self.is_silent
-            wake.wait(_SEARCH_S if searching else _ROUND_S)
+            wake.wait(_SEARCH_PERIOD_S if searching else _CHECK_PERIOD_S)
             wake.clear()
             if ending.is_set():
                 return

@@ -23,7 +23,7 @@ from robotd_servo_model.world import FOREVER, World
 from robotd_sim.axis_states import AxisStates, Flags
 from robotd_wmx_parameters import WmxParameters
 
-_STANDS = 1e-3  # a last setpoint slower than this (rad/s) ends a stream at rest
+_STANDSTILL_VELOCITY = 1e-3  # a last setpoint slower than this (rad/s) ends a stream at rest
 _ROUNDING = 1e-6  # part of a tick by which computed times may be late
 
 
@@ -116,7 +116,7 @@ class Motion:
         stream, tick = self.stream, self._world.tick
         if not stream.following[axis]:
             return
-        if abs(stream.velocity[axis]) > _STANDS:
+        if abs(stream.velocity[axis]) > _STANDSTILL_VELOCITY:
             self.brake(axis, self._stop_deceleration(axis))
             return
         remaining_s = max(0.0, (stream.end - tick) * self._servo.tick_s)

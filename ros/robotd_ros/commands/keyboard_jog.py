@@ -23,8 +23,8 @@ from robotd_ros.commands.robot_client import print_addressed_robots, robot_clien
 if TYPE_CHECKING:  # it needs rclpy
     from robotd_ros.client.jog_client import JogClient, JogState
 
-SEND_S = 0.02
-SHOW_S = 0.1
+SEND_PERIOD_S = 0.02
+DISPLAY_PERIOD_S = 0.1
 HELP = "←/→ hold to move   1-9 {what}   +/- speed   q end   any other key stops"
 
 
@@ -55,7 +55,7 @@ def jog_by_keys(timeout_s: float, speed: float, tool: str | None = None) -> Exit
                         now_s = time.monotonic()
                         keys.feed(key_input.read(), now_s)
                         sender.send(now_s)
-                        if now_s - shown_s >= SHOW_S:
+                        if now_s - shown_s >= DISPLAY_PERIOD_S:
                             shown_s = now_s
                             live.update(jog_view(jog.state(), keys, directions), refresh=True)
             finally:
@@ -78,7 +78,7 @@ class _Sender:
         velocity, joint = self._keys.velocity(now_s), self._keys.joint
         if self._velocity and joint != self._joint:
             self._jog.jog(self._joint, 0.0, self._keys.speed)
-        is_due = velocity != 0.0 and now_s - self._sent_s >= SEND_S
+        is_due = velocity != 0.0 and now_s - self._sent_s >= SEND_PERIOD_S
         if is_due or (joint, velocity) != (self._joint, self._velocity):
             self._jog.jog(joint, velocity, self._keys.speed)
             self._joint, self._velocity, self._sent_s = joint, velocity, now_s

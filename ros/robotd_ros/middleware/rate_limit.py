@@ -15,15 +15,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 BURST_S = 0.1
-MOST_S = 0.002
-QUIET_S = 1.0
+MAX_CHARGE_S = 0.002
+NEWS_SILENCE_S = 1.0
 
 
 class RateLimit:
     """``share`` of the time, and ``BURST_S`` of it saved for what comes at once. One thread.
 
     Attributes:
-        is_news: whether the last rejection was the first for ``QUIET_S``.
+        is_news: whether the last rejection was the first for ``NEWS_SILENCE_S``.
     """
 
     def __init__(self, share: float) -> None:
@@ -31,7 +31,7 @@ class RateLimit:
         self._share = share
         self._left_s = BURST_S
         self._seen_s = time.monotonic()
-        self._rejected_s = -QUIET_S
+        self._rejected_s = -NEWS_SILENCE_S
 
     def is_left(self) -> bool:
         """Return True while tokens are left for one more message, however long it takes."""
@@ -41,13 +41,13 @@ class RateLimit:
         self._seen_s = now_s
         if self._left_s > 0.0:
             return True
-        self.is_news = now_s - self._rejected_s >= QUIET_S
+        self.is_news = now_s - self._rejected_s >= NEWS_SILENCE_S
         self._rejected_s = now_s
         return False
 
     @contextmanager
     def spent(self) -> Iterator[None]:
-        """Charge the time that the block takes, but no more than ``MOST_S``.
+        """Charge the time that the block takes, but no more than ``MAX_CHARGE_S``.
 
         What takes long once, such as the log of an exception, must not cost those that follow.
         """
@@ -55,4 +55,4 @@ class RateLimit:
         try:
             yield
         finally:
-            self._left_s -= min(time.monotonic() - began_s, MOST_S)
+            self._left_s -= min(time.monotonic() - began_s, MAX_CHARGE_S)

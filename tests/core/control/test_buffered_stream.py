@@ -25,7 +25,7 @@ def recovery() -> StallRecovery:
     recovery = StallRecovery(path(0) * 0.0, 0, LIMITS, Underrun.HOLD, BUFFER_S)
     for due_ns in range(PERIOD_NS, 100_000_001, PERIOD_NS):
         setpoint = path(due_ns)
-        assert not recovery.lay_over(setpoint, due_ns, PERIOD_NS * 1e-9)
+        assert not recovery.correct(setpoint, due_ns, PERIOD_NS * 1e-9)
         recovery.sent(setpoint, due_ns)
     return recovery
 
@@ -39,12 +39,12 @@ def test_a_setpoint_is_expected_after_the_buffer(recovery: StallRecovery) -> Non
 def test_a_gap_that_the_buffer_bridges_is_no_underrun(recovery: StallRecovery) -> None:
     due_ns = 100_000_000 + round(BUFFER_S * 1e9) + PERIOD_NS
     setpoint = path(due_ns)
-    assert not recovery.lay_over(setpoint, due_ns, PERIOD_NS * 1e-9)
+    assert not recovery.correct(setpoint, due_ns, PERIOD_NS * 1e-9)
     np.testing.assert_allclose(setpoint, path(due_ns))
 
 
 def test_after_a_longer_gap_the_axes_rest_at_the_last_setpoint(recovery: StallRecovery) -> None:
     due_ns = 100_000_000 + round(BUFFER_S * 1e9) + 3 * PERIOD_NS
     setpoint = path(due_ns)
-    assert recovery.lay_over(setpoint, due_ns, PERIOD_NS * 1e-9)
+    assert recovery.correct(setpoint, due_ns, PERIOD_NS * 1e-9)
     np.testing.assert_allclose(setpoint, [[SPEED * 0.1], [0.0]])

@@ -12,7 +12,7 @@ from tests.fakes import FakeAxes
 
 from robotd.clock import MonotonicClock, wait_until
 from robotd.control.axis_limits import trajectory_rules
-from robotd.control.device_trajectory import STOP_STEP, DeviceTrajectory, stop_time
+from robotd.control.device_trajectory import STOP_TIME_RATIO, DeviceTrajectory, stop_time
 from robotd.control.setpoint_mixer import SetpointMixer
 from robotd.control.trajectory_execution import Outcome, PlannedGoal, TrajectoryExecution
 from robotd.descriptor.model import TrajectorySettings
@@ -233,7 +233,7 @@ def test_a_stop_takes_as_long_as_the_limits_need_and_no_longer(
     speed = np.abs(trajectory.state_at(from_s).velocity).max()
     braking = float(np.abs(accelerations).max())
     if braking < 0.5 * LIMITS.acceleration[0]:
-        assert took_s <= max(2.0 * speed / LIMITS.acceleration[0] * STOP_STEP, 2e-3)
+        assert took_s <= max(2.0 * speed / LIMITS.acceleration[0] * STOP_TIME_RATIO, 2e-3)
 
 
 def test_an_alarm_stops_all_axes_and_names_the_joint() -> None:

@@ -157,7 +157,7 @@ def test_planning_that_is_always_too_late_is_rejected(
 ) -> None:
     with harness.goal(FAR, seconds=30.0) as first:
         harness.run(0.2)
-        delays_s = [joint_motion.LEAD_S * 2**attempt + 0.01 for attempt in range(20)]
+        delays_s = [joint_motion.TAKEOVER_LEAD_S * 2**attempt + 0.01 for attempt in range(20)]
         starts = while_planning(*[partial(harness.run, delay_s) for delay_s in delays_s])
         with pytest.raises(NotReady, match="did not go on as planned for, 8 times"):
             harness.goal(HOME).__enter__()

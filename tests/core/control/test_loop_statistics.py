@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from robotd.control.period_timing import WINDOW, LoopStatistics
+from robotd.control.period_timing import STATISTICS_PERIODS, LoopStatistics
 
 
 def test_before_the_first_period_there_are_no_figures() -> None:
@@ -41,10 +41,10 @@ def test_percentiles_and_rate_of_known_periods() -> None:
 def test_figures_cover_the_window_and_the_count_every_period() -> None:
     stats = LoopStatistics()
     stats.record(10**9, 0, 10**9)
-    for index in range(1, WINDOW + 11):
+    for index in range(1, STATISTICS_PERIODS + 11):
         stats.record(0, index * 1_000_000, index * 1_000_000 + 1000)
     report = stats.report()
-    assert report.cycles == WINDOW + 11
-    assert report.samples == WINDOW
+    assert report.cycles == STATISTICS_PERIODS + 11
+    assert report.samples == STATISTICS_PERIODS
     assert report.rate_hz == pytest.approx(1000.0)
     assert report.lateness_max_us == 0.0

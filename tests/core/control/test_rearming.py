@@ -233,7 +233,7 @@ def set_active(harness: Harness) -> None:
 
 def change_mode(harness: Harness) -> None:
     axes = harness.robot.axes
-    axes.rest([0], 1.0)
+    axes.stop_and_wait([0], 1.0)
     harness.until(lambda: not axes.owner(0))
     mode = CommandMode(int(harness.image.mode[0]))
     other = CommandMode.VELOCITY if mode is CommandMode.POSITION else CommandMode.POSITION

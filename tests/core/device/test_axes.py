@@ -327,12 +327,12 @@ def test_stops_have_no_effect_before_the_engine_is_ready() -> None:
 
 
 def test_rest_waits_for_standstill_and_names_who_still_moves(harness: Harness) -> None:
-    harness.axes.rest([0, 1], 1.0)
+    harness.axes.stop_and_wait([0, 1], 1.0)
     harness.driver.image.operation[1] = Operation.STOPPING
     harness.refresh()
     before_ns = harness.clock.now_ns()
     with pytest.raises(DeviceTimeout, match=r"^joint2: not at rest after 1\.0 s$"):
-        harness.axes.rest([0, 1], 1.0)
+        harness.axes.stop_and_wait([0, 1], 1.0)
     assert harness.clock.now_ns() - before_ns >= 1_000_000_000
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from robotd_ros.middleware import rate_limit
-from robotd_ros.middleware.rate_limit import BURST_S, MOST_S, QUIET_S, RateLimit
+from robotd_ros.middleware.rate_limit import BURST_S, MAX_CHARGE_S, NEWS_SILENCE_S, RateLimit
 
 STEP_S = 1e-4
 
@@ -57,9 +57,9 @@ def test_no_more_is_saved_than_is_in_hand(now: list[float]) -> None:
     some, done = RateLimit(0.2), 0
     now[0] += 3600.0
     while some.is_left():
-        work(some, now, MOST_S)
+        work(some, now, MAX_CHARGE_S)
         done += 1
-    assert done == pytest.approx(BURST_S / MOST_S / 0.8, abs=1)
+    assert done == pytest.approx(BURST_S / MAX_CHARGE_S / 0.8, abs=1)
 
 
 def test_one_that_takes_long_does_not_cost_those_that_follow(now: list[float]) -> None:
@@ -71,11 +71,11 @@ def test_one_that_takes_long_does_not_cost_those_that_follow(now: list[float]) -
 def test_a_refusal_is_news_after_a_quiet_time(now: list[float]) -> None:
     some = RateLimit(0.001)
     while some.is_left():
-        work(some, now, MOST_S)
+        work(some, now, MAX_CHARGE_S)
     assert some.is_news
     assert not some.is_left()
     assert not some.is_news
-    now[0] += QUIET_S  # earns half of what one costs
-    work(some, now, MOST_S)
+    now[0] += NEWS_SILENCE_S  # earns half of what one costs
+    work(some, now, MAX_CHARGE_S)
     assert not some.is_left()
     assert some.is_news

@@ -32,9 +32,9 @@ def whole(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Budgets of tenths of a second, and nothing broken or hanging before and after a test."""
     for name in ("CALL_BUDGET_S", "COMMAND_BUDGET_S", "GRACE_S", "ANSWER_BUDGET_S"):
         monkeypatch.setattr(fault_isolation, name, 0.1)
-    monkeypatch.setattr("robotd.control.control_loop.STOP_S", 0.2)
-    monkeypatch.setattr("robotd.control.watchdog.HANG_S", 0.1)
-    monkeypatch.setattr("robotd.device.connection.ANSWER_S", 0.2)
+    monkeypatch.setattr("robotd.control.control_loop.STOP_TIMEOUT_S", 0.2)
+    monkeypatch.setattr("robotd.control.watchdog.HANG_TIMEOUT_S", 0.1)
+    monkeypatch.setattr("robotd.device.connection.STATE_TIMEOUT_S", 0.2)
     broken.clear()
     released.clear()
     yield
