@@ -125,12 +125,12 @@ class Simulation:
     def load(self, parameters: WmxParameters) -> None:
         """Take a whole set of parameters.
 
-        Raises NotReady, naming the axis, while one moves with its servo on, and where it would
-        change the scale of one whose servo is on.
+        Raises NotReady, naming the axis, while one moves, and where it would change the scale of
+        one whose servo is on.
         """
-        states = self.states
-        for axis in np.flatnonzero(states.servo_on).tolist():
+        for axis in range(self.axes):
             self.require_rest(axis, "parameters cannot be loaded")
+        states = self.states
         in_force = (
             dict(self.parameters.columns)
             | {
@@ -147,7 +147,7 @@ class Simulation:
         self.apply(parameters)
 
     def apply(self, parameters: WmxParameters) -> None:
-        """Take a whole set of parameters; no axis moves, except those that coast."""
+        """Take a whole set of parameters, while the axes are at rest."""
         was, now = self._absolute(self.parameters), self._absolute(parameters)
         origin, home = self.scaling.origin.copy(), self.scaling.home.copy()
         counts = self.scaling.counts(self.servo.position)
@@ -230,6 +230,8 @@ class Simulation:
         self.silence()
         self.engine = ConnectionState.IDLE
         self.io.clear()
+        for axis in range(self.axes):  # at rest: a start that follows at once loads parameters
+            self.motion.hold(axis, float(self.servo.command[axis]))
         self.apply(self._defaults)
 
     def _connect(self, slave: int, *, connected: bool) -> None:
@@ -246,9 +248,6 @@ class Simulation:
     def _rescale(self, origin: np.ndarray, home: np.ndarray) -> None:
         gain = gains(self.parameters, self.axes)
         self.servo.relabel(*self.scaling.change(gain, origin, home))
-        for axis in range(self.axes):  # what coasts has been planned in the old numbers
-            if self.world.moves(axis) and not self.states.servo_on[axis]:
-                self.power.coast(axis)
 
     def _wake_encoders(self) -> None:
         """Read encoders at power-on: 32 bits of an absolute one.
@@ -260,6 +259,8 @@ class Simulation:
         initial = np.rint(self._initial * self.scaling.gain)
         origin = np.where(absolute, counts - wrap32(counts), counts - initial)
         self._rescale(origin, np.where(absolute, self.scaling.home, 0.0))
+        for axis in range(self.axes):  # what still coasts has been planned in the old numbers
+            self.power.coast(axis)
 
     def _absolute(self, parameters: WmxParameters) -> np.ndarray:
         return parameters["AbsoluteEncoderMode"][: self.axes]

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +8,6 @@ from tests.plugins.sim.harness import PROFILE, TICK_S, harness
 
 from robotd.api import DeviceTimeout, NotReady, Operation, OperationError, Profile
 from robotd_sim.fault_injector import SimFaultInjector
-from robotd_wmx_parameters import write_wmx_parameters
 
 
 def test_enabling_is_bumpless_wherever_the_axis_was_put() -> None:
@@ -55,29 +53,6 @@ def test_without_servo_the_axis_coasts_and_its_command_follows() -> None:
     assert np.abs(np.diff(record.velocity[:, 0])).max() <= 4.0 * TICK_S + 1e-9
     assert (record.command == record.position).all()
     assert not made.image.torque.any()
-
-
-@pytest.mark.parametrize("end", ["close", "engine"])
-def test_an_axis_coasts_on_when_the_engine_ends_and_is_started_again(
-    tmp_path: Path, end: str
-) -> None:
-    made, file = harness(coast_deceleration_rad_s2=4.0), tmp_path / "parameters.xml"
-    in_force, scaling = made.simulation.parameters, made.simulation.scaling
-    write_wmx_parameters(in_force.with_values({"AxisPolarity": dict.fromkeys(range(2), -1)}), file)
-    made.axes.jog(0, PROFILE)
-    velocity = made.look(1.0).velocity[0]
-    start, gain = scaling.counts(made.simulation.servo.position)[0], scaling.gain[0]
-    if end == "close":
-        made.device.close()
-    else:
-        made.faults.stop_engine()
-    made.device.open()
-    made.device.load_parameters(file)
-    made.device.start_communication(1.0)
-    assert -velocity < made.look().velocity[0] < -0.5 * velocity
-    assert made.look(0.6).velocity[0] == 0.0
-    went = scaling.counts(made.simulation.servo.position)[0] - start
-    assert went / gain == pytest.approx(velocity**2 / 8, abs=1e-3)
 
 
 def test_a_coasting_axis_that_is_blocked_stays_there_when_it_is_let_go() -> None:
