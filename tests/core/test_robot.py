@@ -131,7 +131,7 @@ def test_a_move_that_the_image_does_not_show_yet_is_stopped_too(harness: Harness
 
 def test_no_motion_begins_while_communication_is_stopped(harness: Harness) -> None:
     """A client goes on sending goals; its joints must stand when their servos go off."""
-    rest, rejections = harness.up().robot.axes.rest, []
+    rest, rejections = harness.up().robot.axes.stop_and_wait, []
 
     def resting(axes: Sequence[int], timeout_s: float) -> None:
         rest(axes, timeout_s)
@@ -139,7 +139,7 @@ def test_no_motion_begins_while_communication_is_stopped(harness: Harness) -> No
             pass
         rejections.append(str(caught.value))
 
-    harness.robot.axes.rest = resting  # type: ignore[assignment,method-assign]
+    harness.robot.axes.stop_and_wait = resting  # type: ignore[assignment,method-assign]
     harness.connection.stop_communication()
     assert rejections == ["communication is being stopped: nothing is started any more"]
     harness.robot.recover()
