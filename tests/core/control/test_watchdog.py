@@ -59,7 +59,7 @@ class Harness:
 @pytest.fixture(params=[MonotonicClock, PacedClock])
 def harness(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Harness]:
     monkeypatch.setattr("robotd.control.control_loop.STOP_TIMEOUT_S", 0.1)
-    monkeypatch.setattr("robotd.control.control_loop.SIMULATED_HANG_S", LIMIT_S)
+    monkeypatch.setattr("robotd.control.control_loop.SIMULATED_HANG_TIMEOUT_S", LIMIT_S)
     monkeypatch.setattr(watchdog, "HANG_TIMEOUT_S", LIMIT_S)
     harness = Harness(request.param())
     harness.control_loop.start()
