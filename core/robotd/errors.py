@@ -180,9 +180,12 @@ def reason_of(error: Exception) -> str:
     return error.reason if isinstance(error, RobotdError) else str(error)
 
 
-def plugin_failure(error: BaseException, package: str) -> str:
-    """Return ``KeyError: 'bus' (axes.py:12)``: an exception, and the line of ``package``."""
-    line = ""
+def plugin_failure(error: BaseException, target: str) -> str:
+    """Return ``KeyError: 'bus' (axes.py:12)``: an exception, and the line of a plugin's package.
+
+    ``target``: a module of it, or an object as in an entry point, ``package.module:name``.
+    """
+    package, line = target.partition(":")[0].partition(".")[0], ""
     for frame, number in walk_tb(error.__traceback__):
         if str(frame.f_globals.get("__name__")).partition(".")[0] == package:
             line = f" ({Path(frame.f_code.co_filename).name}:{number})"

@@ -110,8 +110,7 @@ def _loaded() -> dict[str, Feature | str]:
         try:
             feature = entry.load()
         except (Exception, SystemExit) as error:  # noqa: BLE001 - of a third party
-            package = entry.value.partition(":")[0].partition(".")[0]
-            loaded[entry.name] = f"cannot be imported: {plugin_failure(error, package)}"
+            loaded[entry.name] = f"cannot be imported: {plugin_failure(error, entry.value)}"
             continue
         if not isinstance(feature, Feature):
             loaded[entry.name] = f"{entry.value} is no Feature"

@@ -85,8 +85,8 @@ def open_features(
             except RobotdError:
                 raise
             except Exception as error:
-                failure = plugin_failure(error, feature.open.partition(":")[0].partition(".")[0])
-                raise PluginError(f"feature {name!r} does not start: {failure}") from error
+                text = f"feature {name!r} does not start: {plugin_failure(error, feature.open)}"
+                raise PluginError(text) from error
             if part is not None:
                 host.parts[name] = part
         if host.is_observed:

@@ -60,16 +60,16 @@ def isolated(driver: Driver, contract: type[Driver], plugin: str, backend: str) 
     The plugin's own object is its attribute ``wrapped``, for debuggers and tests.
     """
     members: dict[str, Any] = {}
-    package = type(driver).__module__.partition(".")[0]
+    module = type(driver).__module__
     for name in (name for name in dir(contract) if not name.startswith("_")):
         what, attribute = f"plugin {plugin}: {contract.__name__}.{name}", getattr(contract, name)
         if isinstance(attribute, property):
-            get = _guarded(lambda _, name=name: getattr(driver, name), what, package, backend)
+            get = _guarded(lambda _, name=name: getattr(driver, name), what, module, backend)
             members[name] = property(get)
             continue
         signature = None if name in _UNTIMED[contract] else inspect.signature(attribute)
         own_s = COMMAND_BUDGET_S if contract in (AxisDriver, IoDriver) else CALL_BUDGET_S
-        call = _guarded(getattr(driver, name), what, package, backend, signature, own_s)
+        call = _guarded(getattr(driver, name), what, module, backend, signature, own_s)
         members[name] = staticmethod(call)
     if isinstance(driver, DeviceDriver):
         ask_state, ask_fault = members["state"].__func__, members["fault"].__func__
@@ -84,7 +84,7 @@ def isolated(driver: Driver, contract: type[Driver], plugin: str, backend: str) 
 def _guarded(
     call: Call,
     what: str,
-    package: str,
+    module: str,
     backend: str,
     signature: inspect.Signature | None = None,
     own_s: float = 0,
@@ -92,7 +92,7 @@ def _guarded(
     """Wrap ``call``: its errors name ``what``, or the backend that does not support it.
 
     Args:
-        what, package: plugin and method, and the package with its lines, for errors.
+        what, module: plugin and method, and the module of the driver, for errors.
         signature: of the contract's method, which has a time limit; None: it has none.
         own_s: the limit of a method without a ``timeout_s``.
     """
@@ -116,7 +116,7 @@ def _guarded(
         except RobotdError:
             raise
         except (Exception, SystemExit) as error:
-            raise OperationError(f"{what} failed: {plugin_failure(error, package)}") from error
+            raise OperationError(f"{what} failed: {plugin_failure(error, module)}") from error
 
     return guarded
 

@@ -71,11 +71,6 @@ class PluginOrigin:
     distribution: str
     version: str
 
-    @property
-    def package(self) -> str:
-        """The top of its module's name."""
-        return self.module.partition(":")[0].partition(".")[0]
-
     def __str__(self) -> str:
         return f"{self.name!r} ({self.module} of {self.distribution} {self.version})"
 
@@ -162,7 +157,7 @@ class Plugin:
                 f"plugin {self.origin}: {hook} did not return within {HOOK_BUDGET_S:g} s"
             ) from None
         except (Exception, SystemExit) as error:
-            failure = plugin_failure(error, self.origin.package)
+            failure = plugin_failure(error, self.origin.module)
             raise PluginError(f"plugin {self.origin}: {hook} failed: {failure}") from error
 
 
@@ -196,7 +191,7 @@ class Backend(Plugin):
     @cached_property
     def code_tables(self) -> list[CodeTable]:
         """Tables of its codes; imported at the first use."""
-        return load_code_tables(self.origin.package)[0]
+        return load_code_tables(self.origin.module.partition(".")[0])[0]
 
     def advise(self, code: int) -> str:
         """Return what to do about the code of an alarm; "" where unknown."""
@@ -338,7 +333,7 @@ def _load(
         ) from None
     except (Exception, SystemExit) as error:
         raise PluginError(
-            f"plugin {origin} cannot be imported: {plugin_failure(error, origin.package)}"
+            f"plugin {origin} cannot be imported: {plugin_failure(error, origin.module)}"
             f"{_version_hint(error)}"
         ) from error
     return kind(origin, module)
