@@ -1,17 +1,36 @@
-"""Parts of a tap that raise hold up no others."""
+"""A tap: its time, and parts that raise."""
 
 from __future__ import annotations
+
+import time
+from types import SimpleNamespace
 
 import pytest
 from structlog.testing import capture_logs
 from tests.world_backend import Cubes, cube_backend
 
 from robotd.arrays import FloatArray
+from robotd.clock import NANOSECONDS, Clock, MonotonicClock
 from robotd.clock.simulated import SteppedClock
 from robotd.descriptor import load_robot_descriptor
+from robotd.observation import tap as tap_module
 from robotd.observation.io_sampler import FIELDBUS
 from robotd.observation.tap import Tap
-from robotd.robot import Robot
+from robotd.robot import Robot, build_robot
+
+SET_S = 1e6  # as by NTP on a computer without a battery
+
+
+@pytest.mark.parametrize(("clock", "shift_s"), [(MonotonicClock(), SET_S), (SteppedClock(), 0.0)])
+def test_a_clock_that_is_set_counts_in_real_time(
+    monkeypatch: pytest.MonkeyPatch, clock: Clock, shift_s: float
+) -> None:
+    tap = Tap(build_robot("cr3a", "sim", clock=clock), 5.0)
+    before_ns = tap.offset_ns
+    later_ns = time.time_ns() + round(SET_S * NANOSECONDS)
+    monkeypatch.setattr(tap_module, "time", SimpleNamespace(time_ns=lambda: later_ns))
+    shift_ns = tap.offset_ns - before_ns
+    assert shift_ns / NANOSECONDS == pytest.approx(shift_s, abs=1000.0)
 
 
 def test_a_part_that_raises_holds_up_no_others(monkeypatch: pytest.MonkeyPatch) -> None:
