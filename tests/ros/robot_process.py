@@ -17,6 +17,7 @@ from typing import Any, ClassVar, Self
 
 import rclpy
 from control_msgs.action import FollowJointTrajectory
+from rclpy.action import get_action_server_names_and_types_by_node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Bool
 from tests.ros.action_client import GoalClient
@@ -172,6 +173,16 @@ class Client:
 
     def close(self) -> None:
         self.host.close()
+
+    def actions_of(self, node: str) -> dict[str, str]:
+        """Name → type of the actions that ``node`` serves; none while it is not yet found.
+
+        The names of nodes come by a topic of their own, later than topics and services, and rclpy
+        fails for a node that it does not know.
+        """
+        if node not in self.node.get_node_names():
+            return {}
+        return names_of(get_action_server_names_and_types_by_node(self.node, node, "/"))
 
     def call(self, service_type: Any, name: str, **request: Any) -> Any:
         """The response of a service; the request's fields by name."""

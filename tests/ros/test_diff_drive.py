@@ -72,7 +72,6 @@ def base(client: Client) -> Base:
 
 
 def test_names_and_types(client: Client, base: Base) -> None:
-    topics = names_of(client.node.get_topic_names_and_types())
     expected = {
         "/cmd_vel": "geometry_msgs/msg/Twist",
         "/cmd_vel_check": "geometry_msgs/msg/Twist",
@@ -82,7 +81,11 @@ def test_names_and_types(client: Client, base: Base) -> None:
         "/tf": "tf2_msgs/msg/TFMessage",
         "/wmx/axis/state": "wmx_ros2_message/msg/AxisState",
     }
-    assert expected.items() <= topics.items()
+
+    def found() -> bool:
+        return expected.items() <= names_of(client.node.get_topic_names_and_types()).items()
+
+    wait_until(found, "the topics")
     nodes = {"wmx_engine_node", "wmx_core_motion_node", "wmx_io_node", "wmx_ethercat_node",
              "diff_drive_controller"}  # fmt: skip
     # The names of nodes come by a topic of their own, later than the topics.

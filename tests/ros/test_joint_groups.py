@@ -12,10 +12,9 @@ import pytest
 from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory
-from rclpy.action import get_action_server_names_and_types_by_node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
-from tests.ros.robot_process import LATCHED, Client, RobotProcess, connected, names_of, wait_until
+from tests.ros.robot_process import LATCHED, Client, RobotProcess, connected, wait_until
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from wmx_ros2_message.msg import AxisVelocity
 
@@ -77,10 +76,8 @@ def test_there_is_an_action_for_each_group_and_one_topic_of_joint_states(client:
     assert list(states[0].name) == [*JOINTS["left"], *JOINTS["right"]]
     assert client.node.count_publishers("/joint_states") == 1
     node = "follow_joint_trajectory_server"
-    # The names of nodes come by a topic of their own, later than the topics.
-    wait_until(lambda: node in client.node.get_node_names(), "the name of the node")
-    listing = get_action_server_names_and_types_by_node(client.node, node, "/")
-    assert set(names_of(listing)) == set(ACTION.values())
+    wait_until(lambda: len(client.actions_of(node)) == len(ACTION), "the actions")
+    assert set(client.actions_of(node)) == set(ACTION.values())
 
 
 def test_goals_with_one_stamp_move_both_arms_together(client: Client, go: Any) -> None:

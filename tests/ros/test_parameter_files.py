@@ -150,8 +150,9 @@ def test_the_two_files_of_the_arm(tmp_path: Path, text: str, published: str, sil
         client.next(joints, lambda each: list(each.position[6:]) == [0.045, 0.045])
         wait_until(lambda: client.node.count_publishers(published), published)
         topics = names_of(client.node.get_topic_names_and_types())
+        goals = f"{ACTION}/_action/send_goal"
+        wait_until(lambda: client.node.count_services(goals), goals)
         services = names_of(client.node.get_service_names_and_types())
-        assert f"{ACTION}/_action/send_goal" in services
         assert silent not in topics
         assert not [name for name in (*topics, *services) if name.startswith("/other")]
 
@@ -161,8 +162,9 @@ def test_the_file_of_the_base(tmp_path: Path) -> None:
         odometry = client.listen(Odometry, "/odom_enc")
         assert rate_hz(client, odometry, 50) == pytest.approx(100, rel=0.2)
         wait_until(lambda: client.node.count_subscribers("/cmd_vel"), "the commands")
+        for topic in ("/cmd_vel_check", "/velocity_controller/commands"):
+            wait_until(lambda name=topic: client.node.count_publishers(name), topic)
         topics = names_of(client.node.get_topic_names_and_types())
-        assert {"/cmd_vel_check", "/velocity_controller/commands"} <= set(topics)
         assert not [name for name in topics if name.startswith("/other")]
         names = ["acc_time", "wheel_radius"]
         response = client.call(GetParameters, "/diff_drive_controller/get_parameters", names=names)

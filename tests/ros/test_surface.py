@@ -7,10 +7,7 @@ from typing import Any
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
-from rclpy.action import (
-    get_action_names_and_types,
-    get_action_server_names_and_types_by_node,
-)
+from rclpy.action import get_action_names_and_types
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
@@ -105,12 +102,8 @@ def test_subscribed_topics(client: Client, topic: str) -> None:
 
 
 def test_action(client: Client) -> None:
-    def actions() -> dict[str, str]:
-        node = "follow_joint_trajectory_server"
-        return names_of(get_action_server_names_and_types_by_node(client.node, node, "/"))
-
-    wait_until(actions, "the action")
-    assert actions() == {ACTION: "control_msgs/action/FollowJointTrajectory"}
+    actions = wait_until(lambda: client.actions_of("follow_joint_trajectory_server"), "the action")
+    assert actions == {ACTION: "control_msgs/action/FollowJointTrajectory"}
 
 
 @pytest.mark.parametrize("topic", ["/wmx/engine/ready", "/wmx/core_motion/ready"])
@@ -171,9 +164,12 @@ def test_a_namespace_moves_all_but_what_a_parameter_says_absolutely() -> None:
             response = client.call(Trigger, "/left/wmx/engine/get_status")
             assert (response.success, response.message) == (True, "Communicating")
             wait_until(lambda: client.node.count_publishers("/left/joints"), "remapped topic")
-            services = names_of(client.node.get_service_names_and_types())
-            assert "/grip" in services
-            assert not [name for name in services if name.startswith("/wmx")]
+
+            def services() -> dict[str, str]:
+                return names_of(client.node.get_service_names_and_types())
+
+            wait_until(lambda: "/grip" in services(), "the renamed service")
+            assert not [name for name in services() if name.startswith("/wmx")]
         finally:
             client.close()
 

@@ -119,4 +119,4 @@ def test_the_name_of_a_node_in_a_launch_file_gives_no_other_node_this_name() -> 
             names = {"diff_drive_controller", "robotd"}
             wait_until(lambda: names <= set(client.node.get_node_names()), "both nodes")
             assert client.node.get_node_names().count("diff_drive_controller") == 1
-            assert client.node.count_subscribers("/drive") == 1
+            wait_until(lambda: client.node.count_subscribers("/drive") == 1, "the commands")
