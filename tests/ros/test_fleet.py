@@ -99,7 +99,15 @@ def test_a_robot_that_does_not_confirm_is_named_and_the_others_are_stopped(
             topic.publish(String(data=json.dumps(summary)))
             if summary:
                 wait_until(lambda: summary["namespace"] in listed(domain), "its summary")
-            failed = run(domain, "stop", "--all", "--timeout", "8", check=False)
+            done: list[subprocess.CompletedProcess[str]] = []
+
+            def both_are_found() -> bool:
+                # Of a busy computer a robot may be discovered later than the command waits.
+                done.append(run(domain, "stop", "--all", "--timeout", "8", check=False))
+                return "/: " in done[-1].stdout and "/frozen: " in done[-1].stdout
+
+            wait_until(both_are_found, "both robots")
+            failed = done[-1]
             assert failed.returncode == 1
             assert "/: stopped, at rest" in failed.stdout
             assert "/frozen: NOT CONFIRMED: " in failed.stdout

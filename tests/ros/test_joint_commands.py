@@ -136,12 +136,12 @@ def test_a_short_trajectory_after_a_long_one_wins(arm: Arm) -> None:
 def test_an_empty_trajectory_stops_one_that_is_still_being_planned(
     arm: Arm, cr3a: RobotProcess
 ) -> None:
-    ended = cr3a.output.count("trajectory ended")
+    canceled = cr3a.output.count("canceled by the client")
     arm.trajectory.publish(trajectory(*LONG))
     arm.trajectory.publish(JointTrajectory())
-    wait_until(lambda: cr3a.output.count("trajectory ended") > ended, "the end of the trajectory")
-    assert "canceled by the client" in cr3a.output.rsplit("trajectory ended", 1)[1]
-    assert max(map(abs, arm.position)) < 0.1
+    wait_until(lambda: cr3a.output.count("canceled by the client") > canceled, "the cancel")
+    arm.wait_at_rest()
+    assert max(map(abs, arm.position)) < 0.9  # of 1.0; it may have begun where planning was quick
 
 
 @pytest.mark.daily

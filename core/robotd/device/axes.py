@@ -6,7 +6,7 @@ import math
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -207,7 +207,8 @@ class Axes:
 
         Axes that share the servo switch are switched, and checked, with it. Disabling is never
         rejected because of an owner: a stream to the axis is stopped. Enabling is, because
-        setpoints from before would be far away, and after a request to end.
+        setpoints from before would be far away, and after a request to end. A servo that does not
+        enable in time is disabled.
         """
         self.check_axes([axis])
         group, connection = self.servo_group(axis), self.connection
@@ -226,7 +227,14 @@ class Axes:
                             raise self._fault_error(other, "; clear it first")
                         if not self.image.servo_on[other]:
                             self._check_axis(other)
-                    self._driver.servo(axis, True, timeout_s)
+                    try:
+                        self._driver.servo(axis, True, timeout_s)
+                    except DeviceTimeout:
+                        # A call that was given up may go on: the drive must not enable later.
+                        if not self.image.servo_on[axis]:
+                            with suppress(RobotdError):
+                                self._driver.servo(axis, False, timeout_s)
+                        raise
                     # A request to end, or to be inactive, may have come while the drive enabled.
                     if connection.ending or not self.stop_latch.servos_allowed:
                         self._driver.servo(axis, False, timeout_s)

@@ -72,6 +72,24 @@ def test_a_servo_obeys_within_the_descriptors_time_out(harness: Harness) -> None
     assert harness.driver.calls == [("servo", 1, False, timeout_s), ("servo", 1, True, timeout_s)]
 
 
+@pytest.mark.parametrize("was_on", [False, True])
+def test_a_servo_that_is_not_enabled_in_time_is_not_enabled_later(
+    harness: Harness, was_on: bool
+) -> None:
+    if not was_on:
+        servo_off(harness)
+    switched: list[bool] = []
+
+    def servo(axis: int, on: bool, timeout_s: float) -> None:
+        switched.append(on)
+        raise DeviceTimeout("servo did not return within 7 s")  # in time; it still may
+
+    harness.driver.servo = servo  # type: ignore[method-assign]
+    with pytest.raises(DeviceTimeout, match="joint1: servo did not return within 7 s"):
+        harness.axes.servo(0, True)
+    assert switched == ([True] if was_on else [True, False])
+
+
 def test_a_servo_in_alarm_stays_off_until_the_alarm_is_cleared(harness: Harness) -> None:
     harness.driver.image.amp_alarm[0], harness.driver.image.alarm_code[0] = True, 16
     servo_off(harness)

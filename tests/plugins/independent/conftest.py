@@ -129,7 +129,7 @@ def write_robot(
             "canopen": {
                 "bus": {"interface": "udp_multicast", "channel": GROUP, "options": options},
                 "heartbeat_timeout_s": 2.0,
-                "stream_timeout_s": 1.0,
+                "stream_timeout_s": 10.0,
                 **section,
                 "axes": [{**described, "tpdos": TPDOS, **axis}],
             }
