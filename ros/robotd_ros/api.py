@@ -4,7 +4,7 @@ A node is a class derived from ``rclpy.node.Node``, made as ``Node(robot, host)`
 the hook ``robotd_register_nodes``. A node of a backend reaches its device by ``robot.device``.
 """
 
-from robotd.clock.simulated import held, ticks
+from robotd.clock.simulated import ticks, untimed
 from robotd.errors import (
     DescriptorError,
     InvalidArgument,
@@ -43,9 +43,9 @@ __all__ = [
     "add_command_subscription",
     "add_service",
     "add_subscription",
-    "held",
     "named_values",
     "no_parameters",
     "read_settings",
     "ticks",
+    "untimed",
 ]

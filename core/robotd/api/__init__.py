@@ -18,7 +18,7 @@ from robotd.lazy_names import lazy_names
 if TYPE_CHECKING:
     from robotd.arrays import BoolArray, FloatArray, IntArray
     from robotd.clock import NANOSECONDS, Clock, MonotonicClock, wait_until
-    from robotd.clock.simulated import held, ticks
+    from robotd.clock.simulated import ticks, untimed
     from robotd.descriptor import RobotDescriptor, load_robot_descriptor, validate_section
     from robotd.descriptor.files import read_limited
     from robotd.descriptor.urdf import UrdfJoint, UrdfLink, UrdfRobot, read_urdf, read_urdf_text
@@ -149,7 +149,6 @@ __all__ = [
     "due_cameras",
     "find_mesh",
     "get_logger",
-    "held",
     "hookimpl",
     "jpeg",
     "lazy_names",
@@ -168,6 +167,7 @@ __all__ = [
     "scan_network",
     "ticks",
     "unknown_name",
+    "untimed",
     "validate_section",
     "wait_until",
 ]

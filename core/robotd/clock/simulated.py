@@ -170,7 +170,7 @@ class PacedClock:
             due.time_ns = max(due.time_ns + period_ns, self._now_ns)
 
     @contextmanager
-    def held(self) -> Iterator[None]:
+    def untimed(self) -> Iterator[None]:
         """Pause time while the block computes; it advances while a thread sleeps on it."""
         with self._changed:
             self._holds += 1
@@ -282,6 +282,6 @@ def _real_ticks(event: threading.Event, period_ns: int, clock: Clock) -> Iterato
         event.wait((due_ns - clock.now_ns()) / NANOSECONDS)
 
 
-def held(clock: Clock) -> AbstractContextManager[None]:
-    """Return ``clock.held()`` for a paced clock: computing takes no simulated time."""
-    return clock.held() if isinstance(clock, PacedClock) else nullcontext()
+def untimed(clock: Clock) -> AbstractContextManager[None]:
+    """Return ``clock.untimed()`` for a paced clock: computing takes no simulated time."""
+    return clock.untimed() if isinstance(clock, PacedClock) else nullcontext()

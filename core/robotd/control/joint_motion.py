@@ -12,7 +12,7 @@ import numpy as np
 
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, wait_until
-from robotd.clock.simulated import held
+from robotd.clock.simulated import untimed
 from robotd.control.completion import Outcome
 from robotd.control.source_slot import PREEMPTED, SetpointSource, SourceSlot
 from robotd.device.axes import Axes
@@ -82,7 +82,7 @@ class JointMotion:
         owner, or a request that arrived later was started before this one.
         """
         # Simulated time must not outrun planning.
-        with self.lock, held(self._clock), self._released_on_failure():
+        with self.lock, untimed(self._clock), self._released_on_failure():
             ticket = ticket or self.ticket()
             if ticket < self._newest:
                 raise NotReady(PREEMPTED)

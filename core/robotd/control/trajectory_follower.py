@@ -12,7 +12,7 @@ import numpy as np
 
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS
-from robotd.clock.simulated import held
+from robotd.clock.simulated import untimed
 from robotd.control.axis_limits import joint_limits, trajectory_rules
 from robotd.control.completion import Outcome
 from robotd.control.device_trajectory import DeviceTrajectory
@@ -156,7 +156,7 @@ class TrajectoryFollower:
 
         with ExitStack() as claim:
             try:
-                with self._motion.lock, held(self._clock):
+                with self._motion.lock, untimed(self._clock):
                     if start_ns is not None and len(request.times_s):
                         delay_s = (start_ns - self._clock.now_ns()) / NANOSECONDS
                         check_start_delay(delay_s, float(request.times_s[-1]))

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from robotd.api import NANOSECONDS, OperationError, get_logger, held
+from robotd.api import NANOSECONDS, OperationError, get_logger, untimed
 from robotd.api.features import Event, EventKind, FeatureHost, Tap, why_unwritable
 from robotd.api.robots import Robot
 from robotd_recorder.continuous_recorder import ContinuousRecorder
@@ -123,7 +123,7 @@ class FlightRecorder:
         # Simulated time waits: as fast as the computer goes, the frames of the cause would be
         # overwritten before the process reads them.
         with (
-            held(tap.robot.clock),
+            untimed(tap.robot.clock),
             RecorderProcess(tap, self._folder, word, cause) as process,
         ):
             events = _recent(tap.events.since(0)[0], tap.frames.oldest_ns)
