@@ -34,7 +34,6 @@ SLOWEST = (
     "features/conformance/runs/test_other_mutants.py",
     "features/conformance/runs/test_backends.py",
     "plugins/canopen/bus/test_conformance.py",
-    "plugins/canopen/bus/test_conformance_part_two.py",
     "features/page/server/test_layout_in_browser.py",
     "ros/test_cut_link.py",
     "features/conformance/runs/test_new_backend.py",

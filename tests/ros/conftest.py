@@ -51,7 +51,7 @@ def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
 @pytest.fixture(scope="session")
 def cr3a() -> Iterator[RobotProcess]:
     """Shared arm with all its nodes; tests leave it at rest, servos on, gripper open."""
-    with RobotProcess() as process:
+    with RobotProcess(simulated_time=True) as process:
         process.wait_ready()
         yield process
 

@@ -14,7 +14,7 @@ from typing import Any
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from std_srvs.srv import Trigger
-from tests.ros.robot_process import Client, wait_until
+from tests.ros.robot_process import Client, stamp_s, wait_until
 from wmx_ros2_message.msg import AxisState
 
 RADIUS_M, SEPARATION_M = 0.09, 0.55
@@ -31,11 +31,13 @@ class Leg:
 
     Attributes:
         least_s, most_s: for how long the command was in force; least 0.0: it may have lapsed.
+        stood_s: for how long the robot stood still meanwhile, with the whole computer.
         states: of the axes meanwhile.
     """
 
     least_s: float
     most_s: float
+    stood_s: float
     states: list[Any]
 
 
@@ -130,10 +132,13 @@ class Base:
         stop = next(index for index in echoed if index >= last)
         gaps = (self.echoed[later] - self.sent[earlier] for earlier, later in pairwise(echoed))
         moving_s = next(time_s for time_s in self.moving if time_s > self.sent[first])
+        states = self.axes[start:]
+        between = (stamp_s(later) - stamp_s(earlier) for earlier, later in pairwise(states))
         return Leg(
             0.0 if max(gaps) > LAPSE_S else self.sent[last] - moving_s,
             self.echoed[stop] - self.sent[first],
-            self.axes[start:],
+            sum(each for each in between if each > LAPSE_S),
+            states,
         )
 
     def rest(self) -> None:

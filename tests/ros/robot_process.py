@@ -18,6 +18,7 @@ from typing import Any, ClassVar, Self
 import rclpy
 from control_msgs.action import FollowJointTrajectory
 from rclpy.action import get_action_server_names_and_types_by_node
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Bool
 from tests.ros.action_client import GoalClient
@@ -41,7 +42,10 @@ PATIENCE: dict[str, dict[str, object]] = {
         "cycle.rate_hz": 250,
     },
 }
-STALE_AFTER_S = 1
+FOR_ALL: dict[str, object] = {
+    "engine.stale_after_s": 5,
+    "trajectory.path_tolerance_rad": 3,  # a joint that a stall has led off its path goes back
+}
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -68,15 +72,17 @@ def stamp_s(message: Any) -> float:
 
 
 def patience(backend: str) -> list[str]:
-    """The arguments that set the time-outs of ``PATIENCE``."""
-    values = {"engine.stale_after_s": STALE_AFTER_S} | PATIENCE.get(backend, {})
+    """The arguments that set the time-outs of ``FOR_ALL`` and ``PATIENCE``."""
+    values = FOR_ALL | PATIENCE.get(backend, {})
     return [word for key, value in values.items() for word in ("--set", f"{key}={value}")]
 
 
 class RobotProcess:
     """``robotd run`` with its standard output and error in one text.
 
-    Its time-outs are patient, see ``PATIENCE``, unless ``patient`` is False. With ``terminal``, the
+    Its time-outs are patient, see ``PATIENCE``, unless ``patient`` is False. In ``simulated_time``,
+    which only the simulation can be in, it cannot be late: its time stands while the computer does.
+    A ``connected`` client has this time, which may be a message old. With ``terminal``, the
     slave of a pseudo-terminal, it is the leader of a session there, and its output goes there.
     ``prefix`` are words before its command. A test that fails reports the output of those that
     are ``running``.
@@ -92,6 +98,7 @@ class RobotProcess:
         backend: str = BACKEND,
         python: str | Path = sys.executable,
         patient: bool = True,
+        simulated_time: bool = False,
         terminal: int | None = None,
         prefix: Sequence[str] = (),
         environment: Mapping[str, str] | None = None,
@@ -106,6 +113,9 @@ class RobotProcess:
             "WMX_STANDIN_SHM": f"robotd-test-{os.getpid()}-{next(ENGINES)}",  # of its own
             **(environment or {}),
         }
+        self.simulated_time = simulated_time and backend == "sim"
+        if self.simulated_time:
+            arguments = ("--time-scale", "1", *arguments)
         if patient:
             arguments = (*patience(backend), *arguments)
         session = [] if terminal is None else ["setsid", "--ctty"]
@@ -161,18 +171,26 @@ class RobotProcess:
 class Client:
     """Calls services, keeps messages and sends goals; callbacks run in a thread of its own."""
 
-    def __init__(self, domain: int) -> None:
+    def __init__(self, domain: int, *, simulated_time: bool = False) -> None:
         os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
         self.domain = domain
         self.host = RosHost(domain_id=domain)
         self.host.start()
-        self.node = rclpy.create_node("client", context=self.host.context)
+        time = Parameter("use_sim_time", value=simulated_time)
+        self.node = rclpy.create_node(
+            "client", context=self.host.context, parameter_overrides=[time]
+        )
         self.host.add_node(self.node)
         self._clients: dict[str, Any] = {}
         self._actions: dict[str, GoalClient] = {}
 
     def close(self) -> None:
         self.host.close()
+
+    @property
+    def now_ns(self) -> int:
+        """Time by the clock of the robot; that of a simulation may be a message old."""
+        return int(self.node.get_clock().now().nanoseconds)
 
     def actions_of(self, node: str) -> dict[str, str]:
         """Name → type of the actions that ``node`` serves; none while it is not yet found.
@@ -271,7 +289,7 @@ def names_of(listing: Sequence[tuple[str, list[str]]]) -> dict[str, str]:
 @contextmanager
 def connected(process: RobotProcess) -> Iterator[Client]:
     """A client of ``process`` that has found its engine; closed after the block."""
-    client = Client(process.domain)
+    client = Client(process.domain, simulated_time=process.simulated_time)
     try:
         client.wait_engine()
         yield client

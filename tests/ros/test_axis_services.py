@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.ros.robot_process import BACKEND, Client, wait_until
+from tests.ros.robot_process import BACKEND, Client, stamp_s, wait_until
 from wmx_ros2_message.msg import AxisState
 from wmx_ros2_message.srv import GetWmxParams, LoadWmxParams, SetAxis, SetAxisGearRatio
 
@@ -150,8 +150,7 @@ def test_loading_a_missing_parameter_file_is_rejected(client: Client, path: str)
 def test_state_carries_stamp_frame_and_all_axes(client: Client, states: list[Any]) -> None:
     state = client.next(states)
     assert state.header.frame_id == "base_link"
-    now_ns = client.node.get_clock().now().nanoseconds
-    assert abs(state.header.stamp.sec * 10**9 + state.header.stamp.nanosec - now_ns) < 2 * 10**9
+    assert stamp_s(state) == pytest.approx(client.now_ns * 1e-9, abs=2.0)
     for field in ("amp_alarm", "servo_on", "motion_complete", "pos_cmd", "actual_torque"):
         assert len(getattr(state, field)) == 6
     wait_until(lambda: len(states) > 50, "a stream of states", 5.0)

@@ -29,7 +29,7 @@ SUCCEEDED, CANCELED = GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_CANCELED
 
 @pytest.fixture(scope="module")
 def arms() -> Iterator[RobotProcess]:
-    with RobotProcess(robot="dual_cr3a", backend="sim") as process:
+    with RobotProcess(robot="dual_cr3a", backend="sim", simulated_time=True) as process:
         process.wait_ready()
         yield process
 
@@ -82,7 +82,7 @@ def test_there_is_an_action_for_each_group_and_one_topic_of_joint_states(client:
 
 def test_goals_with_one_stamp_move_both_arms_together(client: Client, go: Any) -> None:
     states = client.listen(JointState, "/joint_states")
-    stamp_ns = client.node.get_clock().now().nanoseconds + 2 * NANOSECONDS
+    stamp_ns = client.now_ns + 2 * NANOSECONDS
     goals = [go(side, 0.4, 2, stamp_ns) for side in JOINTS]
     for goal in goals:
         status, result = goal.result()

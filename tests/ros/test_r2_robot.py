@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -40,6 +39,7 @@ READY = [20.0, -30.0, 90.0, -20.0, 70.0, 0.0]
 ABSOLUTE, RELATIVE = {"mode": 0}, {"mode": 1}
 TO_POSE, ON_A_LINE = {"target_type": 1}, {"target_type": 1, "path": 1}
 IN_TOOL = {"frame": 1}
+CLOCK_LATENCY_S = 0.1  # of a client of simulated time
 
 
 class R2Client:
@@ -85,7 +85,7 @@ class R2Client:
         return self.ask(RobotOverrideVelocityByRatio, "override_velocity_by_ratio", **ratios)
 
     def _next(self, condition: Callable[[Any], bool]) -> Any:
-        now_s = time.time()
+        now_s = self.client.now_ns * 1e-9 + CLOCK_LATENCY_S
         return self.client.next(
             self._statuses, lambda each: stamp_s(each) > now_s and condition(each)
         )
@@ -109,7 +109,7 @@ def rotation(pose: Any) -> Rotation:
 
 @pytest.fixture(scope="module")
 def served() -> Iterator[R2Client]:
-    with RobotProcess("--set", NODES, "--set", RATE, backend="sim") as process:
+    with RobotProcess("--set", NODES, "--set", RATE, backend="sim", simulated_time=True) as process:
         process.wait_ready()
         with connected(process) as client:
             yield R2Client(client)

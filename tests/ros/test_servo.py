@@ -109,21 +109,32 @@ def there_and_back(time_s: float) -> float | None:
     return SPEED if time_s < 1.0 else -SPEED
 
 
-def test_the_arm_ends_where_servo_halts_and_nothing_is_rejected() -> None:
-    """How closely it follows is judged in simulated time: ``test_servo_windows.py``."""
-    # The time-out is longer than a stall of this process, whose messages would end the stream.
-    with RobotProcess("--set", "stream.timeout_s=10") as process:
+@pytest.fixture(scope="module")
+def robot() -> Iterator[RobotProcess]:
+    """An arm whose time-out outlasts a stall of this process, between two messages."""
+    with RobotProcess("--set", "stream.timeout_s=3") as process:
         process.wait_ready()
-        with connected(process) as client, nothing_is_rejected(process):
-            arm = Arm(client)
-            jog = arm.run(ServoEmulator(), there_and_back, 2.4)
+        yield process
+
+
+@pytest.fixture(scope="module")
+def arm(robot: RobotProcess) -> Iterator[Arm]:
+    with connected(robot) as client:
+        yield Arm(client)
+
+
+def test_the_arm_ends_where_servo_halts_and_nothing_is_rejected(
+    arm: Arm, robot: RobotProcess
+) -> None:
+    """How closely it follows is judged in simulated time: ``test_servo_windows.py``."""
+    with nothing_is_rejected(robot):
+        jog = arm.run(ServoEmulator(), there_and_back, 2.4)
     assert len(jog.messages) > 200
     assert arm.position == pytest.approx(jog.states[-1, 1:], abs=1e-3)
 
 
 @pytest.mark.daily
-def test_the_arm_stops_by_the_time_out_when_messages_end_in_motion(client: Client) -> None:
-    arm = Arm(client)
+def test_the_arm_stops_by_the_time_out_when_messages_end_in_motion(arm: Arm) -> None:
     jog = arm.run(ServoEmulator(use_smoothing=False), lambda _: SPEED, 1.0)
     assert jog.messages[-1].velocity[-1][0] == pytest.approx(SPEED, rel=0.5)
     arm.run(ServoEmulator(use_smoothing=False), lambda _: -SPEED, 1.0)

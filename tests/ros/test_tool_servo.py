@@ -88,7 +88,7 @@ def twist(*linear: float, frame: str = BASE) -> TwistStamped:
 
 @pytest.fixture(scope="module")
 def served() -> Iterator[tuple[RobotProcess, Hand]]:
-    with RobotProcess("--set", NODES, backend="sim") as process:
+    with RobotProcess("--set", NODES, backend="sim", simulated_time=True) as process:
         process.wait_ready()
         with connected(process) as client:
             hand = Hand(client)

@@ -122,13 +122,13 @@ def write_robot(
         "summary": "one joint on an independent drive",
         "axes": 1,
         "cycle": {"rate_hz": RATE_HZ},
-        "engine": {"stale_after_s": 1.0, "open_tries": 1},
+        "engine": {"stale_after_s": 5.0, "open_tries": 1},
         "joints": [joint],
         "backend": "canopen",
         "backends": {
             "canopen": {
                 "bus": {"interface": "udp_multicast", "channel": GROUP, "options": options},
-                "heartbeat_timeout_s": 2.0,
+                "heartbeat_timeout_s": 10.0,
                 "stream_timeout_s": 10.0,
                 **section,
                 "axes": [{**described, "tpdos": TPDOS, **axis}],

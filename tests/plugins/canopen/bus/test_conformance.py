@@ -1,8 +1,7 @@
-"""The backend passes the checks that every backend must pass: the first half of the safe order.
+"""The backend passes the checks of the kit that depend on its bus; the others take as long again.
 
-The other half is in ``test_conformance_part_two``, a file of its own: files run side by side. Those
-of the arm take half a minute more and are run by
-``robotd conform --backend canopen --robot tests/plugins/canopen/bus/cr3a.yaml``.
+All of them: ``robotd conform --backend canopen --robot three_drives.yaml`` in this folder, and with
+``cr3a.yaml`` those of the arm.
 """
 
 from __future__ import annotations
@@ -10,14 +9,15 @@ from __future__ import annotations
 from tests.features.conformance.runs.kit import run_kit
 from tests.plugins.canopen.bus.conftest import SMALL
 
-from robotd_conformance.checks.conftest import SAFE_ORDER
-
-MIDDLE = SAFE_ORDER.index("command_sequences")  # half of the time
+CHECKS = (
+    "fieldbus", "io", "switches", "enable", "connection", "ageing", "stopping", "faults",
+    "watchdog", "axes_apart", "units", "overrides", "shown_motion", "velocity_commands",
+    "streams", "setpoints", "underrun", "trajectories", "bus_objects", "lost_nodes", "torque",
+    "scaling", "reopening", "threads",
+)  # fmt: skip
 
 
 def test_the_simulated_drives_pass() -> None:
-    outcome = run_kit(
-        "canopen", *(f"test_{theme}.py" for theme in SAFE_ORDER[:MIDDLE]), robot=SMALL
-    )
+    outcome = run_kit("canopen", *(f"test_{theme}.py" for theme in CHECKS), robot=SMALL)
     assert not outcome.failed
     assert len(outcome.passed) > 90

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.plugins.canopen.bus.conftest import SMALL, OpenRig
-from tests.plugins.canopen.bus.drives_process import RATE_HZ
+from tests.plugins.canopen.bus.drives_process import RATE_HZ, SOON_STALE
 from tests.plugins.canopen.bus.harness import Harness, broken
 from tests.rearming_checks import check_recovery
 
@@ -48,7 +48,7 @@ def recover(harness: Harness, node: int = 2) -> None:
     ],
 )
 def test_a_lost_drive(open_rig: OpenRig, fault: str, cause: str) -> None:
-    with open_rig(SMALL) as harness:
+    with open_rig(SMALL, engine=SOON_STALE) as harness:
         stop = broken(harness, f"2 {fault}")
         assert stop.execution.outcome is Outcome.FAULT
         assert f"drive is offline (node 2: {cause}" in stop.execution.message

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 from tests.plugins.canopen.bus.conftest import SMALL, OpenRig
+from tests.plugins.canopen.bus.drives_process import SOON_STALE
 from tests.plugins.canopen.bus.harness import broken
 from tests.plugins.canopen.bus.two_axis_eds import write_two_axis_eds
 
@@ -73,7 +74,7 @@ def test_modes_and_alarms_are_separate(open_rig: OpenRig, drive: dict[str, Any])
 
 
 def test_a_lost_node_loses_both_axes(open_rig: OpenRig, drive: dict[str, Any]) -> None:
-    with open_rig(SMALL, **drive) as harness:
+    with open_rig(SMALL, engine=SOON_STALE, **drive) as harness:
         stop = broken(harness, "1 silence", healthy=())
         assert stop.execution.outcome is Outcome.FAULT
         assert list(harness.image.offline) == [True, True, False]

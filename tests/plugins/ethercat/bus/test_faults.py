@@ -156,8 +156,8 @@ def test_frames_keep_their_phase_while_the_reference_clock_drifts(robot: Etherca
     )
     robot.inject("0 drift 200")
     robot.until(lambda: len(phases_ns) > 2000)
-    assert in_the_middle()
-    assert master.observer.drift_ppm == pytest.approx(200, abs=100)
+    robot.until(in_the_middle)
+    robot.until(lambda: master.observer.drift_ppm == pytest.approx(200, abs=100))
 
 
 @pytest.mark.parametrize("delay_s", [0.01, 0.06, 0.3])
