@@ -24,6 +24,7 @@ NODE reboot               loses its configuration and sends a boot-up message
 NODE emcy CODE            sends an emergency message
 NODE trip CODE [AXIS]     the drive stops with a fault, such as 0x3210 (over-voltage)
 NODE statusword WORD      shows WORD whatever its state
+NODE mode NUMBER          shows this mode of operation, such as 4 (profile torque)
 NODE abort INDEX CODE     aborts every access to an object
 NODE timeout INDEX        does not answer requests for an object
 NODE identity VENDOR      has another vendor id
@@ -163,6 +164,7 @@ _FAULTS: dict[str, Fault] = {
     "emcy": lambda node, words: node.emergency(_number(words[0])),
     "trip": _trip,
     "statusword": _setter("statusword", _number),
+    "mode": _setter("mode", _number),
     "abort": lambda node, words: node.faults.aborts.update(
         {(_number(words[0]), None): _number(words[1])}
     ),

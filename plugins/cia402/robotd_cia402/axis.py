@@ -89,6 +89,7 @@ class Axis(Generic[DriveT]):
         report, activity = self.report, self.activity
         report.update()
         if not report.known:
+            self.mode.forget()
             # A lost drive may receive all the same: a ramp of ours goes on to its end.
             ramp = self.mode.requested.is_ours and self.setpoint.velocity != 0.0
             if not (ramp and activity.operation is Operation.STOPPING):
@@ -98,6 +99,8 @@ class Axis(Generic[DriveT]):
                 self._note_off()
             elif report.state is DriveState.QUICK_STOP_ACTIVE:
                 self._join_quick_stop()
+            if report.powered:
+                self._watch_mode()
             if activity.operation in _WATCHED:
                 self._watch_operation()
             self._fill_values(image)
@@ -174,6 +177,7 @@ class Axis(Generic[DriveT]):
         self.drive.forget_written()
         self.power.reset()
         self.mode.bits = 0
+        self.mode.forget()
         self.activity.home_done = False
         self.hold()
 
@@ -209,6 +213,8 @@ class Axis(Generic[DriveT]):
         """Take note of a power stage that is off."""
         if self.power.note_off(self.report.statusword, self.report.state):
             self.mode.bits = 0
+            self.power.lost = self.mode.lost or self.power.lost
+        self.mode.forget()
         if not self.activity.is_idle:
             self.hold()
             self.activity.complete = False
@@ -222,6 +228,17 @@ class Axis(Generic[DriveT]):
             log.error("the drive has begun a quick stop", node=node, axis=self.number)
             self.brake(self.options.quick_stop_deceleration_rad_s2)
         self.power.quick_stop()
+
+    def _watch_mode(self) -> None:
+        """Stop a drive that has left the commanded mode: its motor obeys somebody else.
+
+        A setpoint that went on would be a jump when the drive comes back to the mode.
+        """
+        if self.mode.watch(self.report.displayed_mode, self.report.period_s):
+            node = self.drive.node.label
+            log.error(self.mode.lost, node=node, axis=self.number)
+            self.brake(self.options.quick_stop_deceleration_rad_s2)
+            self.power.quick_stop()
 
     def _watch_operation(self) -> None:
         # A drive may show for some time that it has reached the target of the move before.
@@ -288,18 +305,19 @@ class Axis(Generic[DriveT]):
         """
         report, activity, number = self.report, self.activity, self.number
         state = (
-            report.known, report.powered, report.in_alarm, report.digital_inputs,
+            report.known, report.powered, report.in_alarm or bool(self.mode.lost),
+            report.digital_inputs,
             self.scaling.polarity, activity.operation, activity.complete, activity.home_done,
-            self.mode.command_mode, self.power.lost,
+            self.mode.command_mode, self.power.lost, self.mode.lost,
         )  # fmt: skip
         if state == self._shown and not report.in_alarm and not image.offline[number]:
             return
         self._shown = state
-        known, powered, alarm, _, _, operation, complete, home_done, mode, lost = state
+        known, powered, alarm, _, _, operation, complete, home_done, mode, off, elsewhere = state
         image.offline[number], image.servo_on[number] = not known, powered
         image.amp_alarm[number] = alarm
         image.alarm_code[number] = (report.error_code or _GENERIC_ERROR) if alarm else 0
-        image.reason[number] = self._reason(lost)
+        image.reason[number] = self._reason(elsewhere or off)
         image.operation[number], image.motion_complete[number] = operation, complete
         image.home_done[number], image.mode[number] = home_done, mode
         negative, positive, home = report.switches()
@@ -309,7 +327,7 @@ class Axis(Generic[DriveT]):
     def _reason(self, lost: str) -> str:
         """Return why the axis cannot move, beginning with the node; "" if it can.
 
-        ``lost``: as ``PowerStage.lost``.
+        ``lost``: as ``ModeControl.lost`` and ``PowerStage.lost``.
         """
         node, report = self.drive.node, self.report
         if not report.known:

@@ -8,7 +8,7 @@ from typing import Any
 from robotd.api import NANOSECONDS, Clock, DeviceTimeout, NotReady, RobotdError, wait_until
 from robotd_cia402.axis import Axis
 from robotd_cia402.controlword import Control, DriveState
-from robotd_cia402.modes import OperationMode, rest_mode
+from robotd_cia402.modes import TORQUE_MODES, OperationMode, rest_mode
 
 STEP_TIMEOUT_S = 1.0  # for a change of mode or a handshake
 
@@ -33,6 +33,13 @@ class CommandSteps:
         if not self._report.powered:
             lost = f": {self._axis.power.lost}" if self._axis.power.lost else ""
             raise self._error(NotReady, f"the servo is off{lost}")
+
+    def _require_mode(self, timeout_s: float) -> None:
+        """Wait for a drive that has left the commanded mode; raise DeviceTimeout if it stays so."""
+        mode = self._axis.mode
+        lost = mode.lost
+        if not self._wait(lambda: not mode.lost, timeout_s):
+            raise self._error(DeviceTimeout, f"{lost}; switch the servo off and on")
 
     def _require_no_alarm(self) -> None:
         if self._report.in_alarm:
@@ -75,10 +82,10 @@ class CommandSteps:
         axis.setpoint.stand_at(axis.present_position())
         if axis.mode.requested.is_torque:
             axis.mode.requested = self._rest_mode()
-        torque = OperationMode.CYCLIC_TORQUE
-        if not self._wait(lambda: report.displayed_mode != torque, STEP_TIMEOUT_S):
+        if not self._wait(lambda: report.displayed_mode not in TORQUE_MODES, STEP_TIMEOUT_S):
             text = "the drive remains in its torque mode; switch the servo off and on"
             raise self._error(DeviceTimeout, text)
+        self._require_mode(STEP_TIMEOUT_S)
         if axis.mode.requested is OperationMode.PROFILE_POSITION:
             axis.mode.bits |= Control.HALT
         axis.power.leave_quick_stop()

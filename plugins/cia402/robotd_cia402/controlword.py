@@ -10,10 +10,11 @@ import threading
 from enum import Enum, IntFlag, auto
 
 from robotd.api import CommandMode
-from robotd_cia402.modes import OperationMode
+from robotd_cia402.modes import OperationMode, mode_text
 
 _LOW_FRAMES = 2  # frames in the mode, with the target and the bit low, before it may rise
 _HANDSHAKE_TIMEOUT_S = 1.0
+_MODE_LOST_S = 0.1  # in another mode, after which that is no remnant of an earlier request
 
 
 class DriveState(Enum):
@@ -187,14 +188,41 @@ class ModeControl:
         command_mode: as the user has set it.
         bits: bits of the controlword whose meaning depends on the mode.
         phase: of the handshake.
+        lost: why the drive is not in the requested mode, which it has left by itself; "" if it is.
     """
 
     def __init__(self, requested: OperationMode) -> None:
         self.requested = requested
+        self.lost = ""
+        self._entered: OperationMode | None = None  # displayed since it has been requested
+        self._elsewhere_s = 0.0  # in another mode
         self.command_mode = CommandMode.POSITION
         self.bits = self._frames = self._low_frames = 0
         self.phase = Phase.DONE
         self._lock = threading.Lock()  # between a stop and the handshake that it ends
+
+    def watch(self, displayed_mode: int, period_s: float) -> bool:
+        """Control loop: one frame of an enabled drive; True once when it has left its mode.
+
+        Homing does not count: drives may leave it at its end.
+        """
+        requested = self.requested
+        if displayed_mode == requested:
+            self._entered, self._elsewhere_s, self.lost = requested, 0.0, ""
+            return False
+        if self._entered is not requested or requested is OperationMode.HOMING:
+            self._entered, self._elsewhere_s = None, 0.0
+            return False
+        self._elsewhere_s += period_s
+        if self.lost or self._elsewhere_s < _MODE_LOST_S:
+            return False
+        found, wanted = mode_text(displayed_mode), mode_text(requested)
+        self.lost = f"the drive has changed to {found} by itself, {wanted} is commanded"
+        return True
+
+    def forget(self) -> None:
+        """Forget the mode that the drive was in: it is off, or not known."""
+        self._entered, self._elsewhere_s, self.lost = None, 0.0, ""
 
     def begin_target(self) -> None:
         """Worker: hand a new target over; the control loop does it, frame by frame.

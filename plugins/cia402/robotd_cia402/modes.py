@@ -39,6 +39,11 @@ class OperationMode(IntEnum):
         return 1 << (self.value - 1)
 
 
+TORQUE_MODES = (4, 10)
+"""Numbers of profile torque, which robotd never requests, and of cyclic torque."""
+_NAMES = {mode.value: mode.name.lower().replace("_", " ") for mode in OperationMode}
+_NAMES |= {2: "velocity", 4: "profile torque"}  # which robotd never requests
+
 STREAM_MODES = {
     StreamMode.CSP: OperationMode.CYCLIC_POSITION,
     StreamMode.IP: OperationMode.INTERPOLATED_POSITION,
@@ -48,6 +53,12 @@ VELOCITY_MODES = {
     VelocityMode.CSV: OperationMode.CYCLIC_VELOCITY,
 }
 VELOCITY = tuple(VELOCITY_MODES.values())
+
+
+def mode_text(number: int) -> str:
+    """Return ``mode 4 (profile torque)``; without a name for one of the vendor's."""
+    name = _NAMES.get(number)
+    return f"mode {number} ({name})" if name else f"mode {number}"
 
 
 def rest_mode(options: DriveOptions, command: CommandMode) -> OperationMode:

@@ -7,7 +7,7 @@ from functools import partial
 from robotd.api import DeviceTimeout, NotReady, OperationError, RobotdError
 from robotd_cia402.command_steps import STEP_TIMEOUT_S, CommandSteps
 from robotd_cia402.controlword import TOWARDS_ENABLED, Control, DriveState
-from robotd_cia402.modes import OperationMode
+from robotd_cia402.modes import TORQUE_MODES
 
 
 class PowerCommands(CommandSteps):
@@ -41,8 +41,8 @@ class PowerCommands(CommandSteps):
             axis.power.lost = ""
             axis.mode.requested = self._rest_mode()
             # Without a torque an arm would fall. Some drives change their mode when they are on.
-            torque = OperationMode.CYCLIC_TORQUE
-            self._wait(lambda: report.displayed_mode != torque, min(STEP_TIMEOUT_S, left_s() / 2))
+            limit_s = min(STEP_TIMEOUT_S, left_s() / 2)
+            self._wait(lambda: report.displayed_mode not in TORQUE_MODES, limit_s)
             try:
                 while (state := report.state) is not DriveState.OPERATION_ENABLED:
                     self._require_no_alarm()
@@ -85,6 +85,7 @@ class PowerCommands(CommandSteps):
                 lambda: report.state is not DriveState.UNKNOWN, min(STEP_TIMEOUT_S, left_s())
             )
             if not report.in_alarm:
+                self._require_mode(min(STEP_TIMEOUT_S, left_s()))
                 return
             axis.mode.bits = 0
             self._wait(lambda: report.state is not DriveState.FAULT_REACTION_ACTIVE, left_s())

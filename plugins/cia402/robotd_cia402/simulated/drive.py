@@ -86,12 +86,14 @@ class DriveFaults:
 
     Attributes:
         statusword: shown instead of the real one.
+        mode: likewise, object 0x6061.
         blocked: the motor does not move.
         aborts: object → abort code of every access.
         unanswered: objects of which SDO requests get no response.
     """
 
     statusword: int | None = None
+    mode: int | None = None
     blocked: bool = False
     aborts: dict[Place, int] = field(default_factory=dict)
     unanswered: set[Place] = field(default_factory=set)
@@ -205,7 +207,8 @@ class Drive:
         before, word = self._controlword, self.get(0x6040)
         self._controlword = word
         self._act(before, word, period_s)
-        self.put(0x6061, int(self.motion.mode))
+        shown = self._faults.mode
+        self.put(0x6061, int(self.motion.mode) if shown is None else shown)
         self.put(0x6041, self._statusword())
 
     def sample(self, period_s: float) -> None:

@@ -27,6 +27,7 @@ SLAVE sync0 off | on              stops SYNC0
 SLAVE state                       answers AL state and AL status code
 SLAVE trip [CODE [AXIS]]          drive: fault, such as 0x3210 (over-voltage)
 SLAVE statusword WORD             drive: shows WORD whatever its state
+SLAVE mode NUMBER                 drive: shows this mode of operation, such as 4
 SLAVE block                       drive: the motor does not move
 SLAVE push ANGLE [AXIS]           drive: turns the motor by ANGLE rad (or m), with the servo off
 SLAVE press BIT 0|1 [AXIS]        drive: switch, bit of object 0x60FD

@@ -89,6 +89,7 @@ class ServoDrive(Slave):
             "push": lambda words: self._axis(words[1:]).push(float(words[0])),
             "press": self._press,
             "statusword": self._statusword,
+            "mode": self._mode,
             "block": self._block,
         }
 
@@ -140,6 +141,9 @@ class ServoDrive(Slave):
 
     def _statusword(self, words: list[str]) -> None:
         self.faults.statusword = int(words[0], 0)
+
+    def _mode(self, words: list[str]) -> None:
+        self.faults.mode = int(words[0], 0)
 
     def _block(self, words: list[str]) -> None:
         self.faults.blocked = True

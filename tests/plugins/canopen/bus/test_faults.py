@@ -14,6 +14,7 @@ from tests.plugins.canopen.bus.drives_process import RATE_HZ, SOON_STALE
 from tests.plugins.canopen.bus.harness import Harness, broken
 from tests.rearming_checks import check_recovery
 
+from robotd.control.problem import ProblemKind
 from robotd.control.trajectory_execution import Outcome
 from robotd.device.axes import Jog, Move
 from robotd.device.state import CommandMode, ConnectionState
@@ -103,6 +104,27 @@ def test_a_statusword_that_lies_is_not_switched_on_again(open_rig: OpenRig) -> N
         with pytest.raises(ConnectError, match=r"elbow: node 2: .*statusword 0x0250"):
             harness.robot.servos.enable()
         recover(harness)
+
+
+def test_a_drive_that_changes_its_mode_is_a_problem_that_names_axis_and_mode(
+    open_rig: OpenRig,
+) -> None:
+    changed = "the drive has changed to mode 4 (profile torque) by itself"
+    with open_rig(SMALL, engine={"servo_timeout_s": 1.0}) as harness:
+        stop = broken(harness, "2 mode 4")
+        assert stop.execution.outcome is Outcome.FAULT
+        assert stop.execution.message.startswith("elbow at ")
+        assert f"node 2: {changed}" in stop.execution.message
+        assert stop.is_controlled
+        [problem] = harness.robot.find_problems()
+        assert (problem.kind, problem.axes) == (ProblemKind.ALARM, ("elbow",))
+        assert changed in problem.reason
+        with pytest.raises(RobotdError, match="mode 4"):
+            harness.robot.recover()
+        harness.inject("2 heal")
+        harness.until(lambda: not harness.robot.find_problems())
+        execution = harness.follow(0.5, 0.1)
+        assert execution.outcome is Outcome.SUCCEEDED, execution.message
 
 
 def test_a_reset_ends_the_emergency_before_it(open_rig: OpenRig) -> None:
