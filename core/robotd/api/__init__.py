@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from robotd.clock.simulated import ticks, untimed
     from robotd.descriptor import RobotDescriptor, load_robot_descriptor, validate_section
     from robotd.descriptor.files import read_limited
+    from robotd.descriptor.problems import validate
+    from robotd.descriptor.source import read_yaml
     from robotd.descriptor.urdf import UrdfJoint, UrdfLink, UrdfRobot, read_urdf, read_urdf_text
     from robotd.descriptor.urdf.package_files import find_mesh
     from robotd.device.bus_status import BusNode, BusState, BusStatus
@@ -162,12 +164,14 @@ __all__ = [
     "read_limited",
     "read_urdf",
     "read_urdf_text",
+    "read_yaml",
     "reason_of",
     "request_realtime",
     "scan_network",
     "ticks",
     "unknown_name",
     "untimed",
+    "validate",
     "validate_section",
     "wait_until",
 ]

@@ -136,10 +136,7 @@ def _build_model(robot: RobotDescriptor, options: MujocoOptions) -> RobotModel:
             surroundings = _read(scene_file)
             spec.attach(surroundings, frame=spec.worldbody.add_frame(), prefix=PREFIX)
         else:
-            scene = load_scene(scene_file)
-            if taken := sorted({each.name for each in scene.objects} & set(links)):
-                what = f"objects have names of links: {', '.join(taken)}"
-                raise DescriptorError(what, path=scene_file)
+            scene = load_scene(scene_file, links)
             add_objects(spec, scene, scene_file.parent)
     elif stands:
         add_objects(spec, scene, Path())

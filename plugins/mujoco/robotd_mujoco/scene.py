@@ -9,12 +9,19 @@ from typing import Annotated, Any
 
 import mujoco
 import numpy as np
-import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from robotd.api import DescriptorError, FloatArray, Shape, WorldCamera, WorldObject, read_limited
+from robotd.api import (
+    DescriptorError,
+    FloatArray,
+    Shape,
+    WorldCamera,
+    WorldObject,
+    read_yaml,
+    unknown_name,
+    validate,
+)
 
-MAX_BYTES = 1_000_000
 FLOOR = "floor"
 PREFIX = "scene/"  # of all names of a scene in MJCF
 
@@ -85,23 +92,38 @@ class Scene(_Keys):
         return self
 
 
-def load_scene(path: Path) -> Scene:
-    """Read a scene in YAML. Raises DescriptorError with every problem."""
-    try:
-        content = yaml.safe_load(read_limited(path, MAX_BYTES))
-        return Scene.model_validate(content or {})
-    except yaml.YAMLError as error:
-        raise DescriptorError(f"not YAML: {error}", path=path) from error
-    except ValidationError as error:
-        problems = [
-            DescriptorError(each["msg"], path=path, key=".".join(map(str, each["loc"])))
-            for each in error.errors()
-        ]
-        raise DescriptorError.join(problems) from error
+def load_scene(path: Path, links: Sequence[str]) -> Scene:
+    """Read a scene in YAML for a robot with ``links``.
+
+    Raises DescriptorError with every problem, its line and its key.
+    """
+    tree = read_yaml(path)
+    scene = validate(Scene, tree.plain(), tree)
+    problems: list[DescriptorError] = []
+
+    def add(what: str, *keys: str | int) -> None:
+        line, key = tree.find(keys).line, ".".join(map(str, keys))
+        problems.append(DescriptorError(what, path=path, line=line, key=key))
+
+    taken = {*links, "world", *([FLOOR] if scene.floor else [])}
+    for number, thing in enumerate(scene.objects):
+        place = ("objects", number)
+        if thing.name in taken:
+            what = f"a link, the floor or the world has this name (value {thing.name!r})"
+            add(what, *place, "name")
+        if thing.mesh is not None and not (path.parent / thing.mesh).is_file():
+            add(f"the file does not exist (value {thing.mesh!r})", *place, "mesh")
+    bodies = ["world", *links, *(thing.name for thing in scene.objects)]
+    for number, camera in enumerate(scene.cameras):
+        if camera.link is not None and camera.link not in bodies:
+            add(unknown_name("link", camera.link, bodies), "cameras", number, "link")
+    if problems:
+        raise DescriptorError.join(problems)
+    return scene
 
 
 def add_objects(spec: mujoco.MjSpec, scene: Scene, folder: Path) -> None:
-    """Add the objects of a scene to the robot's model. Raises DescriptorError for a mesh."""
+    """Add the objects of a scene to the robot's model."""
     world = spec.worldbody
     world.add_light(pos=[0.5, -0.5, 2.0], dir=[-0.2, 0.2, -1.0], castshadow=False)
     if scene.floor:
@@ -123,11 +145,9 @@ def add_objects(spec: mujoco.MjSpec, scene: Scene, folder: Path) -> None:
 
 
 def add_cameras(spec: mujoco.MjSpec, cameras: tuple[SceneCamera, ...]) -> None:
-    """Add cameras to a whole model. Raises DescriptorError: a link does not exist."""
+    """Add cameras to a whole model."""
     for each in cameras:
         body = spec.worldbody if each.link is None else spec.body(each.link)
-        if body is None:
-            raise DescriptorError(f"camera {each.name}: there is no link {each.link!r}")
         body.add_camera(
             name=each.name,
             pos=each.at_m,
@@ -186,8 +206,6 @@ def _set_shape(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, each: SceneObject, fol
         geom.type, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, [each.sphere_m, 0.0, 0.0]
     else:
         file = folder / str(each.mesh)
-        if not file.is_file():
-            raise DescriptorError(f"object {each.name}: mesh {file} does not exist")
         spec.add_mesh(name=each.name, file=str(file.resolve()), scale=[each.scale] * 3)
         geom.type, geom.meshname = mujoco.mjtGeom.mjGEOM_MESH, each.name
 

@@ -112,17 +112,38 @@ def test_a_body_on_a_hinge_cannot_be_placed_and_moves_no_object(tmp_path: Path) 
     [
         ("objects: [{name: a, at_m: [0, 0, 0]}]", "needs one of box_m"),
         ("objects: [{name: a, box_m: [1, 1, 0], at_m: [0, 0, 0]}]", "greater than 0"),
-        ("objects: [{name: a, mesh: no.stl, at_m: [0, 0, 0]}]", "no.stl does not exist"),
-        ("objects: [{name: beam, sphere_m: 1, at_m: [0, 0, 0]}]", "names of links: beam"),
-        ("obejcts: []", "obejcts"),
-        ("a: [", "not YAML"),
+        (
+            "objects: [{name: a, mesh: no.stl, at_m: [0, 0, 0]}]",
+            r"scene.yaml:1: objects.0.mesh: the file does not exist \(value 'no.stl'\)",
+        ),
+        (
+            "objects: [{name: beam, sphere_m: 1, at_m: [0, 0, 0]}]",
+            r"scene.yaml:1: objects.0.name: a link, .* has this name \(value 'beam'\)",
+        ),
+        ("obejcts: []", "scene.yaml:1: obejcts: unknown key; did you mean 'objects'"),
+        ("a: [", "scene.yaml:2: not valid YAML: did not find"),
+        ("- a", "scene.yaml:1: must be a mapping of keys to values"),
+        (
+            "objects: [{name: a, sphere_m: 1, at_m: [0, 0, 0], mas_kg: 1}]",
+            "scene.yaml:1: objects.0.mas_kg: unknown key; did you mean 'mass_kg'",
+        ),
+        (
+            "floor: true\ncameras:\n- {name: c, at_m: [0, 0, 1],\n   look_at_m: [0, 0], width: 8}",
+            r":4: cameras.0.look_at_m.*missing[\s\S]*:4: cameras.0.width: must be .*16 \(value 8\)",
+        ),
         (
             "cameras: [{name: c, link: arm9, at_m: [0, 0, 1], look_at_m: [0, 0, 0]}]",
-            "link .arm9",
+            r"scene.yaml:1: cameras.0.link: unknown link 'arm9' \(available: world, .*beam",
         ),
         ("cameras: [{name: c, at_m: [0, 0, 1], look_at_m: [0, 0, 1]}]", "are the same point"),
-        ("objects: [{name: floor, sphere_m: 1, at_m: [0, 0, 0]}]", "repeated name 'floor'"),
-        ("objects: [{name: world, sphere_m: 1, at_m: [0, 0, 0]}]", "repeated name 'world'"),
+        (
+            "objects: [{name: floor, sphere_m: 1, at_m: [0, 0, 0]}]",
+            r"scene.yaml:1: objects.0.name: .*the floor .* has this name \(value 'floor'\)",
+        ),
+        (
+            "objects: [{name: world, sphere_m: 1, at_m: [0, 0, 0]}]",
+            r"scene.yaml:1: objects.0.name: .*the world has this name \(value 'world'\)",
+        ),
     ],
 )
 def test_a_wrong_scene_is_an_error_with_its_reason(scene: str, reason: str, tmp_path: Path) -> None:
