@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterator
 
 import pytest
-from tests.ros.robot_process import RobotProcess
+from tests.ros.robot_process import RobotProcess, wait_until
 
 from robotd_testing.domain import own_domain
 
@@ -61,6 +61,46 @@ def test_commands_name_the_robot_that_they_reach_where_two_run(
             told = robotd(domain, "/left", *arguments).stderr
             assert "robot: cr3a in /left, backend sim" in told, arguments
             assert "/right" not in told
+
+
+def test_a_command_to_two_robots_of_one_namespace_is_rejected_but_for_a_stop(
+    domain: int, left: RobotProcess
+) -> None:
+    variables = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    own = ["--ros-args", "-r", "__ns:=/left"]
+
+    def run(*words: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-m", "robotd", *words, *own],
+            env=os.environ | variables, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+
+    def states() -> dict[int, str]:
+        return {each["pid"]: each["state"] for each in json.loads(run("list", "--json").stdout)}
+
+    with RobotProcess(*own, domain=domain) as twin:
+        twin.wait_ready()
+        both = left.process.pid, twin.process.pid
+        # Until the robots know each other, one may get a command; this one has no effect.
+        wait_until(lambda: "2 robots share" in run("reset").stderr, "they know each other")
+        for words in (
+            ["pause"],
+            ["speed", "50"],
+            ["servo", "off"],
+            ["recover"],
+            ["tool", "set", "x"],
+        ):
+            rejected = run(*words)
+            assert rejected.returncode, rejected.stdout
+            assert "2 robots share this namespace, none gets the command" in rejected.stderr
+            assert "__ns:=/NAME; robotd stop stops all of them" in rejected.stderr
+            for pid in both:
+                name = f"cr3a in /left, backend sim, on {os.uname().nodename}, SIMULATED"
+                assert f"{name}, process {pid}" in rejected.stderr
+        assert states() == dict.fromkeys(both, "ready")
+        assert "stopped, at rest" in run("stop").stdout
+        wait_until(lambda: states() == dict.fromkeys(both, "stopped"), "both are stopped")
+    wait_until(lambda: not run("reset").returncode, "the other one is gone")
 
 
 def test_the_robots_of_the_domain_are_listed_and_named_where_one_is_missed(

@@ -27,7 +27,7 @@ from robotd_ros.commands.robot_client import (
     ROS_EPILOG,
     asks_robot,
     client_options,
-    print_addressed_robots,
+    require_one_robot,
     robot_client,
 )
 from robotd_ros.node_registry import WORLD_NODE
@@ -93,8 +93,8 @@ def inject(fault: str, values: Sequence[str], timeout_s: float) -> None:
     common = {key: fields.pop(key) for key in list(fields) if key.split(".")[0] in ("at_s", "when")}
     own = {f"{fault}.{key}": value for key, value in fields.items()} or {fault: True}
     with robot_client(timeout_s) as client:
+        require_one_robot(client)
         click.echo(client.call_named(f"{SIMULATION_NODE}/inject", {**own, **common}))
-        print_addressed_robots(client)
 
 
 @sim.command("step", epilog=ROS_EPILOG)
@@ -132,8 +132,8 @@ def place(name: str, values: Sequence[str], timeout_s: float) -> None:
     """
     fields = {"name": name, **_fields(values)}
     with robot_client(timeout_s) as client:
+        require_one_robot(client)
         click.echo(client.call_named(f"{WORLD_NODE}/place", fields))
-        print_addressed_robots(client)
 
 
 @sim.command("reset", epilog=ROS_EPILOG)

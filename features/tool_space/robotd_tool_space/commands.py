@@ -8,7 +8,12 @@ from typing import Any
 import click
 
 from robotd.api.commands import ExitCode, import_ros
-from robotd_ros.commands.robot_client import ROS_EPILOG, client_options, robot_client
+from robotd_ros.commands.robot_client import (
+    ROS_EPILOG,
+    client_options,
+    require_one_robot,
+    robot_client,
+)
 
 GROUP = click.option(
     "--group", default="", metavar="NAME", help="Joint group, where there are several."
@@ -45,6 +50,7 @@ def tool(ctx: click.Context, timeout_s: float, *, group: str, deg: bool) -> Exit
 def set_tool(group: str, timeout_s: float, *, name: str) -> ExitCode:
     """Choose a tool by its name; none: the link itself."""
     with robot_client(timeout_s) as client:
+        require_one_robot(client)
         clients = import_ros("robotd_ros.client.tool_client")
         click.echo(clients.select_tool(client, "" if name == "none" else name, group))
     return ExitCode.OK
@@ -57,6 +63,7 @@ def set_tool(group: str, timeout_s: float, *, name: str) -> ExitCode:
 def set_work_frame(group: str, timeout_s: float, *, name: str) -> ExitCode:
     """Choose a work frame by its name; none: the base of the arm."""
     with robot_client(timeout_s) as client:
+        require_one_robot(client)
         clients = import_ros("robotd_ros.client.tool_client")
         click.echo(clients.select_work_frame(client, "" if name == "none" else name, group))
     return ExitCode.OK
@@ -72,6 +79,7 @@ def set_reduced_speed(timeout_s: float, *, switch: str) -> ExitCode:
     may keep it on.
     """
     with robot_client(timeout_s) as client:
+        require_one_robot(client)
         clients = import_ros("robotd_ros.client.tool_client")
         click.echo(clients.set_reduced_speed(client, on=switch == "on"))
     return ExitCode.OK

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import posixpath
 import time
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -14,13 +15,14 @@ from std_msgs.msg import String
 from robotd.errors import DeviceTimeout
 from robotd.log import printable
 from robotd_ros.client.ros_client import RosClient
-from robotd_ros.node_registry import IDENTITY, SUMMARY
+from robotd_ros.node_registry import SUMMARY
 from robotd_ros.qos import LATCHED
 
 SEARCH_PERIOD_S = 0.2
 SILENCE_S = 3.5  # a robot announces itself every second
 SILENT = "no answer"
-ANSWER_S = 1.0  # for the identity of a robot that answers
+ANSWER_S = 1.0  # for the summary of a robot that answers
+OTHERS_S = 3.0  # for those that it knows; one that was killed counts for 20 s, and never answers
 
 
 @dataclass(frozen=True)
@@ -64,25 +66,67 @@ def read_identity(text: str) -> RobotIdentity:
     return RobotIdentity(**values, simulated=bool(given.get("simulated")))
 
 
-def addressed_robots(client: RosClient, namespace: str = "") -> tuple[RobotIdentity, ...]:
+@dataclass(frozen=True)
+class Neighbour:
+    """One robot of a namespace.
+
+    Attributes:
+        identity: which robot it is.
+        pid: of its process, on its computer; 0: not known.
+        sharing: other robots that it sees in its namespace; one that was killed counts for a while.
+    """
+
+    identity: RobotIdentity
+    pid: int
+    sharing: int
+
+    @property
+    def text(self) -> str:
+        """The identity for people, with the process."""
+        return f"{self.identity.text}, process {self.pid}"
+
+
+def read_neighbour(text: str) -> Neighbour:
+    """Return the robot of a message of ``SUMMARY``; what it does not have is "?" or 0."""
+    numbers = {"pid": 0, "sharing": 0}
+    try:
+        given = dict(json.loads(text))
+        numbers = {name: int(given.get(name, 0)) for name in numbers}
+    except (ValueError, TypeError):  # of another program
+        pass
+    return Neighbour(read_identity(text), **numbers)
+
+
+def addressed_robots(client: RosClient, namespace: str = "") -> tuple[Neighbour, ...]:
     """Return the robots that the commands of a namespace reach; "" for the client's own.
 
-    Several that share a namespace all execute a command. Empty where none publishes its identity.
+    Several that share a namespace may all execute a command. The first that answers says how many
+    others it knows, so that one is awaited only where there may be another one. Empty where none
+    publishes its summary.
     """
-    node, found = client.node, list[str]()
-    topic = posixpath.join(namespace, IDENTITY)
-    made = node.create_subscription(String, topic, partial(_keep, found), LATCHED)
+    node, found = client.node, dict[object, Neighbour]()
+    topic = posixpath.join(namespace, SUMMARY)
+
+    def keep(message: String) -> None:
+        robot = read_neighbour(message.data)
+        found[robot.identity.computer, robot.pid] = robot
+
+    def is_complete() -> bool:
+        return len(found) >= max(1, node.count_publishers(topic), expected())
+
+    def expected() -> int:
+        return max((1 + each.sharing for each in found.values()), default=0)
+
+    made = node.create_subscription(String, topic, keep, LATCHED)
     try:
-        client.wait(lambda: len(found) >= max(1, node.count_publishers(topic)), topic, ANSWER_S)
-    except DeviceTimeout:
-        pass
+        with suppress(DeviceTimeout):
+            client.wait(is_complete, topic, ANSWER_S)
+        if expected() > len(found):
+            with suppress(DeviceTimeout):
+                client.wait(is_complete, topic, OTHERS_S)
     finally:
         node.destroy_subscription(made)
-    return tuple(map(read_identity, found))
-
-
-def _keep(found: list[str], message: String) -> None:
-    found.append(message.data)
+    return tuple(found.values())
 
 
 @dataclass(frozen=True)

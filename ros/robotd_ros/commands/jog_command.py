@@ -15,7 +15,7 @@ from robotd_ros.commands.goal import carry_out, print_ending
 from robotd_ros.commands.robot_client import (
     ROS_EPILOG,
     client_options,
-    print_addressed_robots,
+    require_one_robot,
     robot_client,
 )
 
@@ -101,7 +101,7 @@ def _jog(
     with robot_client(timeout_s, searches=True) as client:
         arm = import_ros("robotd_ros.client.motion_client").find_arm(client, [joint], action)
         import_ros("robotd_ros.client.operator_client").require_motion(client, arm.namespace)
-        print_addressed_robots(client, arm.namespace)
+        require_one_robot(client, arm.namespace)
         arm.check([joint])
         unit = arm.units.get(joint, "rad or m")
         turns = deg and unit != "m"

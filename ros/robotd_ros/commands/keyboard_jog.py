@@ -18,7 +18,7 @@ from robotd.cli.exit_codes import ExitCode
 from robotd.cli.preflight import import_ros
 from robotd.stop_signals import Interrupt
 from robotd_ros.commands.jog_keys import JogKeys, KeyInput
-from robotd_ros.commands.robot_client import print_addressed_robots, robot_client
+from robotd_ros.commands.robot_client import require_one_robot, robot_client
 
 if TYPE_CHECKING:  # it needs rclpy
     from robotd_ros.client.jog_client import JogClient, JogState
@@ -39,7 +39,7 @@ def jog_by_keys(timeout_s: float, speed: float, tool: str | None = None) -> Exit
         raise click.UsageError("--keys needs a terminal")
     with robot_client(timeout_s) as client:
         import_ros("robotd_ros.client.operator_client").require_ready(client)
-        print_addressed_robots(client)
+        require_one_robot(client)
         with (
             import_ros("robotd_ros.client.jog_client").jog_client(client, tool) as jog,
             Interrupt() as interrupt,

@@ -16,7 +16,7 @@ from robotd_ros.commands.goal import Progress, carry_out, print_ending
 from robotd_ros.commands.robot_client import (
     ROS_EPILOG,
     client_options,
-    print_addressed_robots,
+    require_one_robot,
     robot_client,
 )
 from robotd_ros.commands.tool_move import move_tool, parse_components
@@ -113,7 +113,7 @@ def move(
     with robot_client(timeout_s, searches=True) as client:
         arm = import_ros("robotd_ros.client.motion_client").find_arm(client, targets, action)
         import_ros("robotd_ros.client.operator_client").require_motion(client, arm.namespace)
-        print_addressed_robots(client, arm.namespace)
+        require_one_robot(client, arm.namespace)
         turning = {joint for joint in targets if deg and arm.units.get(joint) != "m"}
         positions = {
             joint: math.radians(value) if joint in turning else value
@@ -140,6 +140,6 @@ def _move_tool(
     components, relative = parse_components(words, deg=deg)
     with robot_client(timeout_s) as client:
         import_ros("robotd_ros.client.operator_client").require_motion(client)
-        print_addressed_robots(client)
+        require_one_robot(client)
         code, reason = move_tool(client, components, relative=relative, frame_name=frame, **goal)
     return print_ending(code, reason)

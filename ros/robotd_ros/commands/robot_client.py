@@ -21,6 +21,7 @@ if TYPE_CHECKING:  # it needs rclpy
     from robotd_ros.client.ros_client import RosClient
 
 CLOSE_S = 3  # of node, executor and middleware: a tenth of a second where they do not hang
+OWN_NAMESPACES = "start each with a namespace of its own, --ros-args -r __ns:=/NAME"
 ROS_EPILOG = "What follows --ros-args goes to ROS; give the same remaps as to the robot."
 
 
@@ -98,11 +99,30 @@ def print_addressed_robots(client: RosClient, namespace: str = "") -> int:
     """
     robots = import_ros("robotd_ros.client.fleet").addressed_robots(client, namespace)
     if len(robots) > 1:
-        what = "more than one may get the command; give each a namespace of its own"
+        what = f"more than one may get the command; {OWN_NAMESPACES}"
         click.echo(f"{len(robots)} robots share this namespace: {what}", err=True)
     for robot in robots:
-        click.echo(f"robot: {robot.text}", err=True)
+        text = robot.text if len(robots) > 1 else robot.identity.text
+        click.echo(f"robot: {text}", err=True)
     return len(robots)
+
+
+def require_one_robot(client: RosClient, namespace: str = "") -> bool:
+    """Print to standard error which robot is commanded; as ``print_addressed_robots``.
+
+    Returns False where that is not known: none has announced itself in time.
+
+    Raises OperationError for several robots that share the namespace: a command would reach those
+    that are discovered by then, one or all. A stop has to reach them all the same.
+    """
+    robots = import_ros("robotd_ros.client.fleet").addressed_robots(client, namespace)
+    if len(robots) > 1:
+        names = "".join(f"\n  {robot.text}" for robot in robots)
+        what = f"{len(robots)} robots share this namespace, none gets the command: {OWN_NAMESPACES}"
+        raise OperationError(f"{what}; robotd stop stops all of them{names}")
+    for robot in robots:
+        click.echo(f"robot: {robot.identity.text}", err=True)
+    return bool(robots)
 
 
 def asks_robot(ask: Command) -> Command:
@@ -110,17 +130,20 @@ def asks_robot(ask: Command) -> Command:
 
     The function gets a client of the robot beside its arguments, and the command has the options
     of ``client_options``. What the function returns is printed, unless it is None; an ``ExitCode``
-    is the exit status. The command names the robot that it has asked.
+    is the exit status. The command names the robot that it asks, and asks no one of several that
+    share a namespace.
     """
 
     @client_options
     @wraps(ask)
     def command(timeout_s: float, **arguments: Any) -> ExitCode:
         with robot_client(timeout_s) as client:
+            is_known = require_one_robot(client)
             answer = ask(client, **arguments)
             if answer is not None and not isinstance(answer, ExitCode):
                 click.echo(answer)
-            print_addressed_robots(client)
+            if not is_known:
+                print_addressed_robots(client)
         return answer if isinstance(answer, ExitCode) else ExitCode.OK
 
     return command

@@ -118,7 +118,7 @@ class SummaryTopic:
     """
 
     def __init__(self, node: Node, robot: Robot, features: Sequence[str]) -> None:
-        self._robot = robot
+        self._node, self._robot = node, robot
         self._identity = {**identity(robot, node.get_namespace()), "features": [*features]}
         self._began_s = time.monotonic()
         self._shown: dict[str, Any] = {}
@@ -148,6 +148,8 @@ class SummaryTopic:
 
     def _look(self) -> None:
         summary, now_s = robot_summary(self._robot), time.monotonic()
+        # A new client discovers one robot before the other one, and has to know of it all the same.
+        summary["sharing"] = max(0, self._node.count_publishers(SUMMARY) - 1)
         if summary == self._shown and now_s < self._due_s:
             return
         self._shown, self._due_s = summary, now_s + HEARTBEAT_S

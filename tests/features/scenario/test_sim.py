@@ -82,7 +82,7 @@ def asked_of_robot(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Any]]:
 
     client = SimpleNamespace(call_named=call)
     place = "robotd_scenario.sim_command"
-    monkeypatch.setattr(f"{place}.print_addressed_robots", lambda client: None)
+    monkeypatch.setattr(f"{place}.require_one_robot", lambda client: None)
     monkeypatch.setattr(f"{place}.robot_client", lambda timeout_s: nullcontext(client))
     return asked
 
