@@ -10,6 +10,7 @@ from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDr
 from robotd.device.fault_injector import FaultInjector
 from robotd.device.passive_joints import PassiveJoints
 from robotd.device.world import World
+from robotd.plugin.driver_signatures import signature_problems
 from robotd.plugin.fault_isolation import isolated
 
 _METHODS: dict[Capability, tuple[tuple[type, str], ...]] = {
@@ -82,6 +83,24 @@ class Drivers:
             for capability, methods in _METHODS.items()
             if capability not in declared
             and all(self._has(contract, name) for contract, name in methods)
+        ]
+
+    def signature_problems(self) -> list[str]:
+        """Return a line for each method that takes other arguments than those of its contract."""
+        made: tuple[tuple[object | None, type], ...] = (
+            (self.device, DeviceDriver),
+            (self.axes, AxisDriver),
+            (self.io, IoDriver),
+            (self.fieldbus, FieldbusDriver),
+            (self.passive_joints, PassiveJoints),
+            (self.world, World),
+            (self.make_fault_injector(), FaultInjector),
+        )
+        return [
+            line
+            for driver, contract in made
+            if driver is not None
+            for line in signature_problems(getattr(driver, "wrapped", driver), contract)
         ]
 
     def isolated(self, plugin: str, backend: str) -> Drivers:

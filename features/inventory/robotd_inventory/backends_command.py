@@ -140,6 +140,7 @@ def _check_drivers(report: CheckReport, backend: Backend, context: DeviceContext
     report.run("I/O", lambda: _presence(drivers.io))
     report.run("fieldbus", lambda: _presence(drivers.fieldbus))
     report.run("fault injector", lambda: _presence(drivers.make_fault_injector()))
+    report.run("arguments of methods", lambda: _arguments(backend, drivers.signature_problems()))
     report.run("capabilities", lambda: _undeclared(drivers.undeclared(backend.info.capabilities)))
     if Capability.SIMULATED not in backend.capabilities:
         report.run("real hardware", lambda: "robotd conform moves its axes: read the docs first")
@@ -152,6 +153,12 @@ def _idle(backend: Backend, state: ConnectionState) -> str:
             f" not {ConnectionState.IDLE.value}"
         )
     return str(state.value)
+
+
+def _arguments(backend: Backend, problems: Sequence[str]) -> None:
+    if problems:
+        lines = (f"plugin {backend.origin}: {each}" for each in problems)
+        raise PluginError("\n".join(lines))
 
 
 def _presence(made: object) -> str:

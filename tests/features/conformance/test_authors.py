@@ -60,6 +60,55 @@ def test_the_doctor_finds_a_driver_that_was_declared_and_is_not_there(install: I
     assert "1 problem" in result.output
 
 
+WRONG_ARGUMENTS = """
+    from robotd.api import AxisDriver, BackendInfo, hookimpl
+    from tests.fakes import FakeAxes, FakeDevice
+
+    class Axes(FakeAxes):
+        def servo(self, axis, on): pass
+        def clear_alarm(self, axis, timeout_s, retries): pass
+        def move(self, axis, profile, target): pass
+        def quick_stop(self, axes, *, harder=True): pass
+        def stop(self, *axes): pass
+        def jog(self, axis, *, profile): pass
+        def home(self, _axis, _timeout_s, method=37): pass
+        def underrun(self): pass
+        async def end_stream(self, axes): pass
+        def follow(self, *args, **kwargs): pass
+
+    @hookimpl
+    def robotd_backend(): return BackendInfo(summary="a test", api_version=1)
+
+    @hookimpl
+    def robotd_open_device(): return FakeDevice()
+
+    @hookimpl
+    def robotd_axes(): return Axes(2)
+"""
+
+
+def test_the_doctor_compares_the_arguments_of_the_methods(install: Install) -> None:
+    install("wrong", WRONG_ARGUMENTS)
+    result = robotd("backends", "--check", "wrong")
+    assert result.exit_code == ExitCode.PLUGIN
+    found = [line.split("1.2): ")[1] for line in result.output.splitlines() if "Axes." in line]
+    assert found == [
+        (
+            "Axes.clear_alarm needs 'retries', which it is not given;"
+            " AxisDriver has clear_alarm(axis, timeout_s)"
+        ),
+        "Axes.end_stream is async or a generator: its body would not be run",
+        "Axes.jog does not take 'profile' by position; AxisDriver has jog(axis, profile)",
+        (
+            "Axes.move takes 'profile' where it is given 'target';"
+            " AxisDriver has move(axis, target, profile)"
+        ),
+        "Axes.servo does not take 'timeout_s'; AxisDriver has servo(axis, on, timeout_s)",
+        "Axes.underrun is a method, and in AxisDriver it is none: add @property",
+    ]
+    assert "6 problems" in result.output
+
+
 def test_the_doctor_goes_on_with_nothing_it_cannot_import(install: Install) -> None:
     install("broken", "import not_there_at_all")
     result = robotd("backends", "--check", "broken")
