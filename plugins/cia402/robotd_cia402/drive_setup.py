@@ -8,6 +8,7 @@ from typing import Any
 from robotd.api import OperationError, get_logger
 from robotd_cia402.axis import Axis
 from robotd_cia402.drive_access import SdoAbort
+from robotd_cia402.drive_limits import report_velocity_limits
 from robotd_cia402.modes import needed_modes
 
 log = get_logger("cia402")
@@ -22,7 +23,7 @@ _OPTION_CODES = {
 
 
 def set_up(axis: Axis[Any], period_s: float) -> None:
-    """Check the supported modes and write the option codes. Nothing moves. Worker.
+    """Check the supported modes, write the option codes, report limits. Nothing moves. Worker.
 
     The objects in ``STARTUP_WRITES`` are optional: one that is missing, cannot be written or is
     skipped keeps the value of the drive, which is logged once.
@@ -40,6 +41,7 @@ def set_up(axis: Axis[Any], period_s: float) -> None:
     _write_period(axis, period_s)
     axis.report.period_s = period_s
     write_quick_stop_ramp(axis)
+    report_velocity_limits(axis)
     axis.report.read_error_register()  # of an alarm whose emergency was sent before
     axis.forget()
 

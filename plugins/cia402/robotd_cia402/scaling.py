@@ -22,6 +22,7 @@ class Scaling:
 
     Attributes:
         counts_per_unit, polarity: set by ``change``.
+        joint_velocity: as ``velocity_limit`` was given.
         position: rad or m for one count.
         velocity: rad/s or m/s for one velocity unit of the drive.
         torque: N·m for one per mille of the rated torque; NaN where that is not known.
@@ -34,6 +35,7 @@ class Scaling:
         velocity_limit: float | None = None,
     ) -> None:
         self.rated_torque_nm = float("nan") if rated_torque_nm is None else rated_torque_nm
+        self.joint_velocity = velocity_limit
         self.velocity_limit = velocity_limit or _UNLIMITED
         self._velocity = options.velocity_per_rad_s
         self._acceleration = options.acceleration_per_rad_s2

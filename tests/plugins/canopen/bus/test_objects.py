@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from structlog.testing import capture_logs
 from tests.plugins.canopen.bus.conftest import SMALL, OpenRig
 
 from robotd.device.axes import Jog, Move
@@ -52,3 +53,19 @@ def test_a_mapped_object_that_robotd_does_not_set_keeps_its_value(open_rig: Open
         harness.robot.axes.jog([Jog(1, Profile(0.3, 5.0, 5.0))])
         harness.until(lambda: harness.image.velocity[1] > 0.29)
         assert harness.drive(2).values[0x6072, 0] == 3000
+
+
+def test_a_drive_that_clips_below_the_limit_of_the_joint_is_named_at_start(
+    open_rig: OpenRig,
+) -> None:
+    startup = [{"object": "0x607F", "value": 100_000}]
+    with (
+        capture_logs() as lines,
+        open_rig(SMALL, axis_defaults={"counts_per_rad": 1e5, "startup": startup}) as harness,
+    ):
+        limit = harness.robot.descriptor.joints[1].velocity
+        assert harness.robot.connection.ready
+    [line] = [each for each in lines if "clips" in each["event"] and each["axis"] == 1]
+    assert line["node"] == "elbow (node 2)"
+    assert line["object"] == "0x607F (max profile velocity) is 100000"
+    assert (line["clips_at"], line["joint_limit"]) == ("1 rad/s (or m/s)", f"{limit:.4g}")
