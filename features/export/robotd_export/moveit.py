@@ -75,13 +75,23 @@ def _actions(source: ExportInput) -> dict[str, Sequence[str]]:
 
 
 def _controllers(source: ExportInput, actions: Mapping[str, Sequence[str]]) -> dict[str, Any]:
-    """Return the controller list; MoveIt joins a name and its ``action_ns`` by a slash."""
-    controllers = dict(
-        _controller(action, "FollowJointTrajectory", joints) for action, joints in actions.items()
-    )
+    """Return the controller list; MoveIt joins a name and its ``action_ns`` by a slash.
+
+    Raises DescriptorError for two actions of one name: to MoveIt they would be one controller.
+    """
+    kinds = {action: ("FollowJointTrajectory", joints) for action, joints in actions.items()}
     if gripper := _gripper_action(source):
         settings = source.descriptor.gripper
-        controllers |= [_controller(gripper, "GripperCommand", settings.joints if settings else ())]
+        kinds[gripper] = ("GripperCommand", settings.joints if settings else ())
+    controllers: dict[str, Any] = {}
+    action_of: dict[str, str] = {}
+    for action, (kind, joints) in kinds.items():
+        name, controller = _controller(action, kind, joints)
+        if name in controllers:
+            what = f"the actions {action_of[name]} and {action} are both of a controller {name!r}"
+            how = "rename one by its parameter, or the joint group: what precedes the last / counts"
+            raise source.rejection(f"moveit: {what}; {how}")
+        controllers[name], action_of[name] = controller, action
     return {"controller_names": list(controllers), **controllers}
 
 

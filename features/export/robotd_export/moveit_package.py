@@ -176,7 +176,8 @@ def _rigid_with(urdf: UrdfRobot, link: str) -> set[str]:
 def moveit_package(source: ExportInput) -> dict[str, str]:
     """Return the files of the package by their paths: URDF, SRDF, parameters, launch file.
 
-    Raises DescriptorError for a robot without joints, trajectory action or URDF.
+    Raises DescriptorError for a robot without joints, trajectory action or URDF, and for names that
+    MoveIt could not tell apart.
     """
     descriptor, name = source.descriptor, source.descriptor.name
     content = move_group_content(source)
@@ -186,6 +187,7 @@ def moveit_package(source: ExportInput) -> dict[str, str]:
     # MoveIt finds neither relative meshes nor packages that are only beside the URDF.
     text = with_mesh_names(text, moved_mesh_names(mesh_files(text, path), None))
     urdf = parse_urdf(text, path)
+    _check_group_names(source)
     groups = chain_groups(urdf, descriptor)
     pipeline = OMPL | {group: {"planner_configs": [PLANNER]} for group in groups}
     solvers = {group: KDL for group, (_, tip) in groups.items() if tip}
@@ -206,6 +208,18 @@ def moveit_package(source: ExportInput) -> dict[str, str]:
         parameters = {"/**": {"ros__parameters": {"moveit_servo": servo}}}
         files["config/servo.yaml"] = source.document([], parameters)
     return files
+
+
+def _check_group_names(source: ExportInput) -> None:
+    """Raise DescriptorError for joint groups with a name that the configuration has already."""
+    descriptor = source.descriptor
+    taken = dict.fromkeys(OMPL, "a parameter of the planning pipeline")
+    if descriptor.gripper and descriptor.gripper.joints:
+        taken[GRIPPER] = "the planning group of the gripper's fingers"
+    for group in descriptor.groups:
+        if group in taken:
+            what = f"a joint group is named {group!r}, as {taken[group]}: rename it"
+            raise source.rejection(f"moveit_package: groups.{group}: {what}")
 
 
 def package_name(robot: str) -> str:

@@ -18,6 +18,7 @@ from robotd.descriptor.urdf import UrdfRobot, parse_urdf, read_urdf, read_urdf_t
 from robotd.errors import DescriptorError
 from robotd_export.disabled_collisions import Cover, collision_covers, disabled_collisions
 from robotd_export.export_input import ExportInput
+from robotd_export.moveit import move_group_parameters
 from robotd_export.moveit_package import moveit_package
 
 ROBOTS = ("cr3a", "dual_cr3a", "mobile_manipulator")
@@ -58,8 +59,8 @@ def test_the_srdf_speaks_of_the_urdf(package: Package) -> None:
     assert joints <= set(urdf.joint)
 
 
-def test_the_gripper_is_on_a_link_of_its_parent_group(tmp_path: Path) -> None:
-    """On an arm that a lift carries, behind a body that is fixed to the last link."""
+def lifted_gripper(folder: Path, groups: str, nodes: str = "") -> ExportInput:
+    """A gripper on an arm that a lift carries, behind a body that is fixed to the last link."""
     joints = (
         ("lift", "torso", "prismatic"), ("elbow", "lift", "revolute"), ("body", "elbow", "fixed"),
         ("a", "body", "prismatic"), ("b", "body", "prismatic"),
@@ -69,19 +70,56 @@ def test_the_gripper_is_on_a_link_of_its_parent_group(tmp_path: Path) -> None:
         f'<child link="{name}"/><limit lower="0" upper="1" effort="1" velocity="1"/></joint>'
         for name, parent, kind in joints
     )
-    (tmp_path / "r.urdf").write_text(f'<robot name="r"><link name="torso"/>{parts}</robot>')
+    (folder / "r.urdf").write_text(f'<robot name="r"><link name="torso"/>{parts}</robot>')
     limits = "lower_%s: 0, upper_%s: 1, velocity_%s_s: 1, acceleration_%s_s2: 1"
-    (tmp_path / "robot.yaml").write_text(
-        "schema: 1\nname: r\nurdf: r.urdf\nnodes: [follow_joint_trajectory_server]\njoints:\n"
+    (folder / "robot.yaml").write_text(
+        f"schema: 1\nname: r\nurdf: r.urdf\nnodes: [follow_joint_trajectory_server{nodes}]\n"
+        "joints:\n"
         f"  - {{name: lift, axis: 0, type: prismatic, {limits.replace('%s', 'm')}}}\n"
         f"  - {{name: elbow, axis: 1, {limits.replace('%s', 'rad')}}}\n"
-        "groups: {lift: {joints: [lift]}, arm: {joints: [elbow]}}\n"
+        f"groups: {groups}\n"
         "gripper: {output_byte: 0, output_bit: 0, joints: [a, b], open_m: 1, closed_m: 0}\n"
     )
-    files = moveit_package(ExportInput(load_robot_descriptor(tmp_path / "robot.yaml")))
+    name = "gripper_controller"
+    action = f"ros_parameters.{name}.gripper_action={name}/gripper_cmd"
+    overrides = [parse_override(action)] if name in nodes else []
+    return ExportInput(load_robot_descriptor(folder / "robot.yaml", overrides=overrides))
+
+
+def test_the_gripper_is_on_a_link_of_its_parent_group(tmp_path: Path) -> None:
+    groups = "{lift: {joints: [lift]}, arm: {joints: [elbow]}}"
+    files = moveit_package(lifted_gripper(tmp_path, groups))
     effector = etree.fromstring(files["config/r.srdf"].encode()).find("end_effector")
     assert effector is not None
     assert (effector.get("parent_group"), effector.get("parent_link")) == ("arm", "elbow")
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("gripper", "groups.gripper: a joint group is named 'gripper', as the planning group of"),
+        ("planner_configs", "is named 'planner_configs', as a parameter of the planning pipeline"),
+    ],
+)
+def test_a_joint_group_with_a_name_of_the_configuration_is_rejected(
+    name: str, reason: str, tmp_path: Path
+) -> None:
+    """The SRDF would have two groups of one name, and the parameters one key for two things."""
+    source = lifted_gripper(tmp_path, f"{{lift: {{joints: [lift]}}, {name}: {{joints: [elbow]}}}}")
+    with pytest.raises(DescriptorError, match=reason):
+        moveit_package(source)
+
+
+def test_an_arm_and_a_gripper_of_one_controller_name_are_rejected(tmp_path: Path) -> None:
+    """The trajectories of the arm would have no controller."""
+    groups = "{lift: {joints: [lift]}, gripper: {joints: [elbow]}}"
+    source = lifted_gripper(tmp_path, groups, ", gripper_controller")
+    both = (
+        "the actions /gripper_controller/follow_joint_trajectory and"
+        " /gripper_controller/gripper_cmd are both of a controller 'gripper_controller'; rename"
+    )
+    with pytest.raises(DescriptorError, match=both):
+        move_group_parameters(source)
 
 
 def test_every_moving_joint_is_planned_or_passive(package: Package) -> None:
