@@ -21,7 +21,7 @@ from robotd_cia402.simulated_axis import drive_model, initial_positions
 HELP = """\
 NODE silence [0]          sends and receives nothing; 0 ends it
 NODE reboot               loses its configuration and sends a boot-up message
-NODE emcy CODE            sends an emergency message
+NODE emcy CODE [REGISTER] sends an emergency; CODE 0: an error is gone, REGISTER has others
 NODE trip CODE [AXIS]     the drive stops with a fault, such as 0x3210 (over-voltage)
 NODE statusword WORD      shows WORD whatever its state
 NODE mode NUMBER          shows this mode of operation, such as 4 (profile torque)
@@ -161,7 +161,7 @@ def _module(node: Any) -> IoNode:
 _FAULTS: dict[str, Fault] = {
     "silence": lambda node, words: setattr(node.faults, "silent", words != ["0"]),
     "reboot": lambda node, _: node.reboot(),
-    "emcy": lambda node, words: node.emergency(_number(words[0])),
+    "emcy": lambda node, words: node.emergency(*map(_number, words[:2])),
     "trip": _trip,
     "statusword": _setter("statusword", _number),
     "mode": _setter("mode", _number),

@@ -178,9 +178,12 @@ class DriveReport:
 
     @property
     def alarm_text(self) -> str:
-        """Cause of an alarm: the emergency in force, else object 0x603F, else what is known."""
+        """Cause of an alarm: the emergency in force, else object 0x603F, else what is known.
+
+        An emergency that has the class of the remaining errors alone comes after 0x603F.
+        """
         active = self._drive.node.emergency
-        if active is not None:
+        if active is not None and not (active.leaves_errors and self.error_code):
             return active.text
         if self.error_code:
             return f"error code {error_text(self.error_code)}"

@@ -6,7 +6,7 @@ import struct
 from collections import deque
 from dataclasses import dataclass
 
-from robotd_cia402.code_tables import error_text
+from robotd_cia402.code_tables import error_text, register_text
 
 IDENTITY = ("vendor_id", "product_code", "revision", "serial")
 """Parts of object 0x1018, and keys of ``Identity``."""
@@ -35,14 +35,22 @@ class Emergency:
 
     @property
     def is_reset(self) -> bool:
-        """True for an error reset: no error is active any more."""
+        """True for an error reset: an error is gone, and all where ``register`` is 0."""
         return self.code >> 8 == 0
 
     @property
     def text(self) -> str:
         """``EMCY 0x3210 DC link over-voltage``."""
         detail = f", vendor data {self.data.hex(' ')}" if any(self.data) else ""
+        if self.leaves_errors:
+            left = f"error register {register_text(self.register)}"
+            return f"EMCY 0x{self.code:04X} one error is gone, remaining {left}{detail}"
         return f"EMCY {error_text(self.code)}{detail}"
+
+    @property
+    def leaves_errors(self) -> bool:
+        """True for an error reset with the register of other errors, whose codes it has not."""
+        return self.is_reset and self.register != 0
 
     def __str__(self) -> str:
         return f"node {self.node}: {self.text}"
@@ -81,10 +89,15 @@ class FieldbusNode:
         return f", {active.text}" if active is not None else ""
 
     def note_emergency(self, data: bytes | bytearray, now_ns: int) -> None:
-        """Receive thread: take a message of 8 bytes. Raises ValueError otherwise."""
+        """Receive thread: take a message of 8 bytes. Raises ValueError otherwise.
+
+        By CiA 301 (7.2.7.1) an error reset with the register of remaining errors leaves the node in
+        its error state.
+        """
         emergency = Emergency.decode(self.number, data, now_ns)
         self._history.append(emergency)
-        self.emergency = None if emergency.is_reset else emergency
+        ends = emergency.is_reset and not emergency.leaves_errors
+        self.emergency = None if ends else emergency
 
     def forget_emergency_before(self, time_ns: int) -> None:
         """Worker: end an error that the node reported before it was reset at ``time_ns``."""

@@ -140,8 +140,9 @@ class SimulatedNode(canopen.LocalNode):
             self.emergency(_HEARTBEAT_ERROR, _COMMUNICATION)
             self.on_connection_lost()
 
-    def emergency(self, code: int, register: int = 1, vendor: bytes = bytes(5)) -> None:
+    def emergency(self, code: int, register: int | None = None, vendor: bytes = bytes(5)) -> None:
         """Send an EMCY and enter it in objects 0x1001 and 0x1003."""
+        register = int(code != 0) if register is None else register
         self.values[0x1001, 0] = register
         if (0x1003, 0) in self.values:
             count = self.values[0x1003, 0] = min(self.values[0x1003, 0] + 1, 8)

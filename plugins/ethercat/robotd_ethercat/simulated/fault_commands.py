@@ -21,7 +21,7 @@ SLAVE mailbox silent | healthy    does not answer in the mailbox
 SLAVE timeout INDEX               does not answer SDO requests for an object
 SLAVE abort INDEX CODE            aborts each SDO access to an object
 SLAVE unpadded                    answers complete access with one byte for subindex 0
-SLAVE emcy CODE                   sends an emergency
+SLAVE emcy CODE [REGISTER]        sends an emergency; CODE 0: an error is gone, REGISTER has others
 SLAVE drift PPM                   rate error of its clock
 SLAVE sync0 off | on              stops SYNC0
 SLAVE state                       answers AL state and AL status code
@@ -128,7 +128,9 @@ _FAULTS: dict[str, Fault] = {
         {(_number(words[0]), None): _number(words[1])}
     ),
     "unpadded": lambda at, _: setattr(at.slave.faults, "unpadded", True),
-    "emcy": lambda at, words: at.slave.emergency(_number(words[0])),
+    "emcy": lambda at, words: at.slave.emergency(
+        _number(words[0]), _number(words[1]) if words[1:] else None
+    ),
     "drift": lambda at, words: at.drift(float(words[0])),
     "sync0": lambda at, words: setattr(
         at.slave.controller.clock, "sync0", _switch(words, "on", "off")

@@ -188,8 +188,9 @@ class Slave:
                 self.al.fail(code)
         self.mailbox.service()
 
-    def emergency(self, code: int, register: int = 1, data: bytes = bytes(5)) -> None:
+    def emergency(self, code: int, register: int | None = None, data: bytes = bytes(5)) -> None:
         """Send a CoE emergency, and enter it in the error register 0x1001."""
+        register = int(code != 0) if register is None else register
         self.objects.values[0x1001, 0] = register
         if self.al.state is not AlState.INIT:
             self.mailbox.send(_EMERGENCY + struct.pack("<HB5s", code, register, data))

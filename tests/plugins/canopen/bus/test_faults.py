@@ -139,6 +139,21 @@ def test_a_reset_ends_the_emergency_before_it(open_rig: OpenRig) -> None:
         assert harness.device_state().nodes[1].fault == ""
 
 
+def test_an_error_reset_with_remaining_errors_leaves_the_node_in_error(open_rig: OpenRig) -> None:
+    with open_rig(SMALL) as harness:
+
+        def in_force() -> str:
+            return harness.device_state().details["EMCY in force"]
+
+        harness.inject("2 emcy 0x3210")
+        harness.until(lambda: "0x3210" in in_force())
+        harness.inject("2 emcy 0 0x09")
+        harness.until(lambda: "0x0000" in in_force())
+        assert "remaining error register 0x09 (generic, temperature)" in in_force()
+        harness.inject("2 emcy 0")
+        harness.until(lambda: in_force() == "none")
+
+
 def test_a_drive_that_is_lost_while_another_one_starts(open_rig: OpenRig) -> None:
     with open_rig(SMALL) as harness:
         bring_up = harness.master._bring_up
