@@ -98,6 +98,7 @@ class _Due:
     """Time of the next tick of one iterator."""
 
     time_ns: int
+    reached: threading.Event | None = None  # set when time stands at it
 
 
 class PacedClock:
@@ -168,6 +169,30 @@ class PacedClock:
                 return
             yield
             due.time_ns = max(due.time_ns + period_ns, self._now_ns)
+
+    @contextmanager
+    def bounded(self, ahead_ns: int, reached: threading.Event) -> Iterator[Callable[[], None]]:
+        """Let time advance by ``ahead_ns``, and again with each call of the function yielded.
+
+        Time stands after that, with ``reached`` set: an observer that is slower than the simulation
+        misses nothing. Unlike a tick it wakes no thread in each period. What is between two calls
+        may not sleep on this clock.
+        """
+        with self._changed:
+            due = _Due(self._now_ns + ahead_ns, reached)
+            self._dues.append(due)
+
+        def advance() -> None:
+            with self._changed:
+                due.time_ns = self._now_ns + ahead_ns
+                self._changed.notify_all()
+
+        try:
+            yield advance
+        finally:
+            with self._changed:
+                self._dues.remove(due)
+                self._changed.notify_all()
 
     @contextmanager
     def untimed(self) -> Iterator[None]:
@@ -242,7 +267,11 @@ class PacedClock:
             self._standing = True
             self._changed.notify_all()
             return False
-        if time_ns > self._now_ns and any(due.time_ns <= self._now_ns for due in self._dues):
+        over = [due for due in self._dues if due.time_ns <= self._now_ns]
+        if time_ns > self._now_ns and over:
+            for due in over:
+                if due.reached is not None:
+                    due.reached.set()
             return False
         return self._holds == 0 or self._sleepers > 0
 
@@ -280,6 +309,16 @@ def _real_ticks(event: threading.Event, period_ns: int, clock: Clock) -> Iterato
         yield
         due_ns = max(due_ns + period_ns, clock.now_ns())
         event.wait((due_ns - clock.now_ns()) / NANOSECONDS)
+
+
+@contextmanager
+def bounded(clock: Clock, ahead_ns: int, reached: threading.Event) -> Iterator[Callable[[], None]]:
+    """``clock.bounded(...)`` for a paced clock; other clocks need no bound: no effect."""
+    if isinstance(clock, PacedClock):
+        with clock.bounded(ahead_ns, reached) as advance:
+            yield advance
+    else:
+        yield lambda: None
 
 
 def untimed(clock: Clock) -> AbstractContextManager[None]:

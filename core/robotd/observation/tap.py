@@ -9,12 +9,13 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Self
 
 from robotd import log as robot_log
-from robotd.clock import MonotonicClock
+from robotd.clock import NANOSECONDS, MonotonicClock
+from robotd.clock.simulated import bounded
 from robotd.descriptor.urdf import read_urdf_text
 from robotd.device.bus_status import BusState, BusStatus
 from robotd.device.state import ConnectionState
@@ -38,6 +39,8 @@ from robotd.robot import Robot
 log = get_logger("tap")
 
 SAMPLE_PERIOD_S = 0.1
+MIN_OBSERVATIONS = 4  # of the frames that are held, in simulated time
+MAX_AHEAD_S = 2.0  # of simulated time, between a fault and its observation
 BUS_PERIOD_SAMPLES = 10
 MAX_SAMPLES = 16384
 SAMPLE_BYTES = 2 * 2**20 - QUEUE_BYTES
@@ -86,7 +89,9 @@ class Tap:
         self._readers: list[Callable[[], None]] = []
         self._failing: set[Callable[[], None]] = set()  # steps whose last call raised
         self._was_stopped = False
-        self._stop = threading.Event()
+        self._stop, self._wake = threading.Event(), threading.Event()
+        self._bound = ExitStack()  # of simulated time
+        self._advance: Callable[[], None] = lambda: None
         self._thread = threading.Thread(target=self._run, name="robotd-tap", daemon=True)
         robot.control_loop.observe(period_writer(robot, self.frames, self._io))
 
@@ -111,18 +116,29 @@ class Tap:
     def __enter__(self) -> Self:
         robot_log.add_listener(self._log_line)
         self.robot.axes.stop_latch.on_change(self._stop_line)
+        held_s = self.frames.capacity / self.robot.descriptor.cycle.rate_hz
+        ahead_ns = round(min(held_s / MIN_OBSERVATIONS, MAX_AHEAD_S) * NANOSECONDS)
+        # Without a bound the frames of a fast simulation are overwritten before they are read.
+        bound = bounded(self.robot.clock, ahead_ns, self._wake)
+        self._advance = self._bound.enter_context(bound)
         self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._stop.set()
+        self._wake.set()
         self._thread.join()
         robot_log.remove_listener(self._log_line)
         self.observe()
+        self._bound.close()
 
     def _run(self) -> None:
-        while not self._stop.wait(SAMPLE_PERIOD_S):
-            self.observe()
+        while not self._stop.is_set():
+            self._wake.wait(SAMPLE_PERIOD_S)
+            self._wake.clear()
+            if not self._stop.is_set():
+                self.observe()
+                self._advance()
 
     def observe(self) -> None:
         """Look for changes, take samples, call the readers.

@@ -11,9 +11,10 @@ from tests.world_backend import Cubes, cube_backend
 
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, Clock, MonotonicClock
-from robotd.clock.simulated import SteppedClock
+from robotd.clock.simulated import PacedClock, SteppedClock
 from robotd.descriptor import load_robot_descriptor
 from robotd.observation import tap as tap_module
+from robotd.observation.frame_ring import Frames
 from robotd.observation.io_sampler import FIELDBUS
 from robotd.observation.tap import Tap
 from robotd.robot import Robot, build_robot
@@ -53,3 +54,29 @@ def test_a_part_that_raises_holds_up_no_others(monkeypatch: pytest.MonkeyPatch) 
     assert calls == ["broken", "broken", "next"] * 2
     assert FIELDBUS in [kind for _, kind, _ in tap.samples.since(0)[0]]
     assert [line["event"] for line in lines] == ["the tap failed"] * 2  # once for each
+
+
+def test_a_simulation_as_fast_as_possible_loses_no_frame_and_no_event() -> None:
+    """A servo that goes off and on within half a second is seen, however busy the computer is."""
+    robot = build_robot("cr3a", "sim", clock=PacedClock())
+    tap = Tap(robot, 5.0)
+    since, lost = tap.frames.since, list[int]()
+
+    def counted(cursor: int, limit: int | None = None) -> tuple[Frames, int, int]:
+        found = since(cursor, limit)
+        lost.append(found[2])
+        return found
+
+    tap.frames.since = counted  # type: ignore[method-assign]
+    with tap:
+        robot.start()
+        clock = robot.clock
+        for _ in range(3):
+            clock.sleep_until_ns(clock.now_ns() + 20 * NANOSECONDS)
+            robot.axes.servo(0, on=False)
+            robot.axes.servo(0, on=True)
+        clock.sleep_until_ns(clock.now_ns() + 20 * NANOSECONDS)
+    robot.shutdown()
+    assert sum(lost) == 0
+    texts = [event.text for event in tap.events.since(0)[0]]
+    assert texts.count("joint1: servo off") == 3
