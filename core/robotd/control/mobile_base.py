@@ -172,8 +172,10 @@ class MobileBase:
             log.error("the base is not at rest", after_s=timeout_s)
 
     def allow(self) -> None:
-        """Accept commands again after ``stop``. Any thread."""
-        self._command.stopped = False
+        """Accept commands again after ``stop``, of clients that begin anew. Any thread."""
+        if self._command.stopped:
+            self._rearming.interruptions.add(self._wheel_axes, "the base was stopped")
+            self._command.stopped = False
 
     def start(self) -> None:
         """Accept commands from now on. A second call has no effect."""

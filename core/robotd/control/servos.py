@@ -57,8 +57,6 @@ class Servos:
         }
         if failures:
             raise ConnectError("joints could not be enabled", failures)
-        if self._base is not None:
-            self._base.allow()  # ``bring_to_rest`` has stopped it, where a lifecycle deactivated it
         if results:
             log.info("servos on", axes=len(results))
         for problem in limit_problems(self._axes):
@@ -76,8 +74,15 @@ class Servos:
     def bring_to_rest(self) -> None:
         """Stop all that moves, in a controlled way; failures are logged.
 
-        What does not stand in time, because its ramp is too gentle, gets a quick stop.
+        What does not stand in time, because its ramp is too gentle, gets a quick stop. Afterwards
+        motion is accepted again.
         """
+        self._bring_to_rest()
+        if self._base is not None:
+            self._base.allow()
+
+    def _bring_to_rest(self) -> None:
+        """As ``bring_to_rest``; the base rejects commands until it is allowed again."""
         everything, time_s = range(len(self._axes)), self._descriptor.engine.shutdown_s
         try:
             self._groups.stop(time_s)
@@ -97,7 +102,7 @@ class Servos:
         """
         if self.read_only or not self._connection.ready:
             return
-        self.bring_to_rest()
+        self._bring_to_rest()
         shown, on = self._axes.wait_for_servos(), self._axes.image.servo_on
         # An image from before may miss one that was switched on: then each counts as on.
         enabled = [axis for axis in range(len(self._axes)) if on[axis] or not shown]
@@ -107,3 +112,5 @@ class Servos:
                     "servo off failed", axis=self._axes.names[axis], reason=reason_of(failure)
                 )
         log.info("servos off", axes=len(enabled))
+        if self._base is not None:  # without its servos it cannot move
+            self._base.allow()

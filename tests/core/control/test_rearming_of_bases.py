@@ -55,6 +55,21 @@ def set_active(harness: BaseHarness) -> None:
     harness.robot.axes.stop_latch.inactive = ""
 
 
+def bring_to_rest(harness: BaseHarness) -> None:  # as after a hang of the thread of ROS
+    with driving(harness):
+        harness.robot.servos.bring_to_rest()
+
+
+def disable(harness: BaseHarness) -> None:
+    with driving(harness):
+        harness.robot.servos.disable()
+
+
+def switch_all_on(harness: BaseHarness) -> None:  # as ``robotd recover`` does
+    for axis in harness.robot.wheel_axes:
+        harness.robot.servos.enable_axis(axis)
+
+
 State = tuple[Callable[[BaseHarness], None], Callable[[BaseHarness], None]]
 STATES: dict[str, State] = {
     "stop": (stop, lambda harness: harness.robot.axes.stop_latch.release(1)),
@@ -62,6 +77,8 @@ STATES: dict[str, State] = {
     "servo off": (lambda harness: harness.robot.axes.servo(0, False), switch_on),
     "device lost": (lose, lambda harness: harness.up()),
     "inactive": (set_inactive, set_active),
+    "brought to rest": (bring_to_rest, lambda harness: None),
+    "servos off": (disable, switch_all_on),
 }
 
 
