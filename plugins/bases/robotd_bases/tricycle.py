@@ -214,14 +214,21 @@ class SteeringFollower:
 
     def _steer(self) -> None:
         """Turn towards the target, as fast as the axis can still stop there."""
-        acceleration, period_s = self._wheels.steering_acceleration, self._period_s
-        velocity = self._wheels.steering_velocity
-        missing = self._target - self.angle
-        step = acceleration * period_s
-        stopping = (math.sqrt(step * step + 8.0 * acceleration * abs(missing)) - step) / 2
-        wanted = math.copysign(min(velocity, stopping, abs(missing) / period_s), missing)
-        before = self.rate
+        velocity, period_s = self._wheels.steering_velocity, self._period_s
+        step, before = self._wheels.steering_acceleration * period_s, self.rate
+        # In a period the rate changes evenly: its first half belongs to the rate before.
+        missing = self._target - self.angle - 0.5 * before * period_s
+        wanted = math.copysign(min(velocity, _stopping(abs(missing) / period_s, step)), missing)
         self.rate += max(-step, min(step, wanted - before))
-        self.angle += self.rate * period_s
-        if abs(self._target - self.angle) < ARRIVED_RAD and abs(before) <= step:
+        self.angle += 0.5 * (before + self.rate) * period_s
+        if abs(self._target - self.angle) < ARRIVED_RAD and abs(self.rate) < ARRIVED_RAD:
             self.angle, self.rate = self._target, 0.0
+
+
+def _stopping(way: float, step: float) -> float:
+    """Return the highest rate that stops within ``way``, rad per period, by ``step`` a period.
+
+    From rates of (whole and fraction) ``count`` steps, ``way`` is the sum of the rates until rest.
+    """
+    count = math.floor((math.sqrt(1.0 + 8.0 * way / step) - 1.0) / 2)
+    return way / (count + 1) + step * count / 2
