@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import threading
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -22,8 +23,9 @@ from robotd.motion.profile import (
     profile_to_velocity,
 )
 
-MAX_STEP_PERIODS = 2  # periods; after a longer pause a profile continues where it stopped
+MAX_STEP_PERIODS = 2  # periods; in a longer pause axes come to rest at their last target
 FEEDBACK_TIMEOUT_S = 0.2
+Plan = Callable[[float, float], list[Segment]]  # from position and velocity
 _STREAM = int(Operation.STREAM)
 _TAKES_MOVES = (Operation.IDLE, Operation.POSITION, Operation.VELOCITY)
 
@@ -34,8 +36,9 @@ class ProfiledAxes(AxisDriver):
     Moves, velocity commands and stops are computed here, by trapezoidal profiles, in the
     control-loop thread; streamed setpoints pass through. A subclass implements
     ``read_feedback``, ``send_targets``, ``servo`` and ``clear_alarm``. It may declare
-    VELOCITY_MODE. While the control loop pauses, axes hold their last target. Axes that moved when
-    values were lost hold where they are found: nobody knows which targets arrived.
+    VELOCITY_MODE. While the control loop pauses, axes hold their last target; from there profiles
+    begin anew, and streamed velocities are approached by ``stop_deceleration``. Axes that moved
+    when values were lost hold where they are found: nobody knows which targets arrived.
 
     Args:
         axes: number of axes.
@@ -62,8 +65,9 @@ class ProfiledAxes(AxisDriver):
         self._lock = threading.Lock()
         self._motions = [_AxisMotion() for _ in range(axes)]
         self._targets: FloatArray = np.full(axes, np.nan)
-        self._read_ns = 0
+        self._read_ns = self._sent_ns = 0
         self._streamed = False
+        self._rate = 1.0  # part of streamed velocities that is reached; below 1 after a pause
 
     @abstractmethod
     def read_feedback(self, image: ProcessImage) -> None:
@@ -89,7 +93,9 @@ class ProfiledAxes(AxisDriver):
         self.read_feedback(image)
         now_ns = self.clock.now_ns()
         with self._lock:
-            step_s = min((now_ns - self._read_ns) / NANOSECONDS, MAX_STEP_PERIODS * self._period_s)
+            step_s = (now_ns - self._read_ns) / NANOSECONDS
+            if self._note_pause(now_ns):
+                step_s = min(step_s, self._period_s)
             lost = now_ns - image.fresh_ns > self._feedback_lost_s * NANOSECONDS
             self._read_ns = now_ns
             for axis, motion in enumerate(self._motions):
@@ -99,7 +105,7 @@ class ProfiledAxes(AxisDriver):
                     motion.enabled = False
                 motion.follow(float(image.position[axis]), enabled=enabled, lost=lost)
                 if motion.operation is Operation.STREAM and not self._streamed:
-                    motion.velocity = 0.0  # a setpoint is late: its target is held
+                    self._hold(motion)  # a setpoint is late: its target is held
                 if lost and motion.operation is not Operation.STOPPING:
                     motion.brake(self._quick_stop_deceleration)
                 motion.advance(step_s)
@@ -107,19 +113,25 @@ class ProfiledAxes(AxisDriver):
         streams = (image.operation == _STREAM).any() and self._streamed
         self._streamed = False
         if image.servo_on.any() and not streams:
-            self.send_targets(self._targets)
+            self._send(now_ns)
 
     def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
-        streams = False
+        now_ns = self.clock.now_ns()
         with self._lock:
-            for axis, motion in enumerate(self._motions):
-                if motion.operation is Operation.STREAM:
-                    streams = True
-                    motion.setpoint(float(position[axis]), float(velocity[axis]), self._period_s)
-                    self._targets[axis] = motion.position
-        self._streamed = streams
-        if streams:  # else ``read`` has sent the targets of this period
-            self.send_targets(self._targets)
+            self._note_pause(now_ns)
+            followers = [
+                (axis, motion)
+                for axis, motion in enumerate(self._motions)
+                if motion.operation is Operation.STREAM
+            ]
+            self._speed_up([float(velocity[axis]) for axis, motion in followers if motion.rolls])
+            for axis, motion in followers:
+                target, speed = float(position[axis]), float(velocity[axis])
+                motion.setpoint(target, speed, self._rate, self._period_s)
+                self._targets[axis] = motion.position
+        self._streamed = bool(followers)
+        if followers:  # else ``read`` has sent the targets of this period
+            self._send(now_ns)
 
     def begin_stream(self, axes: Sequence[int]) -> None:
         with self._lock:
@@ -137,22 +149,21 @@ class ProfiledAxes(AxisDriver):
         with self._lock:
             motion = self._require(axis)
             hardest = max(profile.deceleration, self._quick_stop_deceleration)
-            segments = profile_to_position(
-                motion.position, motion.velocity, target, profile, hardest
+            plan = partial(
+                profile_to_position, target=target, profile=profile, max_deceleration=hardest
             )
-            motion.begin(Operation.POSITION, segments, profile.deceleration)
+            motion.begin(Operation.POSITION, plan, profile.deceleration)
 
     def jog(self, axis: int, profile: Profile) -> None:
         with self._lock:
             motion = self._require(axis)
-            segments = profile_to_velocity(
-                motion.position,
-                motion.velocity,
-                profile.velocity,
-                profile.acceleration,
-                profile.deceleration,
+            plan = partial(
+                profile_to_velocity,
+                target=profile.velocity,
+                acceleration=profile.acceleration,
+                deceleration=profile.deceleration,
             )
-            motion.begin(Operation.VELOCITY, segments, profile.deceleration)
+            motion.begin(Operation.VELOCITY, plan, profile.deceleration)
 
     def stop(self, axes: Sequence[int]) -> None:
         with self._lock:
@@ -172,6 +183,31 @@ class ProfiledAxes(AxisDriver):
             raise Unsupported("torque mode")
         with self._lock:
             self._motions[axis].mode = mode
+
+    def _send(self, now_ns: int) -> None:
+        self._sent_ns = now_ns
+        self.send_targets(self._targets)
+
+    def _note_pause(self, now_ns: int) -> bool:
+        """Return True after a pause, in which axes have come to rest. Lock held."""
+        paused = now_ns - self._sent_ns > MAX_STEP_PERIODS * self._period_s * NANOSECONDS
+        if paused:
+            for motion in self._motions:
+                self._hold(motion)
+        return paused
+
+    def _hold(self, motion: _AxisMotion) -> None:
+        """The axis has come to rest at its last target. Lock held."""
+        if motion.velocity:
+            motion.hold()
+            if motion.operation is Operation.STREAM and motion.rolls:
+                self._rate = 0.0
+
+    def _speed_up(self, velocities: Sequence[float]) -> None:
+        """Raise the part of ``velocities`` that is reached, one for all: a base keeps its arc."""
+        step = self._stop_deceleration * self._period_s
+        fastest = max(map(abs, velocities), default=0.0)
+        self._rate = min(1.0, self._rate + step / fastest) if fastest > step else 1.0
 
     def _require(self, axis: int) -> _AxisMotion:
         motion = self._motions[axis]
@@ -205,15 +241,27 @@ class _AxisMotion:
         self.operation = Operation.IDLE
         self.complete = False
         self.deceleration = 0.0  # of the running command; 0: it has none
+        self._plan: Plan | None = None
         self._segments: list[Segment] = []
         self._elapsed_s = 0.0
 
+    @property
+    def rolls(self) -> bool:
+        """It follows velocities."""
+        return self.mode is CommandMode.VELOCITY
+
     def begin(
-        self, operation: Operation, segments: Sequence[Segment] = (), deceleration: float = 0.0
+        self, operation: Operation, plan: Plan | None = None, deceleration: float = 0.0
     ) -> None:
         self.operation, self.complete = operation, False
-        self.deceleration = deceleration
-        self._segments, self._elapsed_s = list(segments), 0.0
+        self.deceleration, self._plan = deceleration, plan
+        self._segments = plan(self.position, self.velocity) if plan else []
+        self._elapsed_s = 0.0
+
+    def hold(self) -> None:
+        """Continue from rest at the present target."""
+        self.velocity = 0.0
+        self.begin(self.operation, self._plan, self.deceleration)
 
     def follow(self, position: float, *, enabled: bool, lost: bool) -> None:
         """Track the measured position while disabled, so that enabling makes no jump.
@@ -230,8 +278,9 @@ class _AxisMotion:
             self.position, self.velocity, self.strayed = position, 0.0, False
         self.enabled = enabled
 
-    def setpoint(self, position: float, velocity: float, period_s: float) -> None:
-        if self.mode is CommandMode.VELOCITY:
+    def setpoint(self, position: float, velocity: float, rate: float, period_s: float) -> None:
+        if self.rolls:
+            velocity *= rate
             self.position += 0.5 * (self.velocity + velocity) * period_s
         else:
             self.position = position
@@ -240,7 +289,7 @@ class _AxisMotion:
     def end_stream(self, deceleration: float) -> None:
         if self.operation is not Operation.STREAM:
             return
-        if self.mode is CommandMode.VELOCITY and self.velocity:
+        if self.rolls and self.velocity:
             self.brake(deceleration)
         else:
             self.begin(Operation.IDLE)
@@ -248,8 +297,8 @@ class _AxisMotion:
 
     def brake(self, deceleration: float) -> None:
         if self.operation is not Operation.IDLE:
-            segments = profile_to_rest(self.position, self.velocity, deceleration)
-            self.begin(Operation.STOPPING, segments, deceleration)
+            plan = partial(profile_to_rest, deceleration=deceleration)
+            self.begin(Operation.STOPPING, plan, deceleration)
 
     def advance(self, step_s: float) -> None:
         """Continue the profile by ``step_s``."""

@@ -159,14 +159,66 @@ def test_the_command_follows_an_axis_that_is_off_so_that_enabling_makes_no_jump(
     assert arm.image.position_command[0] == -3.0
 
 
-def test_a_pause_of_the_control_loop_does_not_make_the_axis_jump() -> None:
-    arm = Arm()
-    arm.move(0, 2.0, PROFILE)
-    arm.period(200)
-    before = arm.image.position_command[0]
-    arm.fake.advance(0.1)
+def roll(arm: Arm, *velocities: float) -> None:
+    """Run a period in which both axes are streamed with ``velocities``."""
+    arm.stream(np.full(2, np.nan), np.array(velocities), 0)
     arm.period()
-    assert arm.image.position_command[0] - before <= 1.0 * 2 * PERIOD_S + 1e-12
+
+
+def speeds(arm: Arm) -> FloatArray:
+    """Return the velocities (k, 2) of the targets that were sent, from rest at the first one."""
+    return np.diff(np.array([arm.sent[0], *arm.sent]), axis=0) / PERIOD_S
+
+
+@pytest.mark.parametrize("pause_s", [0.006, 0.1])
+@pytest.mark.parametrize("kind", ["move", "jog", "stop"])
+def test_after_a_pause_of_the_control_loop_an_axis_goes_on_from_rest(
+    kind: str, pause_s: float
+) -> None:
+    arm = Arm()
+    if kind == "jog":
+        arm.set_command_mode(0, CommandMode.VELOCITY)
+        arm.jog(0, PROFILE)
+    else:
+        arm.move(0, 2.0, PROFILE)
+    arm.period(200)
+    if kind == "stop":
+        arm.stop([0])
+        arm.period(20)
+    assert abs(arm.image.velocity_command[0]) > 0.5
+    del arm.sent[:-1]
+    arm.fake.advance(pause_s)
+    if kind == "jog":
+        arm.period(500)
+        assert arm.image.velocity_command[0] == pytest.approx(1.0)
+    else:
+        arm.until_idle()
+    assert arm.image.position_command[0] == pytest.approx(2.0) or kind != "move"
+    assert np.abs(np.diff(speeds(arm)[:, 0])).max() <= 4.0 * PERIOD_S * 1.01
+    if kind == "stop":
+        assert np.abs(speeds(arm)).max() == 0.0
+
+
+@pytest.mark.parametrize("within_a_period", [False, True])
+def test_after_a_pause_streamed_wheels_go_on_from_rest_on_their_arc(within_a_period: bool) -> None:
+    arm = Arm()
+    for axis in (0, 1):
+        arm.set_command_mode(axis, CommandMode.VELOCITY)
+    arm.begin_stream([0, 1])
+    for step in range(100):
+        roll(arm, 0.1 * step, -0.05 * step)
+    del arm.sent[:-1]
+    arm.fake.advance(0.1)
+    if not within_a_period:
+        arm.period()
+    for _ in range(1500):
+        roll(arm, 9.9, -4.95)
+    found = speeds(arm)
+    assert np.abs(np.diff(found[:, 0])).max() <= 5.0 * PERIOD_S * 1.01  # the stop deceleration
+    assert found[:, 1] == pytest.approx(-0.5 * found[:, 0])
+    assert found[-1] == pytest.approx([9.9, -4.95])
+    roll(arm, 8.9, -4.45)  # from now on as it is streamed
+    assert speeds(arm)[-1] == pytest.approx([9.4, -4.7])
 
 
 def test_motion_ends_when_the_feedback_stays_away() -> None:
