@@ -162,9 +162,8 @@ class Robot:
             clock=clock,
         )
         self.rearming = Rearming(self.axes, self.control_loop.period_ns)
-        self._look_each_period(rate_hz)
         self._motion_stop = MotionStop(self.axes, mixer, self.io, descriptor.stop_input)
-        self.control_loop.every(rate_hz, "stop", self._motion_stop.enforce, first=True)
+        self._look_each_period(rate_hz)
         self.groups = JointGroups(descriptor, self.axes, mixer, driver, self.rearming)
         self.base = self._make_base()
         self.wheel_axes = descriptor.drive.axes if descriptor.drive else ()
@@ -384,9 +383,11 @@ class Robot:
                 self.clock.end()
 
     def _look_each_period(self, rate_hz: float) -> None:
-        """Add what the control loop looks at in each period, after the setpoints."""
+        """Add what the control loop looks at in each period."""
         every, guard = self.control_loop.every, SoftLimitGuard(self.axes, 1.0 / rate_hz)
         every(rate_hz, "silence", self.rearming.listen, first=True)
+        every(rate_hz, "stop", self._motion_stop.enforce, first=True)
+        every(rate_hz, "standstill", self._motion_stop.note_image)
         every(rate_hz, "interruptions", self.rearming.interruptions.look)
         every(rate_hz, "travel", guard.look)
         if self.gripper is not None:

@@ -32,6 +32,8 @@ class MotionStop:
     ) -> None:
         self._axes, self._mixer = axes, mixer
         self._connection, self._clock = axes.connection, axes.clock
+        self._was_active = False  # at the begin of the period
+        self._shown = True  # the image is newer than the end of all sources
         self._input_name = ""
         self._forbids_motion: Callable[[], bool] = lambda: False  # by the input
         if stop_input is not None:
@@ -42,13 +44,22 @@ class MotionStop:
 
     @property
     def at_rest(self) -> bool:
-        """No source is active, and the device moves no axis by itself. Any thread."""
+        """No source is active, and the device moves no axis by itself. Any thread.
+
+        The axes of a source that has ended with a fault are stopped by the device, which an image
+        from before does not show.
+        """
+        if self._connection.ready and not self._shown:
+            return False
         operations = self._axes.image.operation.tolist()
         moving = (*BY_DEVICE, Operation.STOPPING)
         return not self._mixer.active and not any(each in moving for each in operations)
 
     def enforce(self, image: ProcessImage) -> None:
         """Check the input, and request the end of all motion while stopped. Control loop."""
+        if was_active := self._mixer.active:
+            self._shown = False
+        self._was_active = was_active
         latch = self._axes.stop_latch
         if not latch.reason and (rejection := self._input_rejection):
             latch.engage(rejection)
@@ -60,6 +71,11 @@ class MotionStop:
         moved += [axis for axis in given_up if image.operation[axis] == Operation.STREAM]
         if moved:
             self._axes.stops.request(moved)
+
+    def note_image(self, image: ProcessImage) -> None:
+        """Note that a new image shows what the end of all sources has left. Control loop."""
+        if not self._was_active:
+            self._shown = True
 
     def stop(self, reason: str, timeout_s: float) -> None:
         """Engage the latch and wait for standstill. Any worker; raises as ``wait_at_rest``."""

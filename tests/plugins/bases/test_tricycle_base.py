@@ -14,7 +14,7 @@ from robotd.arrays import FloatArray
 from robotd.descriptor import load_robot_descriptor
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode
-from robotd.errors import InvalidArgument
+from robotd.errors import DeviceTimeout, InvalidArgument
 from robotd.motion.planar import PlanarTwist
 
 WHEELBASE_M, RADIUS_M = 0.8, 0.1
@@ -147,3 +147,21 @@ def test_a_servo_that_goes_off_ends_the_motion(harness: BaseHarness) -> None:
     harness.settle()
     harness.run(2.0)
     assert abs(harness.robot.image.velocity[TRACTION]) < 1e-6
+
+
+def test_a_stop_ends_at_standstill_where_a_fault_ends_the_motion_in_it(
+    harness: BaseHarness,
+) -> None:
+    robot = harness.robot
+    harness.drive(0.3, 0.3, 0.3)
+    assert robot.image.velocity[STEERING] > 0.5
+    robot.axes.stop_latch.engage("by the operator")
+    harness.step()
+    with harness.simulation.world.lock:
+        harness.simulation.power.trip(TRACTION, 17)
+    harness.wait(lambda: not harness.base.moving)
+    with pytest.raises(DeviceTimeout, match="axes still move"):
+        robot._motion_stop.reset(0.0)
+    harness.wait(lambda: robot._motion_stop.at_rest)
+    assert abs(harness.simulation.servo.command_velocity[STEERING]) < 1e-9
+    assert "allowed again" in robot.reset()
