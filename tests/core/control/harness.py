@@ -99,9 +99,11 @@ class Setpoints:
 class Harness:
     """Robot on the simulation; time advances in ``run`` and in waits on its clock."""
 
-    def __init__(self, descriptor: RobotDescriptor | None = None) -> None:
+    def __init__(
+        self, descriptor: RobotDescriptor | None = None, clock: SteppedClock | None = None
+    ) -> None:
         descriptor = descriptor or arm()
-        self.clock = SteppedClock()
+        self.clock = clock or SteppedClock()
         self.robot = Robot(descriptor, load_backend("sim"), self.clock)
         self.image = self.robot.image
         self.connection = self.robot.connection
