@@ -69,7 +69,8 @@ class BaseWitness(Witness):
         self.longest_stall_s = 0.0
         self._now_s = self._listened_s = 0.0
         self._interrupted_s = self._valid_s = 0.0  # the latter: until then a command holds
-        self._may_move = False
+        self._may_move = self._rested = False  # the latter: since the interruption
+        self._stopped_s = 0.0  # when the first of the interruptions came
         self._twist: PlanarTwist | None = None
         self._turns: FloatArray | None = None  # true ones; None: odometry is not judged
         self._fresh_ns = 0
@@ -78,7 +79,10 @@ class BaseWitness(Witness):
 
     def interrupt(self) -> None:
         """Motion is interrupted: clients have to begin anew."""
-        self._interrupted_s, self._may_move = self._harness.now_s, False
+        now_s = self._harness.now_s
+        if self._may_move:
+            self._stopped_s, self._rested = now_s, False
+        self._interrupted_s, self._may_move = now_s, False
         for source in self.sources.values():
             source.is_armed = False
 
@@ -131,6 +135,8 @@ class BaseWitness(Witness):
         streams = np.array(self._simulation.states.operation)[self._wheels] == int(Operation.STREAM)
         if (streams & judged & (np.abs(speeds) > STANDING_RAD_S)).any():
             self._judge_cause(speeds)
+        elif self._now_s > self._stopped_s + self._limits.smoothing() + LATENCY_S:
+            self._rested = True
         self._judge_twist(speeds, all_judged=bool((streams & judged).all()))
 
     def _rejects_motion(self) -> bool:
@@ -145,7 +151,8 @@ class BaseWitness(Witness):
         )
 
     def _judge_cause(self, speeds: FloatArray) -> None:
-        if not self._may_move and self._now_s > self._interrupted_s + self._rest_s:
+        late = self._now_s > self._interrupted_s + self._rest_s
+        if not self._may_move and (late or self._rested):
             self.seen.append(f"nobody began anew, and the wheels move with {speeds} rad/s")
         if self._now_s > self._valid_s + self._rest_s + self.longest_stall_s:
             self.seen.append(f"nobody commands, and the wheels move with {speeds} rad/s")

@@ -52,7 +52,7 @@ def profile(random: Random) -> Profile:
 COMMANDS: Commands = {
     "wait": (6, (SECONDS,)),
     "send": (3, (CLIENT, twist, SECONDS)),
-    "drive": (14, (CLIENT, twist, one_of(0.02, 0.05, 0.1, 0.4, 0.7), one_of(0.3, 1.0, 3.0, 10.0),
+    "drive": (14, (CLIENT, twist, one_of(0.02, 0.05, 0.1, 0.4, 0.7), one_of(0.3, 3.0, 10.0, 20.0),
                    one_of(0.1, 0.5, 0.5, 1.0), one_of(0.0, 0.0, 0.0, 0.2), SECONDS)),
     "zero": (2, (CLIENT,)),
     "end_drive": (2, (CLIENT,)),
