@@ -71,6 +71,7 @@ class BaseWitness(Witness):
         self._interrupted_s = self._valid_s = 0.0  # the latter: until then a command holds
         self._may_move = self._rested = False  # the latter: since the interruption
         self._stopped_s = 0.0  # when the first of the interruptions came
+        self._moved_s = 0.0
         self._twist: PlanarTwist | None = None
         self._turns: FloatArray | None = None  # true ones; None: odometry is not judged
         self._fresh_ns = 0
@@ -133,10 +134,13 @@ class BaseWitness(Witness):
         speeds = np.array(self._simulation.servo.command_velocity)[self._wheels]
         judged = self.excused[self._wheels] == 0
         streams = np.array(self._simulation.states.operation)[self._wheels] == int(Operation.STREAM)
-        if (streams & judged & (np.abs(speeds) > STANDING_RAD_S)).any():
+        moves = np.abs(speeds) > STANDING_RAD_S
+        if (streams & judged & moves).any():
             self._judge_cause(speeds)
+        if moves.any():
+            self._moved_s = self._now_s
         elif self._now_s > self._stopped_s + self._limits.smoothing() + LATENCY_S:
-            self._rested = True
+            self._rested = self._now_s > self._moved_s + LATENCY_S
         self._judge_twist(speeds, all_judged=bool((streams & judged).all()))
 
     def _rejects_motion(self) -> bool:
