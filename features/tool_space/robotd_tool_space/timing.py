@@ -6,16 +6,18 @@ is found in two passes: backward for the highest speed from which the rest of th
 forward for the highest acceleration that stays below it (reachability analysis: Pham and Pham, "A
 New Approach to Time-Optimal Path Parameterization Based on Reachability Analysis", IEEE Trans.
 Robotics 34(3), 2018). The accelerations then have steps; a moving average over ``smooth_s`` turns
-them into ramps.
+them into ramps. The parts between two stops are averaged each by itself: an average across a stop
+would pass it with some speed.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from robotd.api import FloatArray, InvalidArgument
+from robotd.api import FloatArray, IntArray, InvalidArgument
 from robotd_tool_space.joint_path import JointPath
 
 SAMPLE_S = 0.002  # of the moving average
@@ -31,11 +33,13 @@ class Timing:
         times_s: (k,) equidistant, from 0.
         at_s: (k,) parameter of the path.
         speeds: (k,) derivatives of ``at_s``.
+        rests_s: times at which the path stands: its start, its stops and its end.
     """
 
     times_s: FloatArray
     at_s: FloatArray
     speeds: FloatArray
+    rests_s: tuple[float, ...]
 
     def at(self, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return parameter and speed, (m,) each, at (m,) times."""
@@ -60,29 +64,40 @@ def time_path(
 
     Raises InvalidArgument: it takes more than an hour.
     """
-    at_s = joints.at_s
+    at_s, edges = joints.at_s, joints.path.edges_s
+    stops = [int(np.abs(at_s - edges[piece + 1]).argmin()) for piece in joints.path.stops]
+    rests = np.array([0, *sorted(stops), len(at_s) - 1])
     slope = np.hstack([joints.slopes, np.ones((len(at_s), 1))])
-    bend = np.hstack([_bends(joints), np.zeros((len(at_s), 1))])
+    bend = np.hstack([_bends(joints, rests), np.zeros((len(at_s), 1))])
     limit = np.append(acceleration, tool_acceleration_s)
     speeds = np.append(velocity, 1.0)
     highest = _highest(slope, bend, speeds, limit)
-    edges = joints.path.edges_s
-    for piece in joints.path.stops:
-        highest[np.abs(at_s - edges[piece + 1]).argmin()] = 0.0
-    squared = _passes(at_s, slope, bend, highest, limit)
-    return _smoothed(at_s, np.sqrt(squared), smooth_s)
+    highest[rests] = 0.0
+    speed = np.sqrt(_passes(at_s, slope, bend, highest, limit))
+    seconds = np.diff(at_s) / np.maximum(0.5 * (speed[1:] + speed[:-1]), MIN_SPEED)
+    if (total_s := seconds.sum()) > MAX_DURATION_S:  # before the memory for it is asked for
+        raise InvalidArgument(f"the line takes {total_s:.0f} s, at most {MAX_DURATION_S:g} s")
+    parts = [slice(first, last + 1) for first, last in pairwise(rests.tolist())]
+    return _joined([_smoothed(at_s[part], speed[part], smooth_s) for part in parts])
 
 
-def _bends(joints: JointPath) -> FloatArray:
-    """Return the second derivatives (k, n) of the positions by the parameter."""
-    bends: FloatArray = np.gradient(joints.slopes, joints.at_s, axis=0)
+def _bends(joints: JointPath, rests: IntArray) -> FloatArray:
+    """Return the second derivatives (k, n) of the positions by the parameter.
+
+    The slope at a stop is that behind it: it does not count for the part before.
+    """
+    bends = np.empty_like(joints.slopes)
+    edges = rests.copy()
+    edges[-1] += 1
+    for first, last in pairwise(edges.tolist()):
+        bends[first:last] = np.gradient(joints.slopes[first:last], joints.at_s[first:last], axis=0)
     return bends
 
 
 def _highest(
     slope: FloatArray, bend: FloatArray, speeds: FloatArray, limit: FloatArray
 ) -> FloatArray:
-    """Return the highest squared speed (k,) at each sample by itself; 0 at both ends."""
+    """Return the highest squared speed (k,) at each sample by itself."""
     with np.errstate(divide="ignore", invalid="ignore"):
         highest = ((speeds / np.abs(slope)) ** 2).min(axis=1)
         half, turn = limit / np.abs(slope), -bend / slope
@@ -94,9 +109,8 @@ def _highest(
         pairs = np.where(
             difference > 1e-12, (half[:, :, None] + half[:, None, :]) / difference, np.inf
         )
-    highest = np.minimum(np.minimum(highest, lone), pairs.min(axis=(1, 2)))
-    highest[0] = highest[-1] = 0.0
-    return highest
+    lowest: FloatArray = np.minimum(np.minimum(highest, lone), pairs.min(axis=(1, 2)))
+    return lowest
 
 
 def _passes(
@@ -126,11 +140,9 @@ def _passes(
 
 
 def _smoothed(at_s: FloatArray, speed: FloatArray, smooth_s: float) -> Timing:
-    """Return the timing of the speeds at the samples, averaged over ``smooth_s``."""
+    """Return the timing of the speeds at the samples between two rests, averaged."""
     mean = np.maximum(0.5 * (speed[1:] + speed[:-1]), MIN_SPEED)
     times_s = np.concatenate([[0.0], np.cumsum(np.diff(at_s) / mean)])
-    if times_s[-1] > MAX_DURATION_S:  # before the memory for it is asked for
-        raise InvalidArgument(f"the line takes {times_s[-1]:.0f} s, at most {MAX_DURATION_S:g} s")
     window = max(round(smooth_s / SAMPLE_S), 1)
     count = int(np.ceil(times_s[-1] / SAMPLE_S)) + window + 1
     grid = np.arange(count, dtype=np.float64) * SAMPLE_S
@@ -139,10 +151,23 @@ def _smoothed(at_s: FloatArray, speed: FloatArray, smooth_s: float) -> Timing:
     index = np.clip(np.searchsorted(times_s, grid, "right") - 1, 0, len(times_s) - 2)
     since = grid - times_s[index]
     raw = np.where(grid >= times_s[-1], at_s[-1], at_s[index] + 0.5 * (speed[index] + rate) * since)
-    delayed = np.concatenate([np.zeros(window), raw[:-window]])
+    delayed = np.concatenate([np.full(window, at_s[0]), raw[:-window]])
     # The integral of the parameter over the window; its derivative is the difference of its ends.
-    total = np.concatenate([[0.0], np.cumsum(0.5 * (raw[1:] + raw[:-1]))])
+    total = np.concatenate([[0.0], np.cumsum(0.5 * (raw[1:] + raw[:-1]) - at_s[0])])
     earlier = np.concatenate([np.zeros(window), total[:-window]])
-    averaged = (total - earlier) / window
+    averaged = at_s[0] + (total - earlier) / window
     averaged[-1] = at_s[-1]
-    return Timing(grid, averaged, (raw - delayed) / (window * SAMPLE_S))
+    speeds = (raw - delayed) / (window * SAMPLE_S)
+    return Timing(grid, averaged, speeds, (0.0, float(grid[-1])))
+
+
+def _joined(parts: list[Timing]) -> Timing:
+    """Return the timing of all parts, one after the other."""
+    begins_s = np.cumsum([0.0, *(part.times_s[-1] for part in parts)])
+    firsts = zip(begins_s.tolist(), parts, strict=False)
+    return Timing(
+        np.concatenate([[0.0], *(begin_s + part.times_s[1:] for begin_s, part in firsts)]),
+        np.concatenate([parts[0].at_s[:1], *(part.at_s[1:] for part in parts)]),
+        np.concatenate([[0.0], *(part.speeds[1:] for part in parts)]),
+        tuple(begins_s.tolist()),
+    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -193,8 +194,12 @@ def _standing(start: FloatArray) -> ToolMotion:
 
 
 def _knots(joints: JointPath, timing: Timing, knot_s: float) -> ToolMotion:
-    end_s = float(timing.times_s[-1])
-    times_s = np.linspace(0.0, end_s, max(int(np.ceil(end_s / knot_s)), 2) + 1)
+    # A point at each stop: a cubic from before it to behind it would cut the corner.
+    parts_s = []
+    for begin_s, end_s in pairwise(timing.rests_s):
+        count = max(int(np.ceil((end_s - begin_s) / knot_s)), 2)
+        parts_s.append(np.linspace(begin_s, end_s, count + 1)[1:])
+    times_s = np.concatenate([[0.0], *parts_s])
     at_s, rate = timing.at(times_s)
     at_s[-1], rate[0], rate[-1] = joints.at_s[-1], 0.0, 0.0
     positions, slopes = joints.exact(at_s)
