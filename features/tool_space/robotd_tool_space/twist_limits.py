@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from ruckig import ControlInterface, InputParameter, Ruckig, Synchronization, Trajectory
+from ruckig import (
+    ControlInterface,
+    InputParameter,
+    Ruckig,
+    RuckigError,
+    Synchronization,
+    Trajectory,
+)
 
 from robotd.api import FloatArray, InvalidArgument
 
 MIN_ACCELERATION = 1e-3  # m/s² or rad/s²: limit of a component that does not change
+STRONGEST_SHARES = 1.0, 1.001, 1.01  # of the change of a rate, until a plan is found
 
 
 @dataclass(frozen=True)
@@ -163,8 +172,19 @@ class FactorRamp:
         parameters.current_position = [self.factor - before]
         parameters.current_velocity = [self.rate - slope]
         parameters.min_velocity, parameters.max_velocity = [lowest - slope], [highest - slope]
-        parameters.max_acceleration = [strongest]
-        self._ruckig.calculate(parameters, self._plan)
+        self._calculate(strongest)
         (deviation,), (rate,), _ = self._plan.at_time(self._period_s)
         self.factor, self.rate = limit + deviation, slope + rate
         return self.factor
+
+    def _calculate(self, strongest: float) -> None:
+        """Plan the way to the limit. Raises RuckigError: none was found."""
+        # While it brakes it is exactly as far away as its brakes need, where rounding decides: once
+        # in about 50 000 periods ruckig finds no plan for that.
+        for share in STRONGEST_SHARES[:-1]:
+            self._input.max_acceleration = [share * strongest]
+            with suppress(RuckigError):
+                self._ruckig.calculate(self._input, self._plan)
+                return
+        self._input.max_acceleration = [STRONGEST_SHARES[-1] * strongest]
+        self._ruckig.calculate(self._input, self._plan)

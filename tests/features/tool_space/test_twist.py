@@ -225,6 +225,44 @@ def test_the_factor_keeps_its_rate_and_meets_a_moving_limit() -> None:
     assert factors[-1] == pytest.approx(0.2, abs=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("factor", "rate", "before", "limit", "highest"),
+    [
+        (
+            0.46654680220542505,
+            3.7045741168690967,
+            0.49075990987125884,
+            0.49475990987125884,
+            6.279027730611018,
+        ),
+        (
+            0.5020958149604375,
+            1.406174678591849,
+            0.59877936446944,
+            0.59477936446944,
+            6.174174268558358,
+        ),
+        (
+            0.42992443410275066,
+            -3.9383365016417256,
+            0.3986148641561117,
+            0.3946148641561117,
+            11.8468068338322,
+        ),
+    ],
+)
+def test_a_factor_finds_its_way_where_it_just_can_brake(
+    factor: float, rate: float, before: float, limit: float, highest: float
+) -> None:
+    """Ruckig finds no plan for these, which it got from itself."""
+    ramp = FactorRamp(PERIOD_S)
+    ramp.set(before)
+    ramp.factor, ramp.rate = factor, rate
+    after = ramp.advance(limit, -20.0, highest, 60.0)
+    assert after == pytest.approx(factor + 0.5 * PERIOD_S * (rate + ramp.rate), abs=1e-5)
+    assert abs(ramp.rate - rate) / PERIOD_S < 61.0
+
+
 def test_a_start_takes_the_tool_that_is_chosen_then() -> None:
     offset = np.eye(4)
     offset[2, 3] = 0.1
