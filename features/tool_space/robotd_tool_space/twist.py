@@ -119,12 +119,12 @@ class TwistStage:
         self._in_tool = False
         self._lower = limits.lower + MARGIN_RAD
         self._upper = limits.upper - MARGIN_RAD
-        self._command = None
+        self._obstacle = ""
         self.stop()
 
     def take(self, command: Command) -> None:
         """Follow a command from the next period on."""
-        self._command, self._obstacle = command, ""
+        self._command = command
         if isinstance(command, TwistCommand):
             self._change_frame(command.in_tool)
             self._go(self._limits.slowed(command.twist))
@@ -143,6 +143,7 @@ class TwistStage:
         position, velocity, _ = self._setpoint
         dt = self._period_s
         before = self._factor.factor * self._twist_in_base(self._ramp.twist)
+        start = self._ramp.twist, self._ramp.acceleration
         twist = self._twist_in_base(self._ramp.advance())
         if not twist.any() and not before.any():
             return self._stand()
@@ -153,10 +154,15 @@ class TwistStage:
         (pose, _), (rates, next_rates) = self._differential.at(np.stack([ahead, further]), twist)
         factor = self._next_factor(ahead, rates, next_rates, seconds)
         self._rates = rates
-        self._stop_before_obstacle(position, factor * rates.inverse)
+        if self._meets_obstacle(position, rates, factor):
+            # From the state before: a client that goes on must not make the stop longer.
+            self._ramp.turn(*start)
+            self.stop()
+            twist = self._twist_in_base(self._ramp.advance())
+            factor = self._factor.factor
         now = factor * twist
         self.pose = _moved(self.pose, 0.5 * dt * (before + now))
-        following = factor * rates.velocity
+        following = rates.inverse @ now
         if rates.missing <= MAX_MISSING_SHARE:
             moving = float(np.linalg.norm(now)) / FULL_GAIN_AT
             drift = _small_difference(pose, self.pose)
@@ -165,6 +171,8 @@ class TwistStage:
 
     def _stand(self) -> FloatArray:
         """Return the setpoint of a tool that has no velocity."""
+        if self._command is not None:  # it asks for none
+            self._obstacle = ""
         self._factor.set(1.0)
         if self._setpoint[1].any():  # the last of the drift
             return self._integrate(np.zeros(len(self._joints.names)))
@@ -223,27 +231,36 @@ class TwistStage:
         self.status = self._with_obstacle(self._status(rates, bounds, factor, leaves=slope > 0.0))
         return factor
 
-    def _stop_before_obstacle(self, at: FloatArray, inverse: FloatArray) -> None:
-        """End the command where the way of a stop meets an obstacle.
+    def _meets_obstacle(self, at: FloatArray, rates: Rates, factor: float) -> bool:
+        """Return True, and note the obstacle, where the way of a stop of the command meets one.
 
-        ``inverse`` (n, 6) takes the ramped twist to the velocities of the joints.
+        ``at`` (n,) are the positions at the start of the period, at ``self.pose``.
         """
         obstacle, limits = self._motion_limits.obstacle, self._limits
         if obstacle is None or self._command is None:
-            return
-        # The acceleration ends within the rise.
-        twist = self._ramp.twist + 0.5 * limits.rise_s * self._ramp.acceleration
-        velocity = inverse @ self._twist_in_base(twist)
+            return False
+        # The acceleration ends within the rise, or that part of it, and the stop begins in another.
+        acceleration = self._ramp.acceleration
+        twist = self._ramp.twist + 0.5 * limits.rise_s * acceleration
+        part = max(
+            float(np.linalg.norm(acceleration[:3])) / limits.linear_m_s2,
+            float(np.linalg.norm(acceleration[3:])) / limits.angular_rad_s2,
+        )
+        in_base = factor * self._twist_in_base(twist)
+        velocity = rates.inverse @ in_base
         ramps = RAMP_SHARE * self._joints.acceleration / np.maximum(np.abs(velocity), 1e-9)
         strongest = min(
             limits.linear_m_s2 / max(float(np.linalg.norm(twist[:3])), 1e-9),
             limits.angular_rad_s2 / max(float(np.linalg.norm(twist[3:])), 1e-9),
             float(ramps.min()),
         )
-        seconds = 0.55 / strongest + limits.rise_s + 2.0 * self._period_s
-        if text := obstacle(at, at + seconds * velocity):
-            self.stop()
-            self._obstacle = text
+        seconds = 0.55 / strongest + (1.0 + 0.5 * part) * limits.rise_s + 2.0 * self._period_s
+        # The joints bend while the tool goes straight: a step of Newton's from where they lead.
+        stopped = at + seconds * velocity
+        pose = _moved(self.pose, self._curved(seconds * in_base))
+        stopped += rates.inverse @ pose_differences(self._chain.forward(stopped), pose)
+        self._obstacle = obstacle(at, stopped)
+        return bool(self._obstacle)
 
     def _with_obstacle(self, status: ServoStatus) -> ServoStatus:
         if not self._obstacle:
@@ -319,6 +336,12 @@ class TwistStage:
 
     def _twist_in_base(self, twist: FloatArray) -> FloatArray:
         return _turned(self.pose[:3, :3], twist) if self._in_tool else twist
+
+    def _curved(self, way: FloatArray) -> FloatArray:
+        """Return the way (6,) of a twist in force, which turns with the tool in its own axes."""
+        if not (self._in_tool and way[3:].any()):
+            return way
+        return np.concatenate([rotation_matrices(0.5 * way[3:]) @ way[:3], way[3:]])
 
     def _change_frame(self, in_tool: bool) -> None:
         """Express the present twist in the other frame."""

@@ -13,8 +13,15 @@ from structlog.testing import capture_logs
 from tests.features.tool_space.arms import go
 
 from robotd import Robot, open_robot
-from robotd.api import DescriptorError, FloatArray, Operation, Profile, read_urdf
-from robotd.api.robots import TrajectoryRequest
+from robotd.api import (
+    DescriptorError,
+    FloatArray,
+    Operation,
+    Profile,
+    load_robot_descriptor,
+    read_urdf,
+)
+from robotd.api.robots import MotionLimits, TrajectoryRequest, axis_limits, joint_limits
 from robotd.clock.simulated import SteppedClock
 from robotd.control.completion import Outcome
 from robotd.device.axes import Jog, Move
@@ -27,10 +34,12 @@ from robotd_tool_space.collisions import (
     plane_distances,
     segment_distances,
 )
+from robotd_tool_space.kinematics import Kinematics
 from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.rotations import pose_of
 from robotd_tool_space.servo_status import ServoCode
 from robotd_tool_space.settings import ToolSpaceKeys
+from robotd_tool_space.twist import Command, PoseCommand, TwistCommand, TwistStage
 
 BENT = np.array([0.0, 0.3, 1.4, -0.2, 1.2, 0.0])
 FOLDED = np.array([0.0, 0.0, 2.8, 0.0, 0.0, 0.0])
@@ -120,6 +129,14 @@ class Arm:
         return TrajectoryRequest(self.tool.group.joint_names, np.array([seconds]), np.array([goal]))
 
 
+@pytest.fixture(scope="module")
+def collisions(file: Path) -> Collisions:
+    descriptor = load_robot_descriptor(file)
+    settings = descriptor.settings(ToolSpaceKeys).tool_space.collisions
+    assert settings is not None
+    return Collisions.of(descriptor, Kinematics.of_descriptor(descriptor, "joints"), settings)
+
+
 @pytest.fixture
 def arm(file: Path) -> Iterator[Arm]:
     with open_robot(file, "sim", clock=SteppedClock()) as robot:
@@ -184,6 +201,38 @@ def test_a_twist_stops_before_a_wall_and_leaves_it(arm: Arm) -> None:
         arm.run(200)
         assert stream._stage.status.code is ServoCode.NO_WARNING
     assert arm.collisions.distances(arm.position[None]).min() > nearest + 0.01
+
+
+TOWARDS = np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0])
+CURVED = np.array([0.25, 0.4, -0.1, 0.0, 0.8, 0.5])
+THERE = PoseCommand(pose_of([0.2, 0.9, 0.4], [0.0, 2.0, 0.0]))
+
+
+@pytest.mark.parametrize("periods", [1, 5, 20], ids=lambda each: f"every {each}")
+@pytest.mark.parametrize(
+    "command",
+    [TwistCommand(TOWARDS), TwistCommand(CURVED), TwistCommand(CURVED, in_tool=True), THERE],
+    ids=["straight", "turning", "in the tool", "pose"],
+)
+def test_the_tool_stops_in_time_however_often_a_client_goes_on(
+    collisions: Collisions, command: Command, periods: int
+) -> None:
+    descriptor = load_robot_descriptor("cr3a")
+    arm, limits = Kinematics.of_descriptor(descriptor, "joints"), MotionLimits()
+    limits.obstacle = collisions.obstacle
+    stage, rest = TwistStage(lambda: arm, limits), np.zeros(6)
+    joints = joint_limits(descriptor.joints, axis_limits(descriptor))
+    stage.begin(np.array([BENT, rest, rest]), joints, 0.002)
+    path, codes = [], set()
+    for period in range(1200):
+        if period % periods == 0:
+            stage.take(command)
+        path.append(stage.advance())
+        codes.add(stage.status.code)
+    assert ServoCode.HALT_FOR_COLLISION in codes
+    assert np.abs(path[-1][1]).max() < 0.01
+    nearest = collisions.distances(np.array(path)[:, 0]).min()
+    assert MARGIN_M - 0.003 < nearest < MARGIN_M + 0.03
 
 
 @pytest.mark.parametrize("mode", ["position", "velocity"])
