@@ -124,7 +124,11 @@ class Play:
         assert not self.harness.simulation.states.servo_on.any()
 
     def end(self) -> None:
-        """Mend everything, and move."""
+        """Mend everything, and reach a goal."""
+        raise NotImplementedError
+
+    def mend(self) -> None:
+        """Do all that an operator can, until the robot is at rest and takes commands."""
         faults = self.harness.faults
         self._later.clear()
         faults.freeze(False)

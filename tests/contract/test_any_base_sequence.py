@@ -208,7 +208,7 @@ class BasePlay(Play):
 
     def end(self) -> None:
         """Mend everything; the base recovers, and drives."""
-        super().end()
+        self.mend()
         self._wait(1.0)
         left = 0.1 if self.base.wheels.moves_sideways else 0.0
         twist = PlanarTwist(0.2, 0.15, left)

@@ -18,6 +18,7 @@ from tests.core.control.harness import ACCELERATION, Harness, arm
 
 from robotd.control.completion import Outcome
 from robotd.control.joint_stream import JointStream
+from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Jog, Move
 from robotd.errors import RobotdError
 from robotd.motion import TrajectoryRequest
@@ -86,9 +87,9 @@ COMMANDS: Commands = {
 class ArmPlay(Play):
     """An arm, and what its clients hold."""
 
-    def __init__(self) -> None:
-        harness = Harness(arm(JOINTS))
-        fastest, hardest = np.full(JOINTS, 1.1 * VELOCITY), np.full(JOINTS, HIGHEST)
+    def __init__(self, descriptor: RobotDescriptor) -> None:
+        harness, joints = Harness(descriptor), len(descriptor.joints)
+        fastest, hardest = np.full(joints, 1.1 * VELOCITY), np.full(joints, HIGHEST)
         super().__init__(harness, Witness(harness, fastest, hardest))
         self.goals: list[ExitStack] = []
         self.streams: list[JointStream] = []
@@ -138,13 +139,13 @@ class ArmPlay(Play):
             stream.close()
 
     def set_modes(self) -> None:
-        for axis in range(JOINTS):
+        for axis in self._axes:
             with suppress(RobotdError):
                 self.robot.axes.set_command_mode(axis, 0)
 
     def end(self) -> None:
         """Mend everything; the arm recovers, and reaches a goal."""
-        super().end()
+        self.mend()
         robot = self.robot
         target = np.where(robot.image.position_command > 0.0, -0.5, 0.5)
         request = TrajectoryRequest.from_rows(robot.joint_names, [5.0], [target.tolist()])
@@ -155,4 +156,4 @@ class ArmPlay(Play):
 
 @pytest.mark.parametrize("seed", range(25))
 def test_it_never_moves_by_surprise(seed: int) -> None:
-    ArmPlay().run(Random(seed), COMMANDS, 60)
+    ArmPlay(arm(JOINTS)).run(Random(seed), COMMANDS, 60)
