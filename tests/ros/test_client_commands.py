@@ -141,10 +141,10 @@ def test_without_a_robot_status_says_so() -> None:
     assert "no service" not in error
 
 
-def test_a_service_that_the_running_robot_lacks_is_no_missing_robot(
-    cr3a: RobotProcess, client: Client
-) -> None:
-    status, _, error = robotd(cr3a.domain, "sim", "pause", "--timeout", "2")
+def test_a_service_that_the_running_robot_lacks_is_no_missing_robot() -> None:
+    with RobotProcess(*NOT_ENABLED) as robot:
+        robot.wait_ready()
+        status, _, error = robotd(robot.domain, "sim", "pause", "--timeout", "2")
     assert status == 5
     assert "no service /robotd_sim/pause within 2 s: robotd is running, but without it" in error
 
