@@ -114,7 +114,7 @@ def setpoint_cost(rate_hz: float, mode: str, *, cold: bool) -> tuple[float, floa
             began_ns = time.perf_counter_ns()
             if now_ns >= sent * NANOSECONDS / rate_hz:
                 target = np.full(6, AMPLITUDE * np.sin(ANGULAR * sent / rate_hz))
-                setpoints.follow(StreamCommand(target, None, now_ns))
+                setpoints.take(StreamCommand(target, None, now_ns))
                 sent += 1
             setpoints.advance(now_ns + period_ns)
             shortest[period] = min(shortest[period], (time.perf_counter_ns() - began_ns) / 1e3)

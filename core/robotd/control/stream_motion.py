@@ -121,7 +121,7 @@ class StreamMotion(JointSource):
                 self._setpoints.reset(state, MAX_ACCELERATION_SHARE_AFTER_STALL)
                 self.stall_recovery.left_plan = self._due_ns <= self._settled_until_ns
             if self._phase is Phase.RUNNING:
-                self._follow_commands(time_ns)
+                self._take_commands(time_ns)
             self.setpoint[:] = self._setpoints.advance(self._due_ns)
             if self._setpoints.failure:
                 self.completion.request(Outcome.FAULT, self._setpoints.failure)
@@ -134,12 +134,12 @@ class StreamMotion(JointSource):
     def sent(self, due_ns: int) -> None:
         self.stall_recovery.sent(self.setpoint[:2], due_ns)
 
-    def _follow_commands(self, time_ns: int) -> None:
+    def _take_commands(self, time_ns: int) -> None:
         """Take what has arrived; slow to rest when nothing has, or an end was requested."""
         if self.completion.requested is None and self._due_ns > self._settled_until_ns:
             while self._commands:
                 command = self._commands.popleft()
-                self._setpoints.follow(command)
+                self._setpoints.take(command)
                 self._commanded_ns, self._silent = command.time_ns, False
             if time_ns - self._commanded_ns > self.timeout_ns and not self._silent:
                 self._silent = True

@@ -140,7 +140,7 @@ class StreamSetpoints:
         if self._command is not None and self._spline is None and self._window is None:
             self._go(self._command)
 
-    def follow(self, command: StreamCommand) -> None:
+    def take(self, command: StreamCommand) -> None:
         """Take a command, at once or on the curve."""
         self._command, self._settles = command, False
         if command.reference is not None:

@@ -148,7 +148,7 @@ class WheelMotion(SetpointSource):
             if is_at_rest and (ending or self._command.ended):
                 self.completion.finish(*(ending or (Outcome.SUCCEEDED, "at rest")))
                 return False
-            self._follow(self._limiter.step(twist))
+            self._set_wheels(self._limiter.step(twist))
         self._sent = False
         if self.stall_recovery is not None:
             self._recover(self.stall_recovery, time_ns + period_ns, period_ns / NANOSECONDS)
@@ -159,7 +159,7 @@ class WheelMotion(SetpointSource):
         if self.stall_recovery is not None:
             self.stall_recovery.sent(self.setpoint[:2, self._steered], due_ns)
 
-    def _follow(self, twist: PlanarTwist) -> None:
+    def _set_wheels(self, twist: PlanarTwist) -> None:
         """Set the next setpoint of each axis; ``twist`` is within the limits."""
         follower = self._follower
         follower.step(twist)

@@ -231,7 +231,7 @@ class Gripper:
         """
         if self._measured is not None:
             self._measured(self._fingers)
-            self._follow_fingers(image.stamp_ns)
+            self._read_fingers(image.stamp_ns)
             return
         closes = self._commanded()
         elapsed_ns, self._last_ns = image.stamp_ns - self._last_ns, image.stamp_ns
@@ -240,7 +240,7 @@ class Gripper:
         step = elapsed_ns / self._travel_ns if self._travel_ns else 1.0
         self.closed += min(max(float(closes) - self.closed, -step), step)
 
-    def _follow_fingers(self, now_ns: int) -> None:
+    def _read_fingers(self, now_ns: int) -> None:
         """Derive the position of the gripper from its fingers, and note when they moved last."""
         position_m = float(self._fingers[self._moving] @ self._shares)
         if not math.isfinite(position_m):

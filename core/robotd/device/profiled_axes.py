@@ -103,7 +103,7 @@ class ProfiledAxes(AxisDriver):
                 enabled = bool(image.servo_on[axis] and not faulty)
                 if is_new:  # the controller may have kept the servo on, but no command
                     motion.enabled = False
-                motion.follow(float(image.position[axis]), enabled=enabled, lost=lost)
+                motion.track(float(image.position[axis]), enabled=enabled, lost=lost)
                 if motion.operation is Operation.STREAM and not self._streamed:
                     self._hold(motion)  # a setpoint is late: its target is held
                 if lost and motion.operation is not Operation.STOPPING:
@@ -263,7 +263,7 @@ class _AxisMotion:
         self.velocity = 0.0
         self.begin(self.operation, self._plan, self.deceleration)
 
-    def follow(self, position: float, *, enabled: bool, lost: bool) -> None:
+    def track(self, position: float, *, enabled: bool, lost: bool) -> None:
         """Track the measured position while disabled, so that enabling makes no jump.
 
         Where values were lost in motion, it is taken once as well, at rest. An axis that rested

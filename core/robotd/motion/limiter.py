@@ -176,14 +176,14 @@ class SetpointLimiter:
             self.state[:] = reference
             return self.state
         if carefree:
-            self._follow(start, reference, deviation, self._rest)
+            self._advance(start, reference, deviation, self._rest)
             if self._is_carefree(self.state) and (
                 velocity_range is None or True not in self._too_fast(self.state.tolist())
             ):
                 return self.state
         target, tracked = self._within_limits(target), self._trackable(reference)
         if not carefree:
-            self._follow_some(start, reference, deviation, target, tracked)
+            self._advance_some(start, reference, deviation, target, tracked)
         lower, upper = self._range(start[0].tolist())
         for joint, (begin, end) in enumerate(zip(start[0].tolist(), target, strict=True)):
             if stands[joint] and begin > end:
@@ -194,7 +194,7 @@ class SetpointLimiter:
         unsafe = map(operator.or_, self._unstoppable(state, lower, upper), self._too_fast(state))
         safe = [each and not cannot for each, cannot in zip(tracked, unsafe, strict=True)]
         if safe != tracked:
-            self._follow_some(start, reference, deviation, target, safe)
+            self._advance_some(start, reference, deviation, target, safe)
         return self.state
 
     def _go(self, target: Row, velocity: Row, bounds: Bounds) -> None:
@@ -258,7 +258,7 @@ class SetpointLimiter:
             for p, v, a, fastest, strongest, low, high in zip(*rows, strict=True)
         ]
 
-    def _follow_some(
+    def _advance_some(
         self,
         start: FloatArray,
         reference: FloatArray,
@@ -273,9 +273,9 @@ class SetpointLimiter:
             deviation = np.where(tracked, deviation, start)
         else:
             target = self._rest
-        self._follow(start, reference, deviation, target)
+        self._advance(start, reference, deviation, target)
 
-    def _follow(
+    def _advance(
         self, start: FloatArray, reference: FloatArray, deviation: FloatArray, target: Row
     ) -> None:
         """Advance from ``start``, ``deviation`` away from ``reference``, to a deviation ``target``.

@@ -76,12 +76,12 @@ class _TimeServices:
         for each in self._clocks:
             source.attach_clock(each)
         control_loop, rate_hz = robot.control_loop, robot.descriptor.cycle.rate_hz
-        control_loop.every(rate_hz, "clocks of the nodes", self._follow, first=True)
+        control_loop.every(rate_hz, "clocks of the nodes", self._set_clocks, first=True)
         control_loop.every(min(CLOCK_RATE_HZ, rate_hz), "clock", self._publish, first=True)
         add_service(node, host, SetBool, "~/pause", self._pause)
         add_service(node, host, SetParametersAtomically, "~/step", named_values(self._step))
 
-    def _follow(self, image: ProcessImage) -> None:
+    def _set_clocks(self, image: ProcessImage) -> None:
         now = self._now()
         for clock in self._clocks:
             clock.set_ros_time_override(now)

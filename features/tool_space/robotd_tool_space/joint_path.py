@@ -67,7 +67,7 @@ def hermite(
     )
 
 
-def follow_path(kinematics: Kinematics, path: ToolPath, start: FloatArray) -> JointPath:
+def solve_path(kinematics: Kinematics, path: ToolPath, start: FloatArray) -> JointPath:
     """Return the joint positions of ``path``, continuously from ``start`` (n,).
 
     Raises Unreachable: the arm leaves its limits, or is singular; with the place.

@@ -10,7 +10,7 @@ import numpy as np
 
 from robotd.api import FloatArray
 from robotd.api.robots import JointLimits, TrajectoryRequest
-from robotd_tool_space.joint_path import JointPath, follow_path, hermite
+from robotd_tool_space.joint_path import JointPath, hermite, solve_path
 from robotd_tool_space.kinematics import Kinematics, Obstacle, Unreachable
 from robotd_tool_space.rotations import pose_differences
 from robotd_tool_space.timing import Timing, time_path
@@ -111,7 +111,7 @@ def plan_lines(
     path = ToolPath.through([first, *poses], speed.velocity, speed.angular_velocity, blend_m)
     if not path.pieces:
         return _standing(start)
-    joints = follow_path(kinematics, path, start)
+    joints = solve_path(kinematics, path, start)
     timing = time_path(
         joints,
         limits.velocity,
