@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from random import Random
@@ -95,7 +96,7 @@ class Witness:
         return np.array(self._simulation.servo.command[: self._axes], float)
 
 
-class Play:
+class Play(ABC):
     """A robot, its witness, and the commands of an operator."""
 
     def __init__(self, harness: Harness, witness: Witness) -> None:
@@ -123,9 +124,9 @@ class Play:
         assert not self.witness.seen
         assert not self.harness.simulation.states.servo_on.any()
 
+    @abstractmethod
     def end(self) -> None:
         """Mend everything, and reach a goal."""
-        raise NotImplementedError
 
     def mend(self) -> None:
         """Do all that an operator can, until the robot is at rest and takes commands."""
@@ -146,9 +147,11 @@ class Play:
         self.robot.axes.stop_and_wait(self._axes, 20.0)
         self.set_modes()
 
+    @abstractmethod
     def release(self) -> None:
         """End what clients hold."""
 
+    @abstractmethod
     def set_modes(self) -> None:
         """Set the command modes as at start."""
 

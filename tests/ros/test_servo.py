@@ -126,7 +126,7 @@ def arm(robot: RobotProcess) -> Iterator[Arm]:
 def test_the_arm_ends_where_servo_halts_and_nothing_is_rejected(
     arm: Arm, robot: RobotProcess
 ) -> None:
-    """How closely it follows is judged in simulated time: ``test_servo_windows.py``."""
+    """Judge the end only: ``test_servo_windows.py`` judges in simulated time how it follows."""
     with nothing_is_rejected(robot):
         jog = arm.run(ServoEmulator(), there_and_back, 2.4)
     assert len(jog.messages) > 200

@@ -1,4 +1,4 @@
-"""Which robots of a namespace a command would reach."""
+"""Find the robots of a namespace, which a command would reach."""
 
 from __future__ import annotations
 

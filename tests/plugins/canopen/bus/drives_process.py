@@ -22,7 +22,7 @@ ERROR_CODE, POSITION_ACTUAL = 0x603F, 0x6064
 # Time-outs that outlast the stalls of a busy computer.
 PATIENCE = {"heartbeat_timeout_s": 10.0, "stream_timeout_s": 10.0}
 STALE_AFTER_S = 3.0
-SOON_STALE = {"stale_after_s": 1.0}  # where a drive is lost in motion: before its path is
+SOON_STALE = {"stale_after_s": 1.0}  # a lost drive is found before it is off its path
 RATE_HZ = 100  # of the control loop: robot and drives decode every frame in Python
 
 
