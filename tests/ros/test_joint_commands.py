@@ -70,6 +70,10 @@ class Arm:
         goal.trajectory = trajectory((1.5, position))
         return self.client.send_goal(goal).result()
 
+    def wait_at_zero(self) -> None:
+        """Go there; a stream may just be ending."""
+        wait_until(lambda: self.go([0.0] * 6)[1].error_code == 0, "the arm at zero")
+
 
 def trajectory(*points: tuple[float, list[float]], names: list[str] | None = None) -> Any:
     return JointTrajectory(
@@ -86,19 +90,18 @@ def trajectory(*points: tuple[float, list[float]], names: list[str] | None = Non
 
 @pytest.fixture(scope="module")
 def joints(client: Client) -> Arm:
-    return Arm(client)
+    """The shared arm, from wherever other tests have left it to zero."""
+    joints = Arm(client)
+    wait_until(lambda: joints.states, "joint states")
+    joints.wait_at_zero()
+    return joints
 
 
 @pytest.fixture
 def arm(joints: Arm) -> Iterator[Arm]:
-    wait_until(lambda: joints.states, "joint states")
     yield joints
     joints.wait_at_rest()
-
-    def home() -> bool:
-        return joints.go([0.0] * 6)[1].error_code == 0  # a stream may just be ending
-
-    wait_until(home, "the arm at zero")
+    joints.wait_at_zero()
 
 
 @pytest.mark.daily
