@@ -39,8 +39,12 @@ export class Control {
     },
     () => this.seen(),
   );
-  private readonly held = new HeldButtons(this.link, ({ name, step }) =>
-    this.say(`${name}: ${step === null ? "moving while held" : "on its way"}`, "busy"),
+  private readonly held = new HeldButtons(
+    this.link,
+    ({ name, step }) => {
+      this.isHeldNewest = true;
+      this.say(`${name}: ${step === null ? "moving while held" : "on its way"}`, "busy");
+    },
     (name, reason) => this.say(`${name}: ${reason}`, "bad"),
   );
   private readonly jog: JogPanel;
@@ -56,6 +60,7 @@ export class Control {
   private description: Description | undefined;
   private state: State | undefined;
   private isUnlocked = false;
+  private isHeldNewest = false; // no command was sent since a button was held
 
   constructor(
     units: Units,
@@ -159,6 +164,7 @@ export class Control {
       return;
     }
     this.waiting.set(id, name);
+    this.isHeldNewest = false;
     this.say(`${name} …`, "busy");
   }
 
@@ -170,8 +176,9 @@ export class Control {
 
   private showJogEnd(end: JogEnd): void {
     const { ok, silent, text, what } = end;
-    // What a stop of all motion has ended is in the notice and in the answer of the stop.
-    if (!text.startsWith("stopped: ")) this.say(ok ? `${what}: ${text}` : `${what} stopped: ${text}${silent ? ": heartbeats of this page came late" : ""}`, ok ? "good" : "bad");
+    // What a stop of all motion has ended is in the notice and in the answer of the stop. A release
+    // says nothing over the answer of a command that was sent meanwhile.
+    if (!text.startsWith("stopped: ") && (this.isHeldNewest || !ok)) this.say(ok ? `${what}: ${text}` : `${what} stopped: ${text}${silent ? ": heartbeats of this page came late" : ""}`, ok ? "good" : "bad");
     this.toolJog.showSlow("");
     this.held.ended(end);
   }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -56,6 +57,11 @@ def opened(served: Served, browser: Browser) -> Iterator[Page]:
     yield page
     page.close()
     assert not [error for error in errors if "WebGL" not in error]
+
+
+@pytest.fixture(autouse=True)
+def _may_move(served: Served) -> None:
+    served.robot.reset()  # where the test before has failed
 
 
 @pytest.fixture
@@ -188,6 +194,28 @@ def test_escape_stops_everything_and_a_rejected_jog_shows_the_reason(
     served.wait_until_moving()
     page.mouse.up()
     served.wait_until_free()
+
+
+def test_the_late_end_of_a_jog_does_not_hide_the_answer_of_a_stop(
+    served: Served, browser: Browser
+) -> None:
+    page, routes = light_page(browser, []), list[WebSocketRoute]()
+
+    def tunnel(client: WebSocketRoute) -> None:
+        client.connect_to_server()
+        routes.append(client)
+
+    page.route_web_socket(re.compile("/control$"), tunnel)
+    unlock(page, served)
+    press(page, "joint1")
+    page.mouse.up()
+    page.keyboard.press("Escape")
+    says(page, "Stop: stopped, at rest")
+    end = {"type": "jog", "hold": 1, "ok": True, "silent": False, "text": "released"}
+    routes[0].send(json.dumps({**end, "remaining": None, "what": "Jog"}))
+    page.evaluate("0")  # after the message
+    assert page.locator("#answer").text_content() == "Stop: stopped, at rest"
+    page.close()
 
 
 def test_a_reset_held_up_on_its_way_does_not_undo_a_stop_that_came_meanwhile(

@@ -78,7 +78,7 @@ def test_a_position_that_cannot_be_read_is_waited_for(open_rig: OpenRig) -> None
 
 def test_an_axis_whose_position_has_not_come_is_not_switched_on(open_rig: OpenRig) -> None:
     with open_rig(
-        SMALL, axis_defaults=EVENT_DRIVEN, enable=False, engine={"servo_timeout_s": 0.3}
+        SMALL, axis_defaults=EVENT_DRIVEN, enable=False, engine={"servo_timeout_s": 3.0}
     ) as harness:
         harness.until(lambda: not harness.image.offline.any())
         harness.master.feedback.forget(1)
