@@ -21,7 +21,7 @@ def descriptor(folder: Path, name: str = "cr3a", **wmx: object) -> Path:
     """A copy of a robot's descriptor with options of this backend."""
     data = yaml.safe_load((ROBOTS / name / "robot.yaml").read_text("utf-8"))
     # The stand-in's engine is an ordinary process, which a busy computer keeps waiting.
-    patience = {"open_tries": 1, "shutdown_s": 3.0, "stale_after_s": 0.5}
+    patience = {"open_tries": 1, "shutdown_s": 3.0, "stale_after_s": 5.0}
     data["engine"] = {**data.get("engine", {}), **patience}
     data["backends"] = {"wmx": {"stream_buffer_s": 0.03, **wmx}}
     for key in ("parameters_file", "urdf"):

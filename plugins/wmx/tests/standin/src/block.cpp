@@ -13,13 +13,14 @@
 #include <cstdlib>
 #include <cstring>
 #include <ctime>
+#include <fstream>
 #include <limits>
 #include <string>
 
 namespace standin {
 
 namespace {
-constexpr std::int64_t DEAD_AFTER_NS = 1'500'000'000;
+constexpr std::int64_t LATE_AFTER_NS = 1'500'000'000, DEAD_AFTER_NS = 15'000'000'000;
 const std::uint64_t MAGIC = 0x57A4D100000000ull + sizeof(Block);
 
 std::string shm_name() {
@@ -113,9 +114,20 @@ Lock::~Lock() {
     if (held) pthread_mutex_unlock(&shared.mutex);
 }
 
+bool running(pid_t pid) {
+    if (pid == 0 || kill(pid, 0) != 0) return false;
+    std::ifstream stat("/proc/" + std::to_string(pid) + "/stat");
+    std::string number, name, state;  // the name of the engine has no space
+    stat >> number >> name >> state;
+    return state != "Z";  // killed, and nobody has asked for its status
+}
+
 bool engine_alive(const Block &block) {
-    return block.engine_pid != 0 && !block.quit &&
-           now_ns() - block.heartbeat_ns < DEAD_AFTER_NS && kill(block.engine_pid, 0) == 0;
+    if (block.engine_pid == 0 || block.quit) return false;
+    const std::int64_t age_ns = now_ns() - block.heartbeat_ns;
+    // A late heartbeat is that of a killed engine, or of one on a computer that stood still.
+    return age_ns < LATE_AFTER_NS ? kill(block.engine_pid, 0) == 0
+                                  : age_ns < DEAD_AFTER_NS && running(block.engine_pid);
 }
 
 bool communicating(const Block &block) { return block.state == EngineState::Communicating; }

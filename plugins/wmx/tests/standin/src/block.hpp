@@ -143,6 +143,7 @@ void sleep_ms(double milliseconds);
 
 // The block, mapped and set up by the first process. Aborts when there is no shared memory.
 Block &block();
+bool running(pid_t pid);  // a process, and no zombie
 bool engine_alive(const Block &block);
 bool communicating(const Block &block);
 void reset_engine(Block &block);  // what a start of the engine finds

@@ -108,7 +108,7 @@ int reset() {
     for (int tries = 0; tries < 3000; tries++) {
         sleep_ms(1);
         Lock block;
-        if (block->engine_pid == 0 || now_ns() - block->heartbeat_ns > 1'500'000'000) break;
+        if (!running(block->engine_pid)) break;
     }
     Lock block;
     block->faults = Faults();
