@@ -32,6 +32,7 @@ WALL_CLOSE_SHARE = 0.99  # share from which a link is left out with a wall: it i
 ROUNDING_M = 1e-9
 PARALLEL = 1e-12
 BISECTIONS = 10  # of a segment, to its point that is nearest to a box
+INSIDE_M = 0.005  # from a box; what reaches into it is not found farther outside
 
 
 def segment_distances(first: FloatArray, second: FloatArray) -> FloatArray:
@@ -70,9 +71,10 @@ def plane_distances(segments: FloatArray, normals: FloatArray, offsets: FloatArr
 
 
 def box_distances(segments: FloatArray, poses: FloatArray, halves: FloatArray) -> FloatArray:
-    """Return the distances (..., c, w) of segments (..., c, 2, 3) from boxes, m; 0 inside.
+    """Return the distances (..., c, w) of segments (..., c, 2, 3) from boxes, m.
 
-    The distance of a point from a box is convex along a line: its slope is bisected.
+    Negative for one that reaches into a box: how far its deepest point is from the nearest face.
+    The distance of a point outside is convex along a line: its slope is bisected.
 
     Args:
         segments: in the base.
@@ -87,12 +89,35 @@ def box_distances(segments: FloatArray, poses: FloatArray, halves: FloatArray) -
         middle = 0.5 * (low + high)
         falls = _dot(_outside(start + middle[..., None] * way, halves), way) < 0.0
         low, high = np.where(falls, middle, low), np.where(falls, high, middle)
-    return np.linalg.norm(_outside(start + high[..., None] * way, halves), axis=-1)
+    outside = np.linalg.norm(_outside(start + high[..., None] * way, halves), axis=-1)
+    if (outside > INSIDE_M).all():
+        return outside
+    return outside + np.minimum(_beyond_faces(start, way, halves), 0.0)
 
 
 def _outside(points: FloatArray, halves: FloatArray) -> FloatArray:
     """Return the ways (..., 3) from the nearest points of boxes to points."""
     return points - np.clip(points, -halves, halves)
+
+
+def _beyond_faces(start: FloatArray, way: FloatArray, halves: FloatArray) -> FloatArray:
+    """Return how far (...) segments stay beyond one of the faces of boxes, m; negative: inside.
+
+    Each face's distance is linear along a segment: the highest of them is least at an end, or where
+    two are equal.
+    """
+    begins = np.concatenate([start - halves, -start - halves], axis=-1)
+    slopes = np.concatenate([way, -way], axis=-1)
+    first, second = np.triu_indices(begins.shape[-1], 1)
+    change = slopes[..., first] - slopes[..., second]
+    apart = np.where(change == 0.0, np.inf, change)
+    equal = np.clip((begins[..., second] - begins[..., first]) / apart, 0.0, 1.0)
+    places = np.concatenate(
+        [equal, np.zeros_like(equal[..., :1]), np.ones_like(equal[..., :1])], -1
+    )
+    faces = begins[..., None, :] + places[..., None] * slopes[..., None, :]
+    least: FloatArray = faces.max(axis=-1).min(axis=-1)
+    return least
 
 
 def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -149,10 +174,7 @@ class Collisions:
         return (*own, *((links[each], walls[wall]) for each, wall in np.argwhere(self.walled)))
 
     def distances(self, positions: FloatArray) -> FloatArray:
-        """Return the distances (k, d) of ``names`` at positions (k, n), m; negative: they overlap.
-
-        A depth in a box is that of the capsule's line at most.
-        """
+        """Return the distances (k, d) of ``names`` at positions (k, n), m; negative: overlaps."""
         segments = self.capsules.segments(self.chain, positions)
         radii, pairs = self.capsules.radii, self.pairs
         own = segment_distances(segments[:, pairs[:, 0]], segments[:, pairs[:, 1]])

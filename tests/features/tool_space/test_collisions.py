@@ -68,8 +68,9 @@ def test_segments_are_as_far_apart_as_their_nearest_points(
 @given(segments, st.lists(st.floats(0.05, 1.0), min_size=3, max_size=3))
 def test_a_box_is_as_far_away_as_its_nearest_point(segment: FloatArray, size: list[float]) -> None:
     pose, halves = pose_of([0.3, -0.2, 0.1], [0.4, -0.3, 1.0]), 0.5 * np.array(size)
-    inside = (points_of(segment) - pose[:3, 3]) @ pose[:3, :3]
-    sampled = np.linalg.norm(inside - np.clip(inside, -halves, halves), axis=1).min()
+    beyond = np.abs((points_of(segment) - pose[:3, 3]) @ pose[:3, :3]) - halves
+    outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
+    sampled = np.where(outside > 0.0, outside, beyond.max(axis=1)).min()
     distance = float(box_distances(segment[None], pose[None], halves[None])[0, 0])
     assert distance == pytest.approx(sampled, abs=0.01)
 
@@ -167,6 +168,12 @@ def test_walls_are_rejected_by_name(arm: Arm, goal: list[float], what: str) -> N
         arm.follower.follow(arm.request(np.array(goal))),
     ):
         pass
+
+
+def test_an_arm_in_a_box_goes_no_deeper_and_may_leave_it(collisions: Collisions) -> None:
+    in_machine, deeper = (np.array([0.0, angle, 0.0, 0.0, 0.0, 0.0]) for angle in (1.2, 1.22))
+    assert "machine would touch" in collisions.obstacle(in_machine, deeper)
+    assert collisions.obstacle(deeper, in_machine) == ""
 
 
 def test_a_line_is_rejected_with_its_place(arm: Arm) -> None:
