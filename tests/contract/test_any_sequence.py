@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from contextlib import ExitStack, suppress
 from random import Random
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -87,10 +88,12 @@ COMMANDS: Commands = {
 class ArmPlay(Play):
     """An arm, and what its clients hold."""
 
+    witness_type: ClassVar[type[Witness]] = Witness
+
     def __init__(self, descriptor: RobotDescriptor) -> None:
         harness, joints = Harness(descriptor), len(descriptor.joints)
         fastest, hardest = np.full(joints, 1.1 * VELOCITY), np.full(joints, HIGHEST)
-        super().__init__(harness, Witness(harness, fastest, hardest))
+        super().__init__(harness, self.witness_type(harness, fastest, hardest))
         self.goals: list[ExitStack] = []
         self.streams: list[JointStream] = []
 

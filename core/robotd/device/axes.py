@@ -78,8 +78,7 @@ class Axes:
 
     Checks go by the process image, which is a period behind the device. So a command returns
     when the image shows what it did, and what needs an idle axis looks at an image that is newer
-    than the last motion command. Where feedback is slower than the control loop, an image is as new
-    as its values.
+    than the last motion command or stream. An image is as new as its values.
 
     A driver may take its time to begin a motion, and no stop waits for it: stops are counted, and
     what was stopped meanwhile is stopped again when the driver has begun it.
@@ -129,7 +128,7 @@ class Axes:
         self._driver = driver
         self._capabilities = capabilities
         self._shown_s = max(IMAGE_LATENCY_S, FEEDBACK_LATENCY_PERIODS * self.feedback_period_s)
-        self._commanded_ns = 0  # time of the last motion command
+        self._commanded_ns = 0  # time of the last motion command, or end of a stream
         self._stops = [0] * len(names)  # number of stops of each axis so far
         self._owners: dict[int, str] = {}  # of the axes that are claimed
         self._lock = threading.RLock()
@@ -489,6 +488,7 @@ class Axes:
             self._driver.end_stream(axes)
         except RobotdError as error:
             log.warning("a stream could not be ended", reason=str(error))
+        self._commanded_ns = self.clock.now_ns()
         self._wait_for(lambda: not self._moving(axes))
 
     def _require_position(self, axes: Sequence[int]) -> None:
@@ -574,8 +574,7 @@ class Axes:
             raise NotReady("the device has sent no values since the last command")
 
     def _is_newer(self, time_ns: int) -> bool:
-        image, slow = self.image, self.feedback_period_s > 0.0
-        return (image.fresh_ns if slow else image.stamp_ns) > time_ns
+        return self.image.fresh_ns > time_ns
 
     def _begin(
         self, commands: Sequence[Command], stops: Sequence[int], begin: Callable[[Command], None]

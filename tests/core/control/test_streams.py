@@ -69,6 +69,24 @@ def test_a_stream_needs_known_commands(robot: Harness) -> None:
     assert not robot.setpoints.rows
 
 
+def test_a_stream_does_not_begin_where_values_froze_that_are_older_than_the_last_one(
+    robot: Harness,
+) -> None:
+    robot.faults.freeze(True)
+    with robot.robot.stream() as stream:
+        stream.send_velocity([0.1] * 3)
+        robot.run(0.02)  # it stands again before the values count as stale
+    end = robot.setpoints.rows[-1][1]
+    with pytest.raises(NotReady):
+        robot.robot.stream()
+    robot.faults.freeze(False)
+    robot.robot.recover()
+    assert robot.image.position_command[:3] == pytest.approx(end)
+    with robot.robot.stream():
+        robot.run(PERIOD_S)
+    robot.setpoints.assert_smooth_streams(ACCELERATION)
+
+
 @pytest.mark.parametrize(("mode", "velocity"), [("smooth", None), ("target", [0.0])])
 def test_a_stream_of_one_joint_moves_it_and_no_other(
     robot: Harness, mode: str, velocity: list[float] | None

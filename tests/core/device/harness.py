@@ -92,7 +92,7 @@ class Harness:
     def refresh(self) -> None:
         self.clock.advance(0.002)
         self.driver.read(self.image)
-        self.image.stamp_ns = self.clock.now_ns()
+        self.image.stamp_ns = self.image.fresh_ns = self.clock.now_ns()
 
     def make_ready(self) -> Harness:
         """Communicating, servos on, at rest; earlier calls forgotten."""
