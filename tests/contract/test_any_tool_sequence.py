@@ -205,11 +205,13 @@ class ToolPlay(ArmPlay):
         self.streams.append(stream.joints)
 
     def _twist(self, twist: list[float], in_tool: bool, periods: int) -> None:
-        for stream in self._tool_streams[-1:]:
+        if self._tool_streams:
+            stream = self._tool_streams[-1]
             self._insist(lambda: stream.send(twist, in_tool=in_tool), periods)
 
     def _to_pose(self, way: list[float], periods: int) -> None:
-        for stream in self._tool_streams[-1:]:
+        if self._tool_streams:
+            stream = self._tool_streams[-1]
             at = self.robot.image.position_command[:JOINTS]
             command = PoseCommand(_moved(self._tool_space.kinematics.forward(at), way))
             send = stream.joints.send_reference

@@ -73,6 +73,8 @@ class PathRate:
     def take_over(self, rate: float) -> None:
         """Continue from the ``rate`` of a trajectory in motion."""
         self.value, self._waits = rate, False
+        _, velocity, acceleration = self._trajectory.evaluate(np.zeros(1))
+        self.path[:] = velocity[0], acceleration[0]
 
     def stand(self) -> None:
         """Begin anew from standstill: the device held its position during a stall."""

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.core.control.harness import ACCELERATION, PERIOD_S, Harness, arm
+from tests.core.control.harness import ACCELERATION, PERIOD_S, Harness, arm, peak
 
+from robotd.arrays import FloatArray
 from robotd.control.path_rate import MAX_SLOPE, MIN_SHARE
 from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
 from robotd.device.axes import Jog, Move
@@ -345,3 +346,21 @@ def test_a_stream_takes_over_from_a_slow_goal_and_hands_back() -> None:
             with harness.goal(BACK, seconds=3.0) as after:
                 assert harness.end(after).outcome is Outcome.SUCCEEDED
     harness.setpoints.assert_smooth_streams(ACCELERATION * (1.0 + MIN_SHARE))
+
+
+def test_a_goal_that_takes_over_slows_down_for_a_limit_within_the_accelerations(
+    harness: Harness,
+) -> None:
+    """The first period of the second goal, too: it begins in motion."""
+    limits = harness.robot.groups.only.motion_limits
+
+    def factors(position: FloatArray, velocity: FloatArray) -> FloatArray:
+        return 0.5 / np.maximum(np.abs(velocity).max(axis=-1), 1e-9)
+
+    with harness.goal(FAR, seconds=2.5) as first:
+        harness.run(1.0)
+        limits.set_speed(factors, "a limit", "none")
+        with harness.goal([2.0, -1.2, 0.6], seconds=0.9) as second:
+            harness.end(second)
+    assert second.outcome is Outcome.SUCCEEDED
+    harness.setpoints.assert_smooth(max(peak(first, second), ACCELERATION))
