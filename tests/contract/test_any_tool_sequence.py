@@ -55,7 +55,7 @@ tool_space:
       machine: {xyz_m: [-0.75, 0, 0.4], size_m: [0.4, 1, 0.8]}
 """
 MARGIN_M = 0.01
-BEYOND_M = 0.004  # the margin, at most: the way of a stop is foreseen by its ends and its middle
+BEYOND_M = 0.002  # the margin, at most: the way of a stop is foreseen by its ends and its middle
 LOOK_PERIODS = 5  # between two looks at the distances
 TWIST_PERIODS = 20  # between two commands of a client
 

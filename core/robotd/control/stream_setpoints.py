@@ -37,7 +37,8 @@ class MovingReference(Protocol):
     def begin(self, setpoint: FloatArray, limits: JointLimits, period_s: float) -> None:
         """Start from ``setpoint`` (3, m): position, velocity and acceleration.
 
-        Called before the first command, and where the motion was interrupted.
+        Called before the first command, when the joints stand, and where its own motion was
+        interrupted.
         """
 
     def take(self, command: Any) -> None:
@@ -137,7 +138,7 @@ class StreamSetpoints:
         self._limiter.reset(state, strongest)
         if self._reference is not None:
             self._begin(self._reference)
-        if self._command is not None and self._spline is None and self._window is None:
+        elif self._command is not None and self._spline is None and self._window is None:
             self._go(self._command)
 
     def take(self, command: StreamCommand) -> None:
@@ -145,11 +146,11 @@ class StreamSetpoints:
         self._command, self._settles = command, False
         if command.reference is not None:
             self._spline = self._window = None
-            self._stop_left_s = np.inf
-            reference, value = command.reference, command.value
-            if self._reference is not reference:
-                self._begin(reference)
-            self._call(lambda: reference.take(value))
+            if self._reference is command.reference:
+                self._refer(command.reference, command.value)
+            else:  # when the joints stand: its own stop would be longer than theirs
+                self._reference = None
+                self._limiter.stop()
             return
         self._reference = None
         if command.window is not None:
@@ -219,6 +220,11 @@ class StreamSetpoints:
 
     def _next(self, due_ns: int) -> FloatArray:
         """Return the next setpoint without the limits of the group."""
+        command = self._command
+        if self._reference is None and command is not None and command.reference is not None:
+            if not self.at_rest:
+                return self._limiter.step()
+            self._refer(command.reference, command.value)
         if self._reference is not None:
             return self._track(self._reference)
         if self._spline is not None:
@@ -230,7 +236,6 @@ class StreamSetpoints:
                 reference, self._limiter.state[0], self._velocity_limit
             )
             return self._limiter.track(reference, window.newest, window.stands, velocities)
-        command = self._command
         if command is None or command.position is None or command.velocity is None:
             return self._limiter.step()
         age_s, velocity = (due_ns - command.time_ns) / NANOSECONDS, command.velocity
@@ -244,6 +249,13 @@ class StreamSetpoints:
             self._limiter.approach(command.position)
         elif command.velocity is not None and command.position is None:
             self._limiter.move(np.nan_to_num(command.velocity))
+
+    def _refer(self, reference: MovingReference, value: Any) -> None:
+        """Let ``reference`` take a command; a new one begins where the joints stand."""
+        self._stop_left_s = np.inf
+        if self._reference is not reference:
+            self._begin(reference)
+        self._call(lambda: reference.take(value))
 
     def _begin(self, reference: MovingReference) -> None:
         self._reference = reference
@@ -277,5 +289,5 @@ class StreamSetpoints:
         self._leave()
 
     def _leave(self) -> None:
-        self._reference = None
+        self._command = self._reference = None
         self._limiter.stop()

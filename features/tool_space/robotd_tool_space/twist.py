@@ -39,6 +39,7 @@ SPEED_SHARE = 0.97  # of a limit of the arm's speed, likewise
 RAMP_SHARE, PATH_SHARE, TOTAL_SHARE = 0.3, 0.4, 0.6  # of the acceleration limits
 FACTOR_JERK_SHARE = 0.6  # of the jerk limits
 BRAKE_SHARE, BRAKE_S = 0.4, 0.06  # of the acceleration, at position limits; time of the last part
+STOP_WAY_SHARE = 1.1  # of its way as planned: a stop is planned anew while joints become faster
 MARGIN_RAD = 1e-3  # to the position limits, rad or m
 STANDING_RAD_S = 1e-5  # below it, a joint is not moved: the margin lasts for more than a minute
 LEAST_RATE, MAX_RATE, LEAST_CHANGE, MAX_CHANGE = 0.2, 20.0, 60.0, 200.0  # of s: 1/s, 1/s²
@@ -125,11 +126,6 @@ class TwistStage:
     def take(self, command: Command) -> None:
         """Follow a command from the next period on."""
         self._command = command
-        if isinstance(command, TwistCommand):
-            self._change_frame(command.in_tool)
-            self._go(self._limits.slowed(command.twist))
-        else:
-            self._change_frame(in_tool=False)
 
     def stop(self) -> None:
         """Slow to rest, in the direction of motion."""
@@ -138,12 +134,12 @@ class TwistStage:
 
     def advance(self) -> FloatArray:
         """Return the next setpoint (3, n)."""
-        if isinstance(self._command, PoseCommand):
-            self._go(self._towards(self._command.pose))
+        start, in_tool = self._ramp.state, self._in_tool
+        if (command := self._command) is not None:
+            self._obey(command)
         position, velocity, _ = self._setpoint
         dt = self._period_s
         before = self._factor.factor * self._twist_in_base(self._ramp.twist)
-        start = self._ramp.twist, self._ramp.acceleration
         twist = self._twist_in_base(self._ramp.advance())
         if not twist.any() and not before.any():
             return self._stand()
@@ -152,11 +148,14 @@ class TwistStage:
         seconds = min(LOOK_S, LOOK_RAD / max(float(np.abs(self._rates.velocity).max()), 1e-9))
         further = ahead + seconds * self._rates.velocity
         (pose, _), (rates, next_rates) = self._differential.at(np.stack([ahead, further]), twist)
-        factor = self._next_factor(ahead, rates, next_rates, seconds)
+        change = (next_rates.velocity - rates.velocity) / seconds
+        slope = (next_rates.singularity - rates.singularity) / seconds
+        factor = self._next_factor(ahead, rates, change, slope)
         self._rates = rates
         if self._meets_obstacle(position, rates, factor):
-            # From the state before: a client that goes on must not make the stop longer.
-            self._ramp.turn(*start)
+            # As before: a client that goes on must not make the stop longer.
+            self._ramp.resume(start)
+            self._in_tool = in_tool
             self.stop()
             twist = self._twist_in_base(self._ramp.advance())
             factor = self._factor.factor
@@ -189,17 +188,13 @@ class TwistStage:
         )
         return self._setpoint.copy()
 
-    def _next_factor(
-        self, at: FloatArray, rates: Rates, next_rates: Rates, seconds: float
-    ) -> float:
+    def _next_factor(self, at: FloatArray, rates: Rates, change: FloatArray, slope: float) -> float:
         """Return s at the end of the period, and note the status.
 
-        ``next_rates`` are those after ``seconds`` with s = 1.
+        ``change`` and ``slope`` are those of velocities and singularity in a second with s = 1.
         """
         limits, acceleration = self._joints, self._joints.acceleration
         speed = np.maximum(np.abs(rates.velocity), 1e-9)
-        change = (next_rates.velocity - rates.velocity) / seconds
-        slope = (next_rates.singularity - rates.singularity) / seconds
         bounds = {
             "velocity": _lowest(VELOCITY_SHARE * limits.velocity / speed),
             "acceleration": _root(PATH_SHARE * acceleration / np.maximum(np.abs(change), 1e-9)),
@@ -236,28 +231,16 @@ class TwistStage:
 
         ``at`` (n,) are the positions at the start of the period, at ``self.pose``.
         """
-        obstacle, limits = self._motion_limits.obstacle, self._limits
-        if obstacle is None or self._command is None:
-            return False
-        # The acceleration ends within the rise, or that part of it, and the stop begins in another.
-        acceleration = self._ramp.acceleration
-        twist = self._ramp.twist + 0.5 * limits.rise_s * acceleration
-        part = max(
-            float(np.linalg.norm(acceleration[:3])) / limits.linear_m_s2,
-            float(np.linalg.norm(acceleration[3:])) / limits.angular_rad_s2,
-        )
-        in_base = factor * self._twist_in_base(twist)
-        velocity = rates.inverse @ in_base
-        ramps = RAMP_SHARE * self._joints.acceleration / np.maximum(np.abs(velocity), 1e-9)
-        strongest = min(
-            limits.linear_m_s2 / max(float(np.linalg.norm(twist[:3])), 1e-9),
-            limits.angular_rad_s2 / max(float(np.linalg.norm(twist[3:])), 1e-9),
-            float(ramps.min()),
-        )
-        seconds = 0.55 / strongest + (1.0 + 0.5 * part) * limits.rise_s + 2.0 * self._period_s
+        obstacle = self._motion_limits.obstacle
+        if obstacle is None or self._command is None or not self._ramp.target.any():
+            return False  # it stops anyway
+        twist = self._ramp.twist
+        velocity = factor * np.abs(rates.inverse @ self._twist_in_base(twist))
+        way = self._ramp.stop_way(self._strongest(velocity)) + self._period_s * twist
+        in_base = STOP_WAY_SHARE * factor * self._twist_in_base(way)
         # The joints bend while the tool goes straight: a step of Newton's from where they lead.
-        stopped = at + seconds * velocity
-        pose = _moved(self.pose, self._curved(seconds * in_base))
+        stopped = at + rates.inverse @ in_base
+        pose = _moved(self.pose, self._curved(in_base))
         stopped += rates.inverse @ pose_differences(self._chain.forward(stopped), pose)
         self._obstacle = obstacle(at, stopped)
         return bool(self._obstacle)
@@ -298,6 +281,15 @@ class TwistStage:
             return ServoStatus(ServoCode.DECELERATE_FOR_LEAVING_SINGULARITY, factor, text)
         return ServoStatus(ServoCode.NO_WARNING, factor, text)
 
+    def _obey(self, command: Command) -> None:
+        """Let the ramp lead to what the command asks for now."""
+        if isinstance(command, TwistCommand):
+            self._change_frame(command.in_tool)
+            self._go(self._limits.slowed(command.twist))
+        else:
+            self._change_frame(in_tool=False)
+            self._go(self._towards(command.pose))
+
     def _go(self, target: FloatArray) -> None:
         """Let the ramp lead to ``target``, no faster than the joints can."""
         if np.array_equal(target, self._ramp.target):
@@ -310,8 +302,11 @@ class TwistStage:
         # s on the way: a stop begins with the present one, a turn away from a singularity ends it.
         factor = min(1.0, then) if target.any() else self._factor.factor
         change = factor * np.abs(inverse @ self._twist_in_base(target - self._ramp.twist))
-        strongest, _ = _lowest(RAMP_SHARE * self._joints.acceleration / np.maximum(change, 1e-9))
-        self._ramp.go(target, strongest)
+        self._ramp.go(target, self._strongest(change))
+
+    def _strongest(self, change: FloatArray) -> float:
+        """Return the highest share of a change of the joints' velocities (n,) in a second, 1/s."""
+        return _lowest(RAMP_SHARE * self._joints.acceleration / np.maximum(change, 1e-9))[0]
 
     def _take_factor(self) -> None:
         """Make s a part of the ramped twist, which would otherwise fall before the tool slows."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from ruckig import (
@@ -51,6 +52,16 @@ class TwistLimits:
         return slowed
 
 
+class RampState(NamedTuple):
+    """What a ramp does; immutable. As the attributes of ``TwistRamp``."""
+
+    twist: FloatArray
+    acceleration: FloatArray
+    target: FloatArray
+    plan: Trajectory
+    seconds: float
+
+
 class TwistRamp:
     """Twist that follows its target with limited acceleration and jerk, on a straight line.
 
@@ -67,11 +78,9 @@ class TwistRamp:
     def __init__(self, limits: TwistLimits, period_s: float) -> None:
         self._period_s = period_s
         self._limits = limits
-        self._ruckig, self._input, self._plan = Ruckig(6), InputParameter(6), Trajectory(6)
+        self._ruckig, self._input = Ruckig(6), InputParameter(6)
         self._input.control_interface = ControlInterface.Velocity
         self._input.synchronization = Synchronization.Phase
-        self._seconds = 0.0
-        self._target: FloatArray = np.zeros(6)
         self._set(np.zeros(6), np.zeros(6))
 
     @property
@@ -92,8 +101,22 @@ class TwistRamp:
             strongest: highest share of the whole change in a second, 1/s.
         """
         if not np.array_equal(target, self._target):
-            self._target = np.array(target, np.float64)
-            self._calculate(strongest)
+            self._begin(target, strongest)
+
+    def stop_way(self, strongest: float) -> FloatArray:
+        """Return the way (6,), m and rad, of a stop from here; ``strongest`` as in ``go``."""
+        stop = self._plan_to(np.zeros(6), strongest)
+        way, _, _ = stop.at_time(stop.duration)
+        return np.array(way)
+
+    @property
+    def state(self) -> RampState:
+        """All that ``resume`` needs to go on from here."""
+        return RampState(self.twist, self.acceleration, self._target, self._plan, self._seconds)
+
+    def resume(self, state: RampState) -> None:
+        """Go on from a state before, as if nothing had changed since."""
+        self.twist, self.acceleration, self._target, self._plan, self._seconds = state
 
     def turn(self, twist: FloatArray, acceleration: FloatArray) -> None:
         """Go on with ``twist`` and ``acceleration`` instead of the last ones."""
@@ -111,11 +134,14 @@ class TwistRamp:
 
     def _set(self, twist: FloatArray, acceleration: FloatArray) -> None:
         self.twist, self.acceleration = twist.copy(), acceleration.copy()
-        self._target = twist.copy()
-        self._calculate(math.inf)
+        self._begin(self.twist, math.inf)
 
-    def _calculate(self, strongest: float) -> None:
-        limits, change = self._limits, self._target - self.twist
+    def _begin(self, target: FloatArray, strongest: float) -> None:
+        self._target = np.array(target, np.float64)
+        self._plan, self._seconds = self._plan_to(self._target, strongest), 0.0
+
+    def _plan_to(self, target: FloatArray, strongest: float) -> Trajectory:
+        limits, change = self._limits, target - self.twist
         linear, angular = np.linalg.norm(change[:3]), np.linalg.norm(change[3:])
         share = min(
             limits.linear_m_s2 / max(float(linear), 1e-9),
@@ -123,13 +149,14 @@ class TwistRamp:
             strongest,
         )
         highest = np.maximum(share * np.abs(change), np.abs(self.acceleration)) + MIN_ACCELERATION
-        self._seconds = 0.0
         self._input.max_acceleration = highest.tolist()
         self._input.max_jerk = (highest / limits.rise_s).tolist()
         self._input.current_velocity = self.twist.tolist()
         self._input.current_acceleration = self.acceleration.tolist()
-        self._input.target_velocity = self._target.tolist()
-        self._ruckig.calculate(self._input, self._plan)
+        self._input.target_velocity = target.tolist()
+        plan = Trajectory(6)
+        self._ruckig.calculate(self._input, plan)
+        return plan
 
 
 class FactorRamp:

@@ -107,6 +107,38 @@ def test_a_position_after_a_reference_is_approached(robot: Harness) -> None:
     robot.setpoints.assert_smooth(ACCELERATION)
 
 
+def test_a_reference_begins_when_the_joints_stand(robot: Harness) -> None:
+    """Its stop would be longer than theirs: a tool goes straight, and slowly at last."""
+    climb = Climb()
+    with robot.robot.stream(timeout_s=10.0) as stream:
+        stream.send_velocity([2.0, -1.0, 0.5])
+        robot.run(0.5)
+        stream.send_reference(climb, 0.1, moves=True)
+        robot.run(0.1)
+        assert climb.begun == 0
+        stream.send_reference(climb, 0.2, moves=True)
+        robot.run(0.5)
+        assert climb.begun == 1
+        assert robot.image.velocity_command == pytest.approx([0.2] * 3, abs=1e-6)
+    velocity = robot.setpoints.velocity
+    assert (np.abs(velocity[:, 0]) < 1e-9).sum() > 1
+    robot.setpoints.assert_smooth(ACCELERATION)
+
+
+def test_a_stop_before_a_reference_begins_forgets_it(robot: Harness) -> None:
+    climb = Climb()
+    with robot.robot.stream(timeout_s=0.1) as stream:
+        stream.send_velocity([2.0] * 3)
+        robot.run(0.09)
+        stream.send_reference(climb, 0.1, moves=True)
+        robot.run(0.02)
+        robot.robot.stop("by the test")
+        robot.run(0.5)
+        assert not stream.open
+    assert climb.begun == 0
+    assert robot.image.velocity_command == pytest.approx([0.0] * 3, abs=1e-6)
+
+
 def test_a_reference_needs_all_joints(robot: Harness) -> None:
     with (
         robot.robot.stream(["joint1"]) as stream,
