@@ -69,8 +69,10 @@ def start(tmp_path: Path) -> Iterator[Any]:
     """Starts processes with a client each, and ends them."""
     opened: list[Any] = []
 
-    def start(*arguments: str, robot: str = "cr3a") -> tuple[RobotProcess, Client]:
-        process = RobotProcess(*arguments, robot=robot)
+    def start(
+        *arguments: str, robot: str = "cr3a", simulated_time: bool = False
+    ) -> tuple[RobotProcess, Client]:
+        process = RobotProcess(*arguments, robot=robot, simulated_time=simulated_time)
         client = Client(process.domain)
         opened.extend((client.close, process.__exit__))
         return process, client
@@ -151,7 +153,7 @@ def test_the_engine_node_alone_enables_nothing(start: Any) -> None:
 
 
 def test_restarting_the_engine_never_switches_a_servo_on(start: Any) -> None:
-    process, client = start()
+    process, client = start(simulated_time=True)
     process.wait_ready()
     ready = client.listen(Bool, "/wmx/engine/ready", LATCHED)
     states = client.listen(AxisState, "/wmx/axis/state")
@@ -221,7 +223,7 @@ def check_stopped_in_order(output: str, sent: Any, joints: list[Any]) -> None:
     ],
 )
 def test_a_signal_during_motion_stops_it_in_order(start: Any, number: int) -> None:
-    process, client = start()
+    process, client = start(simulated_time=True)
     process.wait_ready()
     ready = client.listen(Bool, "/wmx/engine/ready", LATCHED)
     sent, joints = moving(client)
@@ -278,7 +280,7 @@ def test_the_loss_of_the_terminal_stops_the_robot_in_order(
 def test_under_nohup_the_robot_outlives_its_terminal() -> None:
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # the process inherits it
     try:
-        process = RobotProcess()
+        process = RobotProcess(simulated_time=True)
     finally:
         signal.signal(signal.SIGHUP, before)
     with process, connected(process) as client:
