@@ -73,12 +73,15 @@ def steered_wheels(settings: TricycleDrive) -> BaseKinematics:
         settings.steering_angle_rad,
         settings.steering_velocity_rad_s,
         settings.steering_acceleration_rad_s2,
+        max(settings.acceleration_m_s2, settings.deceleration_m_s2),
+        max(settings.angular_acceleration_rad_s2, settings.angular_deceleration_rad_s2),
     )
 
 
 ACROSS = 1e-3  # cosine of an angle that counts as π/2
 STRAIGHT_M_S = 1e-6  # speed of the steered wheel below which its direction means nothing
 ARRIVED_RAD = 1e-9
+STANDING = 1e-9  # change of the twist, m/s or rad/s per rad, that counts as none
 WAIT_RAD = 0.3  # missing part of the angle at which the driven wheel stands
 
 
@@ -96,6 +99,7 @@ class SteeredWheels:
         drives_steered: the steered wheel is the driven one; else the fixed axle.
         largest_angle: of steering to either side, at most π/2 (less where the fixed axle drives).
         steering_velocity, steering_acceleration: limits of the steering axis, rad/s and rad/s².
+        linear_acceleration, angular_acceleration: limits of the base, m/s² and rad/s².
     """
 
     moves_sideways: ClassVar[bool] = False
@@ -107,6 +111,8 @@ class SteeredWheels:
     largest_angle: float
     steering_velocity: float
     steering_acceleration: float
+    linear_acceleration: float = math.inf
+    angular_acceleration: float = math.inf
 
     @property
     def turns_on_the_spot(self) -> bool:
@@ -148,6 +154,13 @@ class SteeredWheels:
             return PlanarTwist(rim * math.cos(angle), rim * math.sin(angle) / self.wheelbase)
         return PlanarTwist(rim, rim * math.tan(angle) / self.wheelbase)
 
+    def twist_by_angle(self, turn: float, angle: float) -> PlanarTwist:
+        """Return the derivative of ``twist`` with respect to the angle, per rad."""
+        rim = turn * self.radius
+        if self.drives_steered:
+            return PlanarTwist(-rim * math.sin(angle), rim * math.cos(angle) / self.wheelbase)
+        return PlanarTwist(0.0, rim / math.cos(angle) ** 2 / self.wheelbase)
+
     def follower(
         self, angles: Sequence[float], acceleration: float, period_s: float
     ) -> WheelFollower:
@@ -160,8 +173,8 @@ class SteeringFollower:
     """Follows twists with angle and speed, one step a period. One thread.
 
     The driven wheel waits for the steering: the more of the angle is missing, the slower it turns,
-    so that the base leaves the commanded arc as little as possible. At a standstill the angle
-    stays.
+    so that the base leaves the commanded arc as little as possible. Together they change the
+    twist of the base within its accelerations. At a standstill the angle stays.
 
     Args:
         wheels: kinematics of the base.
@@ -180,6 +193,7 @@ class SteeringFollower:
         self.angle, self.rate, self.speed = angle, 0.0, 0.0
         self._wheels, self._acceleration, self._period_s = wheels, acceleration, period_s
         self._target = angle
+        self._limits = wheels.linear_acceleration, wheels.angular_acceleration
 
     @property
     def at_rest(self) -> bool:
@@ -209,12 +223,30 @@ class SteeringFollower:
             self._target = target
         self._steer()
         wanted = speed * max(0.0, 1.0 - abs(self._target - self.angle) / WAIT_RAD)
-        step = self._acceleration * self._period_s
-        self.speed += max(-step, min(step, wanted - self.speed))
+        low, high = self._accelerations()
+        change = max(low * self._period_s, min(high * self._period_s, wanted - self.speed))
+        self.speed += change
+
+    def _accelerations(self) -> tuple[float, float]:
+        """Return the least and the highest acceleration of the driven wheel, rad/s².
+
+        What it and the steering change of the twist together is within the base's accelerations.
+        """
+        wheels, low, high = self._wheels, -self._acceleration, self._acceleration
+        by_wheel = wheels.twist(1.0, self.angle)
+        by_angle = wheels.twist_by_angle(self.speed, self.angle)
+        for limit, wheel, angle in zip(self._limits, by_wheel, by_angle, strict=False):
+            if wheel:
+                ends = [(end - angle * self.rate) / wheel for end in (-limit, limit)]
+                low, high = max(low, min(ends)), min(high, max(ends))
+        return min(low, 0.0), max(high, 0.0)
 
     def _steer(self) -> None:
         """Turn towards the target, as fast as the axis can still stop there."""
-        velocity, period_s = self._wheels.steering_velocity, self._period_s
+        period_s, change = self._period_s, self._wheels.twist_by_angle(self.speed, self.angle)
+        velocity = self._wheels.steering_velocity
+        for limit, angle in zip(self._limits, change, strict=False):
+            velocity = min(velocity, limit / max(abs(angle), STANDING))
         step, before = self._wheels.steering_acceleration * period_s, self.rate
         # In a period the rate changes evenly: its first half belongs to the rate before.
         missing = self._target - self.angle - 0.5 * before * period_s

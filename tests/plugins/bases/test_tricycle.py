@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import partial
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -112,6 +114,26 @@ def test_both_axes_keep_their_limits_and_arrive(
         speed, angle = FRONT.speeds(twist)
         assert follower.angle == pytest.approx(angle, abs=1e-3)
         assert follower.speed == pytest.approx(speed, abs=1e-2 * max(1.0, abs(speed)))
+
+
+LIMITED = [
+    replace(each, linear_acceleration=1.0, angular_acceleration=2.0) for each in (FRONT, REAR)
+]
+
+
+@pytest.mark.parametrize("base", LIMITED)
+@settings(max_examples=15, deadline=None)
+@given(st.lists(st.tuples(st.floats(-1.2, 1.2), st.floats(-1.5, 1.5)), min_size=3, max_size=5))
+def test_wheel_and_steering_keep_the_accelerations_of_the_base(
+    base: SteeredWheels, twists: list[tuple[float, float]]
+) -> None:
+    """Both together: they changed the speed of the base by 2.7 m/s² and 4.2 rad/s²."""
+    follower = SteeringFollower(base, 0.0, WHEEL_ACCELERATION, PERIOD_S)
+    found = [follower.twist]
+    for linear, angular in twists:
+        found += follow(follower, PlanarTwist(linear, angular), 1.5)
+    changes = np.diff(np.array(found)[:, :2], axis=0) / PERIOD_S
+    assert (np.abs(changes).max(axis=0) < [1.05, 2.1]).all()
 
 
 def test_the_wheel_waits_for_the_steering() -> None:
