@@ -93,6 +93,7 @@ def test_a_command_to_two_robots_of_one_namespace_is_rejected_but_for_a_stop(
             ["speed", "50"],
             ["servo", "off"],
             ["recover"],
+            ["record", "--time", "1"],
             ["tool", "set", "x"],
         ):
             rejected = run(*words)

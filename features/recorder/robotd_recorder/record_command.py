@@ -10,7 +10,12 @@ import click
 
 from robotd.api import DeviceTimeout
 from robotd.api.commands import FILE, Interrupt, NumberRange
-from robotd_ros.commands.robot_client import ROS_EPILOG, client_options, robot_client
+from robotd_ros.commands.robot_client import (
+    ROS_EPILOG,
+    client_options,
+    require_one_robot,
+    robot_client,
+)
 from robotd_ros.node_registry import OPERATOR_NODE
 
 RECORD = f"{OPERATOR_NODE}/record"
@@ -61,6 +66,7 @@ def _record(timeout_s: float, time_s: float | None) -> None:
     with robot_client(max(timeout_s, SAVE_TIMEOUT_S)) as client:
         name = client.node.resolve_service_name(RECORD)
         client.wait(lambda: client.node.count_services(RECORD), f"service {name}")
+        require_one_robot(client)
         with Interrupt() as interrupt:  # also in the calls: what was started is stopped
             started = client.switch(RECORD, True)
             with suppress(OSError):  # of a lost terminal

@@ -102,7 +102,7 @@ def addressed_robots(client: RosClient, namespace: str = "") -> tuple[Neighbour,
 
     Several that share a namespace may all execute a command. The first that answers says how many
     others it knows, so that one is awaited only where there may be another one. Empty where none
-    publishes its summary.
+    has been discovered that publishes its summary.
     """
     node, found = client.node, dict[object, Neighbour]()
     topic = posixpath.join(namespace, SUMMARY)
@@ -112,10 +112,10 @@ def addressed_robots(client: RosClient, namespace: str = "") -> tuple[Neighbour,
         found[robot.identity.computer, robot.pid] = robot
 
     def is_complete() -> bool:
-        return len(found) >= max(1, node.count_publishers(topic), expected())
+        return bool(found) and len(found) >= expected()
 
     def expected() -> int:
-        return max((1 + each.sharing for each in found.values()), default=0)
+        return max([node.count_publishers(topic), *(1 + each.sharing for each in found.values())])
 
     made = node.create_subscription(String, topic, keep, LATCHED)
     try:

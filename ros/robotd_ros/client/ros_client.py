@@ -67,9 +67,12 @@ class RosClient:
 
     Attributes:
         node: for publishers, subscriptions and action clients; driven by ``wait`` only.
+        before_request: called once, before the next request and when its service is discovered;
+            what it raises is raised instead.
     """
 
     node: Node
+    before_request: Callable[[], object] | None = None
 
     def __init__(
         self, ros_args: Sequence[str] = (), timeout_s: float = 5.0, *, searches: bool = False
@@ -160,6 +163,9 @@ class RosClient:
         client = self.node.create_client(service_type, name)
         try:
             self.wait(client.service_is_ready, f"service {client.service_name}")
+            if (check := self.before_request) is not None:
+                self.before_request = None
+                check()
             future = client.call_async(service_type.Request(**request))
             self.wait(future.done, f"answer from {client.service_name}", hint=MAY_HAVE_ACTED)
         finally:

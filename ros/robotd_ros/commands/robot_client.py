@@ -107,14 +107,20 @@ def print_addressed_robots(client: RosClient, namespace: str = "") -> int:
     return len(robots)
 
 
-def require_one_robot(client: RosClient, namespace: str = "") -> bool:
+def require_one_robot(client: RosClient, namespace: str = "") -> None:
     """Print to standard error which robot is commanded; as ``print_addressed_robots``.
 
-    Returns False where that is not known: none has announced itself in time.
+    Where none has announced itself yet, again before the first request of ``client``.
 
     Raises OperationError for several robots that share the namespace: a command would reach those
     that are discovered by then, one or all. A stop has to reach them all the same.
     """
+    if not _require_one(client, namespace):
+        client.before_request = partial(_require_one, client, namespace)
+
+
+def _require_one(client: RosClient, namespace: str) -> bool:
+    """As ``require_one_robot``; returns False where none has announced itself."""
     robots = import_ros("robotd_ros.client.fleet").addressed_robots(client, namespace)
     if len(robots) > 1:
         names = "".join(f"\n  {robot.text}" for robot in robots)
@@ -138,12 +144,10 @@ def asks_robot(ask: Command) -> Command:
     @wraps(ask)
     def command(timeout_s: float, **arguments: Any) -> ExitCode:
         with robot_client(timeout_s) as client:
-            is_known = require_one_robot(client)
+            require_one_robot(client)
             answer = ask(client, **arguments)
             if answer is not None and not isinstance(answer, ExitCode):
                 click.echo(answer)
-            if not is_known:
-                print_addressed_robots(client)
         return answer if isinstance(answer, ExitCode) else ExitCode.OK
 
     return command

@@ -53,6 +53,7 @@ def test_a_recording_that_was_started_is_stopped_at_any_signal(
         yield client
 
     monkeypatch.setattr(record_command, "robot_client", robot_client)
+    monkeypatch.setattr(record_command, "require_one_robot", lambda client: None)
     result = CliRunner().invoke(main, ["record", "--time", "0.1"])
     assert (client.calls, result.exit_code) == ([True, False], 0), result.output
     assert "saved" in result.output

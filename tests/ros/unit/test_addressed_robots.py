@@ -6,10 +6,14 @@ import json
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import pytest
 from std_msgs.msg import String
 
-from robotd.errors import DeviceTimeout
-from robotd_ros.client.fleet import OTHERS_S, addressed_robots
+from robotd.errors import DeviceTimeout, OperationError
+from robotd_ros.client import fleet
+from robotd_ros.client.fleet import OTHERS_S, addressed_robots, read_neighbour
+from robotd_ros.client.ros_client import RosClient
+from robotd_ros.commands.robot_client import require_one_robot
 
 
 class Graph:
@@ -66,6 +70,16 @@ def test_a_robot_that_is_discovered_later_is_awaited_because_the_other_one_knows
     assert found(graph) == [1, 2]
 
 
+def test_a_robot_that_is_discovered_and_has_not_announced_itself_is_awaited() -> None:
+    """As on a busy computer: its summary comes 1.5 s after it was discovered."""
+
+    class Late(Graph):
+        def count_publishers(self, topic: str) -> int:
+            return 1
+
+    assert found(Late([(1.5, summary(1, sharing=0))])) == [1]
+
+
 def test_a_robot_that_was_killed_holds_a_command_up_for_some_seconds_only() -> None:
     graph = Graph([(0.05, summary(1, sharing=1))])
     assert found(graph) == [1]
@@ -76,3 +90,16 @@ def test_a_robot_without_the_number_and_another_program_are_taken_as_they_are() 
     assert found(Graph([(0.0, summary(7))])) == [7]
     assert found(Graph([(0.0, "nonsense")])) == [0]
     assert found(Graph([])) == []
+
+
+def test_robots_that_are_not_discovered_yet_are_looked_for_again_before_the_first_request(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    two = tuple(read_neighbour(summary(pid)) for pid in (1, 2))
+    answers = [(), two]
+    monkeypatch.setattr(fleet, "addressed_robots", lambda *_: answers.pop(0))
+    client = RosClient()
+    require_one_robot(client)
+    assert client.before_request is not None
+    with pytest.raises(OperationError, match="2 robots share this namespace"):
+        client.before_request()
