@@ -49,7 +49,7 @@ def test_trajectories_are_streamed_where_the_sdk_has_cyclic_buffers(tmp_path: Pa
         assert not robot.axes.trajectories_on_device
         with robot.follower.follow(goal([0.6], 0.3)) as execution:
             eventually(lambda: "axis 0 servo 1 state 11" in port("show"))  # DirectControl
-            assert execution.wait(5.0)
+            assert execution.wait(30.0)
         assert execution.outcome is Outcome.SUCCEEDED, execution.message
         eventually(lambda: bool((robot.image.operation == Operation.IDLE).all()))
         np.testing.assert_allclose(robot.image.position_command, 0.3, atol=END_RAD)
