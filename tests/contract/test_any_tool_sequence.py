@@ -56,6 +56,8 @@ tool_space:
 """
 MARGIN_M = 0.01
 BEYOND_M = 0.002  # the margin, at most: the way of a stop is foreseen by its ends and its middle
+REDUCED_M_S = 0.33  # streams of joints that compensate each other, at a limit of 0.25: decision 62
+SLOWED_S = 0.6  # after reduced speed is on, or after a stall
 LOOK_PERIODS = 5  # between two looks at the distances
 TWIST_PERIODS = 20  # between two commands of a client
 
@@ -133,7 +135,7 @@ COMMANDS: Commands = {
 
 
 class ToolWitness(Witness):
-    """Judges the distances of the links, too."""
+    """Judges the distances of the links and the speed of the tool, too."""
 
     def __init__(self, harness: Harness, velocity: FloatArray, acceleration: FloatArray) -> None:
         super().__init__(harness, velocity, acceleration)
@@ -145,10 +147,14 @@ class ToolWitness(Witness):
         self._collisions = Collisions.of(robot.descriptor, tool.at_link, settings)
         self._least: FloatArray | None = None  # by which the present distances are judged
         self._looks = 0
+        self._tool, self._reduced = tool, robot.attribute("reduced_speed")
+        self._kinematics, self._point = tool.kinematics, np.zeros(3)
+        self._reduced_s = 0.0  # since it is on, and nothing has stalled or failed
 
     def look(self, image: ProcessImage | None = None) -> None:
-        is_moved = bool(self.excused.any())
+        is_moved, before_ns = bool(self.excused.any()), self._time_ns
         super().look(image)
+        self._judge_speed((self._time_ns - before_ns) / 1e9)
         self._looks += 1
         if is_moved or self._least is None:
             self._least = np.minimum(self._distances(), MARGIN_M)
@@ -162,6 +168,18 @@ class ToolWitness(Witness):
                 self.seen.append(f"{first} and {second} are {text}")
             # Within the margin it may stay as near as it is, and goes back no more once it is out.
             self._least = np.maximum(self._least, np.minimum(distances, MARGIN_M))
+
+    def _judge_speed(self, elapsed_s: float) -> None:
+        """Judge the speed of the tool where it is reduced, and has had time to slow down."""
+        before, kinematics = self._point, self._kinematics
+        self._kinematics = self._tool.kinematics
+        self._point = self._kinematics.forward(self._position)[:3, 3]
+        is_steady = elapsed_s < 1.5 * self._period_s and not self.excused.any()
+        self._reduced_s = self._reduced_s + elapsed_s if self._reduced.is_on and is_steady else 0.0
+        if self._reduced_s > SLOWED_S and self._kinematics is kinematics and elapsed_s > 0.0:
+            speed = float(np.linalg.norm(self._point - before)) / elapsed_s
+            if speed > REDUCED_M_S:
+                self.seen.append(f"the tool moves with {speed:.3f} m/s")
 
     def _distances(self) -> FloatArray:
         (distances,) = self._collisions.distances(self._position[None])

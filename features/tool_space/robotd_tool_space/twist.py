@@ -39,6 +39,7 @@ SPEED_SHARE = 0.97  # of a limit of the arm's speed, likewise
 RAMP_SHARE, PATH_SHARE, TOTAL_SHARE = 0.3, 0.4, 0.6  # of the acceleration limits
 FACTOR_JERK_SHARE = 0.6  # of the jerk limits
 BRAKE_SHARE, BRAKE_S = 0.4, 0.06  # of the acceleration, at position limits; time of the last part
+STOP_STEPS = 2  # of Newton's iteration, to the joints where a stop ends
 STOP_WAY_SHARE = 1.1  # of its way as planned: a stop is planned anew while joints become faster
 MARGIN_RAD = 1e-3  # to the position limits, rad or m
 STANDING_RAD_S = 1e-5  # below it, a joint is not moved: the margin lasts for more than a minute
@@ -238,10 +239,11 @@ class TwistStage:
         velocity = factor * np.abs(rates.inverse @ self._twist_in_base(twist))
         way = self._ramp.stop_way(self._strongest(velocity)) + self._period_s * twist
         in_base = STOP_WAY_SHARE * factor * self._twist_in_base(way)
-        # The joints bend while the tool goes straight: a step of Newton's from where they lead.
+        # The joints bend while the tool goes straight: steps of Newton's from where they lead.
         stopped = at + rates.inverse @ in_base
         pose = _moved(self.pose, self._curved(in_base))
-        stopped += rates.inverse @ pose_differences(self._chain.forward(stopped), pose)
+        for _ in range(STOP_STEPS):
+            stopped += rates.inverse @ pose_differences(self._chain.forward(stopped), pose)
         self._obstacle = obstacle(at, stopped)
         return bool(self._obstacle)
 
