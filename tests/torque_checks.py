@@ -96,7 +96,7 @@ def in_position_mode(robot: Robot) -> bool:
 
 def a_torque_moves_one_joint_and_the_other_holds(robot: Robot) -> None:
     watch, elbow = Watch(robot), float(robot.image.position[1])
-    with robot.torque_stream(["shoulder"]) as stream:
+    with robot.torque_stream(["shoulder"], timeout_s=PATIENCE_S) as stream:
         assert robot.axes.owner(0) == "torque stream"
         with sending(stream, 6.0):
             until(lambda: robot.image.velocity[0] > 0.5)
@@ -129,7 +129,7 @@ def a_lost_source_stops_the_joints(robot: Robot) -> None:
 
 
 def the_velocity_limit_ends_the_stream(robot: Robot) -> None:
-    with robot.torque_stream() as stream, sending(stream, 50.0, 0.0):
+    with robot.torque_stream(timeout_s=PATIENCE_S) as stream, sending(stream, 50.0, 0.0):
         assert stream.wait(PATIENCE_S)
         assert "its velocity limit is 3 rad/s" in stream.message
         until(lambda: at_rest(robot))
@@ -138,7 +138,7 @@ def the_velocity_limit_ends_the_stream(robot: Robot) -> None:
 
 def a_joint_brakes_before_its_position_limit(robot: Robot) -> None:
     watch = Watch(robot)
-    with robot.torque_stream() as stream, sending(stream, 4.0, 0.0):
+    with robot.torque_stream(timeout_s=PATIENCE_S) as stream, sending(stream, 4.0, 0.0):
         assert stream.wait(PATIENCE_S)
     assert "too close to its limit 3 rad" in stream.message, stream.message
     until(lambda: at_rest(robot))
@@ -146,7 +146,7 @@ def a_joint_brakes_before_its_position_limit(robot: Robot) -> None:
 
 
 def a_stop_of_the_robot_ends_the_stream(robot: Robot) -> None:
-    with robot.torque_stream() as stream, sending(stream, 6.0, 0.0):
+    with robot.torque_stream(timeout_s=PATIENCE_S) as stream, sending(stream, 6.0, 0.0):
         until(lambda: robot.image.velocity[0] > 0.3)
         robot.stop("for a test")
         assert stream.message == "stopped: for a test"
@@ -171,7 +171,7 @@ def bad_commands_move_nothing(robot: Robot) -> None:
 def a_shutdown_in_motion_stops_first(robot: Robot) -> None:
     """Last of all: the robot is shut down."""
     watch = Watch(robot)
-    stream = robot.torque_stream()
+    stream = robot.torque_stream(timeout_s=PATIENCE_S)
     with sending(stream, 6.0, 0.0):
         until(lambda: robot.image.velocity[0] > 0.3)
         watch.clear()
