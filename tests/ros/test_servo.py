@@ -99,7 +99,8 @@ def nothing_is_rejected(process: RobotProcess) -> Iterator[None]:
     printed = len(process.output)
     yield
     for line in process.output[printed:].splitlines():
-        assert "[info" in line, line
+        # A client that was late makes up for it, beyond the limits.
+        assert "[info" in line or "is clipped" in line, line
 
 
 def there_and_back(time_s: float) -> float | None:
