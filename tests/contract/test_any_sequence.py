@@ -14,7 +14,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from tests.contract.sequences import FAULTS, Commands, Play, Witness, one_of
+from tests.contract.sequences import FAULTS, Commands, Draw, Play, Witness, one_of
 from tests.core.control.harness import ACCELERATION, Harness, arm
 
 from robotd.control.completion import Outcome
@@ -30,20 +30,8 @@ VELOCITY = 3.0  # rad/s
 HIGHEST = 3.1 * ACCELERATION  # a path between its points, and the way back to it after a stall
 
 
-def axis(random: Random) -> int:
-    return random.randrange(JOINTS)
-
-
-def axes(random: Random) -> list[int]:
-    return random.sample(range(JOINTS), random.randint(1, JOINTS))
-
-
 def positions(random: Random) -> list[float]:
     return [random.uniform(-0.9, 0.9) for _ in range(JOINTS)]
-
-
-def speeds(random: Random) -> list[float]:
-    return [random.uniform(-4.0, 4.0) for _ in range(JOINTS)]
 
 
 def profile(random: Random) -> Profile:
@@ -51,38 +39,54 @@ def profile(random: Random) -> Profile:
     return Profile(random.uniform(0.1, VELOCITY), *ramps)
 
 
-def points(random: Random) -> list[tuple[float, list[float]]]:
-    return [(random.uniform(0.6, 2.0), positions(random)) for _ in range(random.randint(1, 4))]
-
-
 PERIODS = one_of(1, 2, 5, 20, 100, 500)
 
-COMMANDS: Commands = {
-    "step": (8, (PERIODS,)),
-    "goal": (8, (points, PERIODS)),
-    "cancel": (2, ()),
-    "open": (2, (axes, one_of("target", "smooth"), one_of(0.05, 0.2, 1.0))),
-    "send": (5, (positions, PERIODS)),
-    "send_velocity": (3, (speeds, PERIODS)),
-    "close": (1, ()),
-    "move": (3, (axes, positions, profile, one_of(False, True))),
-    "jog": (2, (axes, speeds, profile)),
-    "mode": (2, (axis, one_of(0, 0, 1))),
-    "servo": (1, (axis, one_of(False, True, True))),
-    "clear_alarm": (0.5, (axis,)),
-    "stop_axes": (1, (axes, one_of(False, True))),
-    "stop": (1, ()),
-    "reset": (2, ()),
-    "pause": (0.5, ()),
-    "resume": (1.5, ()),
-    "speed": (1, (one_of(0.01, 0.1, 0.5, 1.0, 1.0),)),
-    "recover": (1, ()),
-    "bring_back": (6, ()),
-    "disable": (0.3, ()),
-    "stall": (1.5, (one_of(0.003, 0.01, 0.03, 0.1, 0.5, 2.0),)),
-    "fault": (1, (one_of(*FAULTS, "thaw", "thaw"), axis)),
-    "fault_later": (2, (one_of(*FAULTS, "latch", "latch"), axis, one_of(0.006, 0.08, 0.8))),
-}
+
+def arm_commands(joints: int, positions: Draw) -> Commands:
+    """Return the commands of an arm, to positions that ``positions`` draws."""
+
+    def axis(random: Random) -> int:
+        return random.randrange(joints)
+
+    def axes(random: Random) -> list[int]:
+        return random.sample(range(joints), random.randint(1, joints))
+
+    def speeds(random: Random) -> list[float]:
+        return [random.uniform(-4.0, 4.0) for _ in range(joints)]
+
+    def points(random: Random) -> list[tuple[float, list[float]]]:
+        count = random.randint(1, 4)
+        return [(random.uniform(0.6, 2.0), positions(random)) for _ in range(count)]
+
+    return {
+        "step": (8, (PERIODS,)),
+        "goal": (8, (points, PERIODS)),
+        "cancel": (2, ()),
+        "open": (2, (axes, one_of("target", "smooth"), one_of(0.05, 0.2, 1.0))),
+        "send": (5, (positions, PERIODS)),
+        "send_velocity": (3, (speeds, PERIODS)),
+        "close": (1, ()),
+        "move": (3, (axes, positions, profile, one_of(False, True))),
+        "jog": (2, (axes, speeds, profile)),
+        "mode": (2, (axis, one_of(0, 0, 1))),
+        "servo": (1, (axis, one_of(False, True, True))),
+        "clear_alarm": (0.5, (axis,)),
+        "stop_axes": (1, (axes, one_of(False, True))),
+        "stop": (1, ()),
+        "reset": (2, ()),
+        "pause": (0.5, ()),
+        "resume": (1.5, ()),
+        "speed": (1, (one_of(0.01, 0.1, 0.5, 1.0, 1.0),)),
+        "recover": (1, ()),
+        "bring_back": (6, ()),
+        "disable": (0.3, ()),
+        "stall": (1.5, (one_of(0.003, 0.01, 0.03, 0.1, 0.5, 2.0),)),
+        "fault": (1, (one_of(*FAULTS, "thaw", "thaw"), axis)),
+        "fault_later": (2, (one_of(*FAULTS, "latch", "latch"), axis, one_of(0.006, 0.08, 0.8))),
+    }
+
+
+COMMANDS = arm_commands(JOINTS, positions)
 
 
 class ArmPlay(Play):

@@ -14,13 +14,11 @@ from random import Random
 
 import numpy as np
 import pytest
-from tests.contract.sequences import FAULTS, Commands, Witness, one_of
-from tests.contract.test_any_sequence import PERIODS, ArmPlay
+from tests.contract.sequences import Commands, Witness, one_of
+from tests.contract.test_any_sequence import PERIODS, ArmPlay, arm_commands, profile
 from tests.core.control.harness import Harness
 
 from robotd.api import FloatArray, load_robot_descriptor
-from robotd.control.trajectory_execution import TrajectoryExecution
-from robotd.device.axes import Jog
 from robotd.device.process_image import ProcessImage
 from robotd.errors import RobotdError
 from robotd.motion import TrajectoryRejected
@@ -62,28 +60,8 @@ LOOK_PERIODS = 5  # between two looks at the distances
 TWIST_PERIODS = 20  # between two commands of a client
 
 
-def axis(random: Random) -> int:
-    return random.randrange(JOINTS)
-
-
-def axes(random: Random) -> list[int]:
-    return random.sample(range(JOINTS), random.randint(1, JOINTS))
-
-
 def positions(random: Random) -> list[float]:
     return [float(bent) + random.uniform(-1.2, 1.2) for bent in BENT]
-
-
-def speeds(random: Random) -> list[float]:
-    return [random.choice([0.0, random.uniform(-4.0, 4.0)]) for _ in range(JOINTS)]
-
-
-def profile(random: Random) -> Profile:
-    return Profile(random.uniform(0.1, 3.1), random.uniform(1.0, 12.0), random.uniform(1.0, 12.0))
-
-
-def points(random: Random) -> list[tuple[float, list[float]]]:
-    return [(random.uniform(0.6, 2.5), positions(random)) for _ in range(random.randint(1, 3))]
 
 
 def way(random: Random) -> list[float]:
@@ -96,41 +74,24 @@ def ways(random: Random) -> list[list[float]]:
     return [way(random) for _ in range(random.choice([1, 1, 1, 2, 3]))]
 
 
+def speed(random: Random) -> float:
+    return random.uniform(-4.0, 4.0)
+
+
 COMMANDS: Commands = {
-    "step": (6, (PERIODS,)),
-    "goal": (4, (points, PERIODS)),
+    **arm_commands(JOINTS, positions),
     "line": (9, (ways, one_of(0.1, 0.5, 1.0, 1.0), one_of(0.0, 0.0, 0.02, 0.1), PERIODS)),
     "pose": (4, (way, one_of(0.1, 1.0), PERIODS)),
     "joints": (4, (positions, one_of(0.1, 1.0, 1.0), PERIODS)),
-    "cancel": (2, ()),
     "open_tool": (3, (one_of(0.05, 0.2, 1.0),)),
     "twist": (7, (way, one_of(False, True), PERIODS)),
     "to_pose": (4, (way, PERIODS)),
-    "open": (2, (axes, one_of("target", "smooth"), one_of(0.05, 0.2, 1.0))),
-    "send": (4, (positions, PERIODS)),
-    "send_velocity": (3, (speeds, PERIODS)),
-    "close": (1, ()),
-    "move": (2, (axes, positions, profile, one_of(False, True))),
-    "jog": (2, (axes, speeds, profile)),
-    "jog_one": (2, (axis, speeds, profile, PERIODS)),
-    "mode": (1, (axis, one_of(0, 0, 1))),
-    "servo": (0.7, (axis, one_of(False, True, True))),
-    "stop_axes": (0.7, (axes, one_of(False, True))),
-    "stop": (0.7, ()),
-    "reset": (1.5, ()),
-    "pause": (0.5, ()),
-    "resume": (1.5, ()),
-    "speed": (1.5, (one_of(0.01, 0.1, 0.5, 1.0, 1.0),)),
-    "recover": (1, ()),
-    "bring_back": (8, ()),
-    "home": (4, ()),
-    "release": (10, ()),
+    "jog_one": (2, (one_of(*range(JOINTS)), speed, profile, PERIODS)),
+    "home": (6, ()),
+    "release": (12, ()),
     "tool": (2, (one_of("", "tip", "long"),)),
     "frame": (1, (one_of("", "table"),)),
     "reduced": (2.5, (one_of(False, True, True),)),
-    "stall": (1.2, (one_of(0.003, 0.01, 0.03, 0.1, 0.5, 2.0),)),
-    "fault": (0.5, (one_of(*FAULTS, "thaw", "thaw"), axis)),
-    "fault_later": (1.5, (one_of(*FAULTS, "latch", "latch"), axis, one_of(0.006, 0.08, 0.8))),
 }
 
 
@@ -196,12 +157,11 @@ class ToolPlay(ArmPlay):
         self._tool_space: RobotTool = self.robot.attribute("tool")
         self._tool_streams: list[ToolStream] = []
 
-    def _follow(self, motion: ToolMotion, periods: int) -> TrajectoryExecution:
+    def _follow(self, motion: ToolMotion, periods: int) -> None:
         goal = ExitStack()
-        execution = goal.enter_context(self._tool_space.follow(motion))
+        goal.enter_context(self._tool_space.follow(motion))
         self.goals.append(goal)
         self._step(periods)
-        return execution
 
     def _line(self, ways: list[list[float]], speed: float, blend_m: float, periods: int) -> None:
         pose, poses = self._tool_space.pose, []
@@ -242,10 +202,9 @@ class ToolPlay(ArmPlay):
                 send()
             self._step(min(periods, TWIST_PERIODS))
 
-    def _jog_one(self, axis: int, speeds: list[float], how: Profile, periods: int) -> None:
+    def _jog_one(self, axis: int, speed: float, how: Profile, periods: int) -> None:
         self.robot.axes.set_command_mode(axis, 1)
-        ramps = how.acceleration, how.deceleration
-        self.robot.axes.jog([Jog(axis, Profile(speeds[axis], *ramps))])
+        self._jog([axis], [speed] * JOINTS, how)
         self._step(periods)
 
     def _home(self) -> None:

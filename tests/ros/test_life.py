@@ -153,7 +153,7 @@ def test_the_engine_node_alone_enables_nothing(start: Any) -> None:
 
 
 def test_restarting_the_engine_never_switches_a_servo_on(start: Any) -> None:
-    process, client = start(simulated_time=True)
+    process, client = start()
     process.wait_ready()
     ready = client.listen(Bool, "/wmx/engine/ready", LATCHED)
     states = client.listen(AxisState, "/wmx/axis/state")

@@ -40,7 +40,7 @@ RAMP_SHARE, PATH_SHARE, TOTAL_SHARE = 0.3, 0.4, 0.6  # of the acceleration limit
 FACTOR_JERK_SHARE = 0.6  # of the jerk limits
 BRAKE_SHARE, BRAKE_S = 0.4, 0.06  # of the acceleration, at position limits; time of the last part
 STOP_STEPS = 2  # of Newton's iteration, to the joints where a stop ends
-STOP_WAY_SHARE = 1.1  # of its way as planned: a stop is planned anew while joints become faster
+STOP_WAY_SHARE = 1.1  # of its way as planned with the present s, which may rise on it
 MARGIN_RAD = 1e-3  # to the position limits, rad or m
 STANDING_RAD_S = 1e-5  # below it, a joint is not moved: the margin lasts for more than a minute
 LEAST_RATE, MAX_RATE, LEAST_CHANGE, MAX_CHANGE = 0.2, 20.0, 60.0, 200.0  # of s: 1/s, 1/s²
@@ -149,9 +149,7 @@ class TwistStage:
         seconds = min(LOOK_S, LOOK_RAD / max(float(np.abs(self._rates.velocity).max()), 1e-9))
         further = ahead + seconds * self._rates.velocity
         (pose, _), (rates, next_rates) = self._differential.at(np.stack([ahead, further]), twist)
-        change = (next_rates.velocity - rates.velocity) / seconds
-        slope = (next_rates.singularity - rates.singularity) / seconds
-        factor = self._next_factor(ahead, rates, change, slope)
+        factor = self._next_factor(ahead, rates, next_rates, seconds)
         self._rates = rates
         if self._meets_obstacle(position, rates, factor):
             # As before: a client that goes on must not make the stop longer.
@@ -189,13 +187,17 @@ class TwistStage:
         )
         return self._setpoint.copy()
 
-    def _next_factor(self, at: FloatArray, rates: Rates, change: FloatArray, slope: float) -> float:
+    def _next_factor(
+        self, at: FloatArray, rates: Rates, next_rates: Rates, seconds: float
+    ) -> float:
         """Return s at the end of the period, and note the status.
 
-        ``change`` and ``slope`` are those of velocities and singularity in a second with s = 1.
+        ``next_rates`` are those after ``seconds`` with s = 1.
         """
         limits, acceleration = self._joints, self._joints.acceleration
         speed = np.maximum(np.abs(rates.velocity), 1e-9)
+        change = (next_rates.velocity - rates.velocity) / seconds
+        slope = (next_rates.singularity - rates.singularity) / seconds
         bounds = {
             "velocity": _lowest(VELOCITY_SHARE * limits.velocity / speed),
             "acceleration": _root(PATH_SHARE * acceleration / np.maximum(np.abs(change), 1e-9)),

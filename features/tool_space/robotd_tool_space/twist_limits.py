@@ -53,7 +53,13 @@ class TwistLimits:
 
 
 class RampState(NamedTuple):
-    """What a ramp does; immutable. As the attributes of ``TwistRamp``."""
+    """State from which a ``TwistRamp`` can go on; immutable.
+
+    Attributes:
+        twist, acceleration: as those of the ramp.
+        target: that it leads to.
+        plan, seconds: way to the target, and the time that has passed on it.
+    """
 
     twist: FloatArray
     acceleration: FloatArray

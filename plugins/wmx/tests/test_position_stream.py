@@ -275,7 +275,7 @@ def test_a_stop_that_one_axis_cannot_make_stops_the_others(
 LEAVER = """\
 import sys, time
 sys.path.insert(0, sys.argv[1])
-from robotd_wmx import _native, position_stream
+from robotd_wmx import _native
 device = _native.Device()
 device.create(_native.SDK_PATH, 5000)
 stream = _native.PositionStream(device, [1.0] * 2, [3.0] * 2, [10.0] * 2, 0.002, 0.02, 0)
