@@ -39,6 +39,7 @@ class Arm:
     def __init__(self, client: Client) -> None:
         self.client = client
         self.states = client.listen(JointState, "/joint_states")
+        self.owners = client.listen(String, "/robotd/owners", LATCHED)
         self.trajectory = client.publisher(JointTrajectory, TRAJECTORY)
         self.positions = client.publisher(Float64MultiArray, POSITION)
         self.velocities = client.publisher(Float64MultiArray, VELOCITY)
@@ -63,7 +64,8 @@ class Arm:
         wait_until(attempt, "the streamed motion")
 
     def wait_at_rest(self) -> None:
-        wait_until(lambda: self.speed < 1e-3, "standstill")
+        """Also until the client that moved it has given it back, shortly after standstill."""
+        wait_until(lambda: self.speed < 1e-3 and self.owners[-1].data == "", "rest")
 
     def go(self, position: list[float]) -> tuple[int, Any]:
         goal = FollowJointTrajectory.Goal()
@@ -92,7 +94,7 @@ def trajectory(*points: tuple[float, list[float]], names: list[str] | None = Non
 def joints(client: Client) -> Arm:
     """The shared arm, from wherever other tests have left it to zero."""
     joints = Arm(client)
-    wait_until(lambda: joints.states, "joint states")
+    wait_until(lambda: joints.states and joints.owners, "joint states and owners")
     joints.wait_at_zero()
     return joints
 
@@ -248,14 +250,13 @@ def test_a_goal_is_rejected_with_the_owner_while_a_topic_moves_the_arm(arm: Arm)
 
 
 def test_the_owner_of_each_joint_is_latched(arm: Arm) -> None:
-    owners = arm.client.listen(String, "/robotd/owners", LATCHED)
-    wait_until(lambda: owners and owners[-1].data == "", "no owner")
+    arm.wait_at_rest()
     message = JointJog(joint_names=["joint1"], velocities=[0.05])
     arm.publish_until(
         lambda: arm.jog.publish(message),
-        lambda: "joint1: servo_node/delta_joint_cmds\n" in owners[-1].data,
+        lambda: "joint1: servo_node/delta_joint_cmds\n" in arm.owners[-1].data,
     )
-    wait_until(lambda: owners[-1].data == "", "no owner after the last message")
+    wait_until(lambda: arm.owners[-1].data == "", "no owner after the last message")
 
 
 @pytest.mark.daily

@@ -43,7 +43,7 @@ def arm() -> Iterator[RobotProcess]:
     """An arm whose inputs are wired to its outputs."""
     words = [word for name in (*NAMES, "backends.sim.io_loopback=true") for word in ("--set", name)]
     prefix = ("--ros-args", "-p", "frame_prefix:=cell/")
-    with RobotProcess(*words, *prefix, backend="sim") as process:
+    with RobotProcess(*words, *prefix, backend="sim", simulated_time=True) as process:
         process.wait_ready()
         yield process
 

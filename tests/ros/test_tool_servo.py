@@ -37,6 +37,7 @@ class Hand:
         self.client = client
         self.command: Any = None
         self.states = client.listen(JointState, "/joint_states")
+        self.owners = client.listen(String, "/robotd/owners", LATCHED)
         self.codes = client.listen(Int8, "/servo_node/status")
         self.reasons = client.listen(String, "/servo_node/status_message")
         self.problems = client.listen(DiagnosticArray, "/robotd/problems", LATCHED)
@@ -45,6 +46,7 @@ class Hand:
             TwistStamped: client.publisher(TwistStamped, "/servo_node/delta_twist_cmds"),
             PoseStamped: client.publisher(PoseStamped, "/servo_node/pose_target_cmds"),
         }
+        wait_until(lambda: self.states and self.owners, "joint states and owners")
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
@@ -63,10 +65,13 @@ class Hand:
         found = read_problems(self.problems[-1])
         return any("servo_node/delta_twist_cmds kept" in each.reason for each in found)
 
+    @property
+    def at_rest(self) -> bool:
+        return max(abs(value) for value in self.states[-1].velocity[:6]) < 1e-3
+
     def wait_at_rest(self) -> None:
-        wait_until(
-            lambda: max(abs(value) for value in self.states[-1].velocity[:6]) < 1e-3, "standstill"
-        )
+        """Also until the client that moved it has given it back, shortly after standstill."""
+        wait_until(lambda: self.at_rest and self.owners[-1].data == "", "rest")
 
     def go_ready(self) -> None:
         _, result = self.client.send_goal(goal((4.0, READY))).result()
