@@ -1,8 +1,7 @@
 # Functions for .ci/run: commands that are noted when they fail, and lanes side by side. Sourced by bash.
 RECORDS=$(mktemp -d)
 FAILED=$RECORDS/failed  # one line for each command that failed
-SECOND=$RECORDS/second  # one line for each command to be run once more
-touch "$FAILED" "$SECOND"
+touch "$FAILED"
 trap 'kill $(jobs -p) 2>/dev/null || true; rm -rf "$RECORDS"' EXIT
 
 section() { printf '\n== %s (%s s)\n' "$1" "$SECONDS"; }
@@ -14,25 +13,6 @@ check() {
     echo "== FAILED: $*"
     echo "$*" >>"$FAILED"
   }
-}
-
-# check_robots COMMAND ARGUMENT...: as above, of tests in real time. What fails is noted for `alone`.
-check_robots() {
-  local TIMEFORMAT="== $*: %R s, processor time %U s + %S s" word words=()
-  time "$@" && return
-  for word in "$@"; do [[ $word == *=* ]] || words+=("$word"); done
-  # Once: of two commands that differ in ARGS only the second run is the same.
-  grep -qxF "${words[*]}" "$SECOND" || echo "${words[*]}" >>"$SECOND"
-}
-
-# Run the tests in real time that failed once more, with nothing beside them. They have to pass.
-alone() {
-  local words
-  while read -r -a words; do
-    section "${words[*]}: what failed, alone"
-    check "${words[@]}" ARGS='--last-failed --last-failed-no-failures=none' WORKERS=0 </dev/null
-  done <"$SECOND"
-  : >"$SECOND"
 }
 
 # side_by_side A B: run two functions at the same time; the output of the second one comes last.

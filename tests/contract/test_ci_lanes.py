@@ -47,35 +47,3 @@ def test_a_command_that_fails_in_either_lane_is_named_and_the_others_run() -> No
 
 def test_the_time_of_each_command_is_printed() -> None:
     assert "== true: 0.0" in run()[1]
-
-
-def test_tests_in_real_time_that_failed_have_to_pass_alone(tmp_path: Path) -> None:
-    marker = tmp_path / "marker"
-    command = tmp_path / "robots"
-    for passes_alone in (True, False):
-        marker.unlink(missing_ok=True)
-        action = f"touch {marker}; exit 1" if passes_alone else "exit 1"
-        command.write_text(f"[ -e {marker} ] && exit\n{action}\n", encoding="utf-8")
-        script = f". .ci/lanes.sh; check_robots sh {command} ARGS='a b'; alone; report"
-        done = subprocess.run(
-            ["bash", "-c", script], cwd=ROOT, capture_output=True, text=True, check=False
-        )
-        assert done.returncode == (0 if passes_alone else 1), done.stdout + done.stderr
-        assert f"sh {command}: what failed, alone" in done.stdout
-
-
-def test_commands_that_differ_in_their_arguments_have_one_second_run(tmp_path: Path) -> None:
-    command = tmp_path / "robots"
-    command.write_text(
-        '[ "$1" = "ARGS=a" ] || [ "$1" = "ARGS=b" ] && exit 1; exit 0\n', encoding="utf-8"
-    )
-    runs = f"check_robots sh {command} ARGS=a; check_robots sh {command} ARGS=b"
-    done = subprocess.run(
-        ["bash", "-c", f". .ci/lanes.sh; {runs}; alone; report"],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.count("what failed, alone") == 1

@@ -9,11 +9,13 @@ import select
 import signal
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import pytest
 from control_msgs.action import FollowJointTrajectory
+from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import Log
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
@@ -316,7 +318,9 @@ def test_nothing_is_switched_on_after_a_signal_during_start_up(tmp_path: Path) -
 def test_a_second_signal_ends_the_process_at_once(tmp_path: Path) -> None:
     robot = unwilling(tmp_path, tries=1000, failures=1000, retry_s=0.0, delay_s=8.0)
     with RobotProcess(robot=robot) as process:
-        process.wait_output("open failed")  # the next attempt takes another eight seconds
+        with closing(Client(process.domain)) as client:
+            problems = client.listen(DiagnosticArray, "/robotd/problems", LATCHED)
+            wait_until(lambda: "try 2 of 1000" in str(problems), "a try of eight seconds")
         process.process.send_signal(signal.SIGINT)
         process.wait_output("stopping")
 
