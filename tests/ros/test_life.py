@@ -9,7 +9,6 @@ import select
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -315,21 +314,20 @@ def test_nothing_is_switched_on_after_a_signal_during_start_up(tmp_path: Path) -
         assert "Traceback" not in process.output
 
 
-def test_a_second_signal_ends_the_process_at_once(tmp_path: Path) -> None:
+def test_a_second_signal_ends_the_process_at_once(start: Any, tmp_path: Path) -> None:
     robot = unwilling(tmp_path, tries=1000, failures=1000, retry_s=0.0, delay_s=8.0)
-    with RobotProcess(robot=robot) as process:
-        with closing(Client(process.domain)) as client:
-            problems = client.listen(DiagnosticArray, "/robotd/problems", LATCHED)
-            wait_until(lambda: "try 2 of 1000" in str(problems), "a try of eight seconds")
+    process, client = start(robot=robot)
+    problems = client.listen(DiagnosticArray, "/robotd/problems", LATCHED)
+    wait_until(lambda: "try 2 of 1000" in str(problems), "a try of eight seconds")
+    process.process.send_signal(signal.SIGINT)
+    process.wait_output("stopping")
+
+    def ended_by_another() -> bool:
         process.process.send_signal(signal.SIGINT)
-        process.wait_output("stopping")
+        return process.process.poll() is not None
 
-        def ended_by_another() -> bool:
-            process.process.send_signal(signal.SIGINT)
-            return process.process.poll() is not None
-
-        wait_until(ended_by_another, "a second signal")
-        assert process.exit_status() == 130
+    wait_until(ended_by_another, "a second signal")
+    assert process.exit_status() == 130
 
 
 def test_the_echo_of_a_signal_is_not_a_second_one() -> None:

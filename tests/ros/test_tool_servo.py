@@ -66,12 +66,12 @@ class Hand:
         return any("servo_node/delta_twist_cmds kept" in each.reason for each in found)
 
     @property
-    def at_rest(self) -> bool:
-        return max(abs(value) for value in self.states[-1].velocity[:6]) < 1e-3
+    def speed(self) -> float:
+        return max(abs(value) for value in self.states[-1].velocity[:6])
 
     def wait_at_rest(self) -> None:
         """Also until the client that moved it has given it back, shortly after standstill."""
-        wait_until(lambda: self.at_rest and self.owners[-1].data == "", "rest")
+        wait_until(lambda: self.speed < 1e-3 and self.owners[-1].data == "", "rest")
 
     def go_ready(self) -> None:
         _, result = self.client.send_goal(goal((4.0, READY))).result()
