@@ -85,7 +85,7 @@ coverage: $(tools) ## run the unit and contract tests and report their coverage
 
 backends: $(tools) ## run the conformance checks and the tests of CANopen, EtherCAT and WMX
 	@$(say) 'pytest, the conformance kit and the tests on buses'
-	.venv/bin/python -m pytest tests/features/conformance/runs tests/plugins/{canopen/bus,independent,ethercat/bus} $(ARGS)
+	.venv/bin/python -m pytest tests/features/conformance/runs tests/plugins/{canopen/bus,independent,ethercat/bus,feetech,dynamixel} $(ARGS)
 	$(MAKE) --no-print-directory -C plugins/wmx test
 
 conform: $(tools) ## run the conformance checks of BACKEND on ROBOT, on from where a run was stopped
@@ -99,6 +99,10 @@ lint: $(tools) ## check style, format, layers and types
 	.venv/bin/ruff format --check
 	$(say) 'lint-imports'
 	.venv/bin/lint-imports
+	$(say) 'tools.words'
+	.venv/bin/python -m tools.words
+	$(say) 'tools.class_names'
+	.venv/bin/python -m tools.class_names
 	$(say) 'mypy'
 	.venv/bin/mypy
 
@@ -137,8 +141,6 @@ bench: $(tools) ## measure the cycle and the ROS surface; ARGS go to tools.bench
 	.venv/bin/python -m tools.bench.page
 	$(say) 'tools.bench.page_control'
 	.venv/bin/python -m tools.bench.page_control
-	$(say) 'tools.bench.remote_page'
-	.venv/bin/python -m tools.bench.remote_page
 	$(say) 'tools.bench.middleware'
 	.venv/bin/python -m tools.bench.middleware
 	$(MAKE) -C plugins/wmx bench

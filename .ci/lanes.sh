@@ -15,15 +15,21 @@ check() {
   }
 }
 
-# side_by_side A B: run two functions at the same time; the output of the second one comes last.
+# side_by_side A B...: run functions at the same time; the output of all but the first one comes last.
 side_by_side() {
-  local second
-  "$2" >"$RECORDS/$2" 2>&1 &
-  second=$!
-  "$1" || echo "$1" >>"$FAILED"
-  section "$1 has ended; $2:"
-  wait "$second" || echo "$2" >>"$FAILED"
-  cat "$RECORDS/$2"
+  local first=$1 lane
+  local -A processes
+  shift
+  for lane; do
+    "$lane" >"$RECORDS/$lane" 2>&1 &
+    processes[$lane]=$!
+  done
+  "$first" || echo "$first" >>"$FAILED"
+  for lane; do
+    section "$lane, beside $first:"
+    wait "${processes[$lane]}" || echo "$lane" >>"$FAILED"
+    cat "$RECORDS/$lane"
+  done
 }
 
 # Say how the commands went; fail if any of them has.

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import random
+from collections import Counter
 from pathlib import Path
+from zlib import crc32
 
 import pytest
 from hypothesis import settings
@@ -34,11 +36,15 @@ SLOWEST = (
     "features/conformance/runs/test_other_mutants.py",
     "features/conformance/runs/test_backends.py",
     "plugins/canopen/bus/test_conformance.py",
+    "plugins/feetech/test_conformance.py",
+    "plugins/dynamixel/test_conformance.py",
     "features/page/server/test_layout_in_browser.py",
     "ros/test_cut_link.py",
     "features/conformance/runs/test_new_backend.py",
 )
 """Files of minutes, which begin first: a worker that began one in the end would work on alone."""
+
+TURNS = 2  # runs of the gate that have all long tests between them
 
 pytest_plugins = ["tests.command_line", "tests.installed_plugin"]
 
@@ -51,6 +57,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         help="shuffle the files and the tests of each, by SEED: the same seed gives the same order",
     )
     parser.addoption("--units", action="store_true", help="leave out the folders in real time")
+    parser.addoption(
+        "--turn",
+        type=int,
+        metavar="NUMBER",
+        help=f"of the long tests of each file, one in {TURNS}: another one for the next NUMBER",
+    )
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
@@ -76,9 +88,25 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         if is_in_real_time(item.path) and not item.get_closest_marker("daily"):
             item.add_marker("long")
+    if (turn := config.getoption("--turn")) is not None:
+        others = set(not_in_turn(turn, items))
+        config.hook.pytest_deselected(items=list(others))
+        items[:] = [item for item in items if item not in others]
     seed = config.getoption("--random-order")
     if seed is not None:
         order = random.Random(seed)
         order.shuffle(items)
         files = {path: index for index, path in enumerate(dict.fromkeys(i.path for i in items))}
         items.sort(key=lambda item: files[item.path])
+
+
+def not_in_turn(turn: int, items: list[pytest.Item]) -> list[pytest.Item]:
+    """Return the long tests whose turn it is not: one in ``TURNS`` of each file has it."""
+    places, others = Counter[Path](), list[pytest.Item]()
+    for item in items:
+        if item.get_closest_marker("long"):
+            places[item.path] += 1
+            first = crc32(item.path.name.encode())  # a file of one test is not always in turn 0
+            if (first + places[item.path] - turn) % TURNS:
+                others.append(item)
+    return others

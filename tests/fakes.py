@@ -25,7 +25,7 @@ from robotd.device.drivers import (
 )
 from robotd.device.process_image import ProcessImage
 from robotd.device.speed_scale import SpeedScale
-from robotd.device.state import CommandMode, ConnectionState, Operation, Underrun
+from robotd.device.state import CommandMode, ConnectionState, Operation
 from robotd.motion.profile import Profile
 
 Call = tuple[object, ...]
@@ -280,8 +280,12 @@ class FakeFieldbus(Recorder, FieldbusDriver):
         self.objects[node, index, subindex] = data
 
 
-def streaming_axes(underrun: Underrun, buffer_s: float) -> Any:
+def streaming_axes(extrapolation_s: float, buffer_s: float) -> Any:
     """The parts of ``Axes`` that a streamed trajectory uses."""
     return SimpleNamespace(
-        speed=SpeedScale(), underrun=underrun, stream_buffer_s=buffer_s, feedback_period_s=0.0
+        speed=SpeedScale(),
+        extrapolation_s=extrapolation_s,
+        stream_buffer_s=buffer_s,
+        feedback_period_s=0.0,
+        response_s=0.0,
     )

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from robotd.clock import MonotonicClock, wait_until
-from robotd.control.problem import ProblemKind
+from robotd.control.groups.problem import ProblemKind
 from robotd.robot import Robot
 from robotd_ros.nodes.topic_stream import TopicStream
 
@@ -33,7 +33,7 @@ class Commander:
     @property
     def problems(self) -> list[str]:
         found = self.robot.find_problems()
-        return [each.text for each in found if each.kind is ProblemKind.SOURCE]
+        return [problem.text for problem in found if problem.kind is ProblemKind.SOURCE]
 
     def begin(self) -> None:
         """Command from the present position on."""
@@ -58,7 +58,7 @@ class Commander:
     def _run(self) -> None:
         host: Any = self
         topic = TopicStream(self.robot.stream.client("targets", 0.2), host, "targets")
-        others = [float(each) for each in self.robot.image.position[list(self.robot.joint_axes)]]
+        others = [float(place) for place in self.robot.image.position[list(self.robot.joint_axes)]]
         while not self._closing.wait(1.0 / RATE_HZ):
             if self.on:
                 self.target += SPEED / RATE_HZ

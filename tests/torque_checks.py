@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from robotd.clock import MonotonicClock, wait_until
-from robotd.control.torque_stream import TorqueStream
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.groups.torque_stream import TorqueStream
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, Operation
 from robotd.errors import InvalidArgument, NotReady
@@ -80,6 +80,10 @@ class Watch:
         )
 
     @property
+    def fastest(self) -> float:
+        return max(velocity for _, _, velocity in self._rows)
+
+    @property
     def highest(self) -> float:
         return max(position for _, position, _ in self._rows)
 
@@ -136,6 +140,25 @@ def the_velocity_limit_ends_the_stream(robot: Robot) -> None:
         assert stream.clipped > 0
 
 
+def the_speed_of_all_motion_bounds_it(robot: Robot) -> None:
+    watch = Watch(robot)
+    robot.set_speed(0.2)
+    try:
+        with robot.torque_stream(timeout_s=PATIENCE_S) as stream, sending(stream, 6.0, 0.0):
+            until(lambda: robot.image.velocity[0] > 0.45)
+            watch.clear()
+            passed = float(robot.image.position[0]) + 0.3
+            until(lambda: robot.image.position[0] > passed or not stream.open)
+            assert stream.open, stream.message
+            assert watch.fastest <= 0.6  # of 3 rad/s
+            robot.set_speed(0.1)  # it is faster than that
+            assert stream.wait(PATIENCE_S)
+            assert "its velocity limit at a speed of 10 % is 0.3 rad/s" in stream.message
+            until(lambda: at_rest(robot))
+    finally:
+        robot.set_speed(1.0)
+
+
 def a_joint_brakes_before_its_position_limit(robot: Robot) -> None:
     watch = Watch(robot)
     with robot.torque_stream(timeout_s=PATIENCE_S) as stream, sending(stream, 4.0, 0.0):
@@ -189,6 +212,7 @@ CHECKS = (
     a_torque_moves_one_joint_and_the_other_holds,
     a_lost_source_stops_the_joints,
     the_velocity_limit_ends_the_stream,
+    the_speed_of_all_motion_bounds_it,
     a_joint_brakes_before_its_position_limit,
     a_stop_of_the_robot_ends_the_stream,
     bad_commands_move_nothing,

@@ -41,7 +41,7 @@ def requirements() -> list[str]:
         *project(".")["project"]["optional-dependencies"]["ros"],
         *COLCON,
     ]
-    return [each for each in found if not each.startswith(("robotd", "scikit-build"))]
+    return [name for name in found if not name.startswith(("robotd", "scikit-build"))]
 
 
 def make_prefix(prefix: Path) -> None:
@@ -81,7 +81,7 @@ def sourced(variables: Mapping[str, str], file: Path) -> dict[str, str]:
     found = subprocess.run(
         ["bash", "-c", script], env=variables, capture_output=True, text=True, check=True
     )
-    return dict(each.split("=", 1) for each in found.stdout.split("\0") if each)
+    return dict(variable.split("=", 1) for variable in found.stdout.split("\0") if variable)
 
 
 def main() -> None:

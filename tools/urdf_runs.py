@@ -25,7 +25,7 @@ from click.testing import CliRunner
 
 from robotd.cli.main import main as cli
 from robotd.clock.simulated import SteppedClock
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.descriptor.urdf import read_urdf
 from robotd.motion import TrajectoryRequest
 from robotd.robot import Robot, open_robot
@@ -78,8 +78,8 @@ def _run(file: Path, folder: Path, peer: bool) -> tuple[str, str]:
         text = result.stderr.strip() or result.output.strip() or repr(result.exception)
         answers = [ask.rstrip(",:").split(" ", 1) for ask in ASKS.findall(text)]
         if "LEFT,RIGHT" in str(answers):  # a name for each wheel comes with the question
-            answers = [each for each in answers if each[-1] != "LEFT,RIGHT"]
-        answer = next((each for each in answers if each[0] not in options), None)
+            answers = [row for row in answers if row[-1] != "LEFT,RIGHT"]
+        answer = next((row for row in answers if row[0] not in options), None)
         if answer is None or (folder / "it").exists():
             outcome = "no robot" if NO_ROBOT.search(text) else "rejected"
             return outcome, text.replace("\n", " | ").replace(f"{file.parent}/", "")[:300]
@@ -139,7 +139,7 @@ def compare_with_pinocchio(path: Path) -> None:
     for joint in urdf.joints:
         if joint.moves and joint.mimic is None:
             places[joint.name] = float(random.uniform(-1, 1))
-    for joint in filter(lambda each: each.moves, urdf.joints):  # its mimics are independent
+    for joint in filter(lambda joint: joint.moves, urdf.joints):  # its mimics are independent
         index = model.joints[model.getJointId(joint.name)].idx_q
         place = urdf.position(joint, places)
         if joint.type == "continuous":

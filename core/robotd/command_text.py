@@ -28,8 +28,8 @@ def command_text(
 def _argument(parameter: str, value: object, axes: Sequence[str]) -> Iterator[str]:
     """Yield the text of one argument, or of each axis in it."""
     if isinstance(value, (list, tuple, range)):
-        for each in value:
-            yield from _argument(parameter, each, axes)
+        for part in value:
+            yield from _argument(parameter, part, axes)
     elif parameter in ("axis", "axes"):
         yield _axis(value, axes)
     elif hasattr(value, "target"):

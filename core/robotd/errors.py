@@ -18,14 +18,16 @@ A backend's own errors inherit one of these. Every error carries its parts: ``re
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import sys
+from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
 from pathlib import Path
 from traceback import walk_tb
+from typing import Any
 
-MAX_SHOWN = 50
+MAX_FAILURE = 1000  # characters of what a plugin raised
+MAX_SHOWN = 50  # problems of one file that a text lists; a hostile file can have a million
 MAX_KEY = 200  # characters; names in a file have any length
-"""Problems of one file that a text lists. A hostile file can have a million."""
 
 
 class RobotdError(Exception):
@@ -189,12 +191,46 @@ def plugin_failure(error: BaseException, target: str) -> str:
     for frame, number in walk_tb(error.__traceback__):
         if str(frame.f_globals.get("__name__")).partition(".")[0] == package:
             line = f" ({Path(frame.f_code.co_filename).name}:{number})"
-    return f"{type(error).__name__}: {error}{line}"
+    return f"{type(error).__name__}: {_text_of(error)}{line}"
+
+
+def _text_of(error: BaseException) -> str:
+    """Return the text of an exception of others: of bounded length, fields of pydantic in a line.
+
+    pydantic is not imported for it: an error of pydantic comes with it.
+    """
+    pydantic = sys.modules.get("pydantic_core")
+    try:
+        if pydantic and isinstance(error, pydantic.ValidationError):
+            return "; ".join(_fields_of(error))[:MAX_FAILURE]
+        return str(error)[:MAX_FAILURE]
+    except Exception:  # noqa: BLE001 - it has no text
+        return "without a text"
+
+
+MAX_NAME = 100  # characters of a name that is compared with others: the time is their product
+
+
+def _fields_of(error: Any) -> Iterator[str]:
+    """Yield ``Feature.open: must be ... (value 3)`` for each problem of an error of pydantic.
+
+    A field that was given by its place has a number: the name is that of the object being made.
+    """
+    made = [frame.f_locals.get("__dataclass_self__") for frame, _ in walk_tb(error.__traceback__)]
+    owner = next((cls for cls in made if type(cls).__name__ == error.title), None)
+    names = list(getattr(owner, "__dataclass_fields__", ()))
+    for detail in error.errors():
+        first, *others = detail["loc"] or ("",)
+        if isinstance(first, int) and first < len(names):
+            first = names[first]
+        place = ".".join(str(key) for key in (error.title, first, *others) if key != "")
+        text = detail["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
+        yield f"{place}: {text} (value {detail['input']!r:.60})"
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return ``; did you mean 'x'?`` for the nearest known name, else ""."""
-    near = get_close_matches(name, list(known), n=1)
+    near = get_close_matches(name[:MAX_NAME], list(known), n=1)
     return f"; did you mean {near[0]!r}?" if near else ""
 
 

@@ -26,6 +26,7 @@ from robotd.errors import RobotdError
 MAX_EVENTS = 8192
 MAX_BYTES = 4 * 2**20
 MAX_TEXT = 2000  # characters of an event's text
+MAX_DATA_BYTES = 2**20  # of an event; points of a long trajectory are half of it
 OVERHEAD_BYTES = 600  # of an event besides its text and data, measured by tracemalloc
 OWN_PROCESS = "robotd"
 BAD_OUTCOMES = frozenset({"path_tolerance", "goal_tolerance", "fault", "stopped"})
@@ -163,19 +164,26 @@ class EventLog(BoundedLog[Event]):
         return event
 
     def note(self, event: Event) -> None:
-        """Note an event; its text is cut at ``MAX_TEXT``."""
+        """Note an event; text is cut at ``MAX_TEXT``, data left out beyond ``MAX_DATA_BYTES``.
+
+        A client's request could otherwise drop all events before it.
+        """
         if len(event.text) > MAX_TEXT:
             event = replace(event, text=event.text[:MAX_TEXT])
+        size = _size(event.data)
+        if size > MAX_DATA_BYTES:
+            kept = {key: event.data[key] for key in ("outcome",) if key in event.data}
+            event, size = replace(event, data=kept), _size(kept)
         self.count(event.kind, str(event.data.get("outcome", "")))
-        self.append(event, OVERHEAD_BYTES + len(event.text) + _size(event.data))
+        self.append(event, OVERHEAD_BYTES + len(event.text) + size)
 
     def count(self, kind: EventKind, outcome: str) -> None:
-        """Count an event; alone for those that come too often to be noted."""
+        """Count an event; alone for those that come too often to be recorded."""
         self.counts[kind, outcome] += 1
 
 
 class HasEvents(Protocol):
-    """Facade whose commands are noted."""
+    """Facade whose commands are recorded."""
 
     events: EventLog
 
@@ -222,7 +230,7 @@ def _size(value: object) -> int:
     if isinstance(value, np.ndarray):
         return int(value.nbytes)
     if isinstance(value, Mapping):
-        return 100 + sum(_size(each) for each in value.values())
+        return 100 + sum(_size(part) for part in value.values())
     if isinstance(value, (list, tuple)):
-        return 60 + sum(_size(each) for each in value)
+        return 60 + sum(_size(part) for part in value)
     return 60 + len(value) if isinstance(value, (str, bytes)) else 40

@@ -36,6 +36,8 @@ class LogFormat(StrEnum):
 FOREIGN_PERIOD_S = 10.0
 OWN_LOGGERS = "robotd."
 MAX_FOREIGN_CHARACTERS = 300
+MAX_REASON_CHARACTERS = 1000
+MAX_VALUE_CHARACTERS = 8000  # of a field of a line; errors of a file list up to 50 problems
 # Control characters but tab and newline, and those that reorder or separate lines.
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 
@@ -122,6 +124,18 @@ def printable(text: str) -> str:
     return escaped("; ".join(part.strip() for part in text.split("\n") if part.strip()))
 
 
+def shortened(text: str, most: int = MAX_REASON_CHARACTERS) -> str:
+    """Return ``text`` without its middle where it has more than ``most`` characters.
+
+    What a client sends has no maximum length, and error texts repeat it.
+    """
+    if len(text) <= most:
+        return text
+    end = most // 4
+    begin = most - end
+    return f"{text[:begin]} ... ({len(text) - most} characters left out) ... {text[-end:]}"
+
+
 def escaped(text: str) -> str:
     """Return ``text`` with control characters escaped; tabs and line ends stay."""
     return _CONTROL.sub(lambda found: ascii(found.group())[1:-1], text)
@@ -129,8 +143,10 @@ def escaped(text: str) -> str:
 
 def _escape(logger: Any, method: str, fields: EventDict) -> EventDict:
     for key, value in fields.items():
-        if isinstance(value, str):
-            fields[key] = printable(value)
+        is_reason = isinstance(value, BaseException) and key != "exc_info"
+        text = (str(value) or type(value).__name__) if is_reason else value
+        if isinstance(text, str):
+            fields[key] = printable(shortened(text, MAX_VALUE_CHARACTERS))
     return fields
 
 
@@ -164,7 +180,7 @@ class _ForeignLogs(logging.Handler):
 
 def _take_foreign_logs() -> None:
     root = logging.getLogger()
-    for handler in [each for each in root.handlers if isinstance(each, _ForeignLogs)]:
+    for handler in [handler for handler in root.handlers if isinstance(handler, _ForeignLogs)]:
         root.removeHandler(handler)
     root.addHandler(_ForeignLogs())
 

@@ -5,33 +5,37 @@ The one file that sees every step of the path.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeVar, cast
 
+from robotd.call_timeout import CallTimeout, call_with_timeout, end_idle_threads
+from robotd.clean_up import finally_run, run_all
 from robotd.clock import Clock, MonotonicClock
 from robotd.clock.simulated import PacedClock, SimulatedClock, SteppedClock
-from robotd.control.axis_limits import axis_names, fit_device
-from robotd.control.control_loop import ControlLoop
-from robotd.control.joint_group import JointGroups
-from robotd.control.joint_stream import JointStreams
-from robotd.control.mobile_base import MobileBase
-from robotd.control.motion_stop import MotionStop
-from robotd.control.problem import Problem
-from robotd.control.problem_finder import Problems
-from robotd.control.rearming import Rearming
-from robotd.control.recovery import Recovery, Report
-from robotd.control.servos import Servos
-from robotd.control.setpoint_mixer import SetpointMixer
-from robotd.control.torque_stream import TorqueStreams
-from robotd.control.trajectory_follower import TrajectoryFollower
+from robotd.control.groups.axis_limits import axis_names, fit_device
+from robotd.control.groups.joint_group import JointGroups
+from robotd.control.groups.joint_stream import JointStreams
+from robotd.control.groups.mobile_base import MobileBase
+from robotd.control.groups.problem import Problem
+from robotd.control.groups.problem_finder import Problems
+from robotd.control.groups.recovery import Recovery, Report
+from robotd.control.groups.servos import Servos
+from robotd.control.groups.torque_stream import TorqueStreams
+from robotd.control.groups.trajectory_follower import TrajectoryFollower
+from robotd.control.loop.control_loop import ControlLoop
+from robotd.control.loop.motion_stop import MotionStop
+from robotd.control.loop.rearming import Rearming
+from robotd.control.loop.setpoint_mixer import SetpointMixer
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.device.axes import Axes
 from robotd.device.capabilities import Capability
 from robotd.device.connection import Connection
+from robotd.device.drivers import AxisDriver
 from robotd.device.fault_injector import FaultInjector
 from robotd.device.fieldbus import Fieldbus
 from robotd.device.gripper import Gripper
@@ -39,23 +43,30 @@ from robotd.device.io import Io, check_names
 from robotd.device.passive_joints import PassiveJoints, finger_reader
 from robotd.device.process_image import ProcessImage
 from robotd.device.reconnector import Reconnector
+from robotd.device.servo_gripper import ServoGripper, servo_grippers
 from robotd.device.soft_limits import SoftLimitGuard
 from robotd.device.tool_pose import ToolPose, tool_poses
-from robotd.errors import InvalidArgument, RobotdError, Unsupported
+from robotd.entry_points import owner_of
+from robotd.errors import InvalidArgument, RobotdError, Unsupported, plugin_failure
 from robotd.events import EventLog
-from robotd.feature import installed_features
+from robotd.feature import installed_features, requests
 from robotd.log import get_logger
-from robotd.plugin.call_timeout import end_idle_threads
 from robotd.plugin.driver_set import Drivers
 from robotd.plugin.manager import Backend, load_backend
 
 log = get_logger("robot")
 
+Part = TypeVar("Part")
+
+GUARD_LIMIT_S = 30.0  # to import and make one
 STOPS_JOIN_TIMEOUT_S = 1.0  # at shutdown; the thread of a stop that hangs is abandoned
 
 
 class Robot:
     """A robot on a backend. Made by ``build_robot``; nothing is opened before ``start``.
+
+    What features add is returned by ``feature``, as ``robot.feature(ToolGroups)``. What guards the
+    robot by its file is made with it.
 
     Attributes:
         descriptor: the robot's description, with the variant applied.
@@ -73,15 +84,17 @@ class Robot:
         axes: servo, moves, jog and stop of single axes.
         io: digital inputs and outputs.
         fieldbus: fieldbus diagnostics.
-        gripper: None if the robot has none.
+        gripper: on an output bit; None if the robot has none.
+        servo_grippers: grippers that are a joint, by name.
         control_loop: reads the device and sends setpoints, once a period.
         rearming: sources of commands that have to begin anew after a stop or a fault.
         groups: joint groups by name; ``follower`` and ``stream`` are those of the only one.
         base: moves the wheels; None if the robot has none.
-        wheel_axes: axes of the wheels; empty if the robot has none.
         servos: switches the servos of joints and wheels on and off.
         world: surroundings of a simulated robot; None where the backend has none.
     """
+
+    _parts: dict[Callable[[Robot], Any], Any]
 
     def __init__(
         self,
@@ -93,7 +106,8 @@ class Robot:
         """Compose the robot; ``drivers`` None: ``backend`` makes them.
 
         Raises Unsupported: ``clock`` is simulated and the backend is not, or there are several
-        joint groups and the device interpolates trajectories itself. Raises as ``fit_device``.
+        joint groups and the device interpolates trajectories itself; DescriptorError: a guard that
+        the robot's file asks for cannot be made. Raises the errors of ``fit_device``.
         """
         name = backend.name
         if isinstance(clock, SimulatedClock) and Capability.SIMULATED not in backend.capabilities:
@@ -107,7 +121,7 @@ class Robot:
         for note in notes:
             log.warning("limit of the device applies", reason=note)
         self.descriptor = descriptor
-        self.backend = backend
+        self.backend, self._driver = backend, driver
         self.capabilities = capabilities
         self.clock = clock
         self.device: Any = getattr(drivers.device, "wrapped", drivers.device)
@@ -130,6 +144,7 @@ class Robot:
             capabilities,
             name,
             clock,
+            1.0 / descriptor.cycle.rate_hz,
             self.events,
         )
         self.io = Io(
@@ -150,6 +165,7 @@ class Robot:
             self.axes.kept_at_rest,
         )
         self.gripper = self._make_gripper(drivers.passive_joints)
+        self.servo_grippers = servo_grippers(descriptor, self.axes)
         self.world = drivers.world
         self.mixer = mixer = SetpointMixer(driver, descriptor.axes, rate_hz, clock)
         self.control_loop = ControlLoop(
@@ -166,12 +182,12 @@ class Robot:
         self._look_each_period(rate_hz)
         self.groups = JointGroups(descriptor, self.axes, mixer, driver, self.rearming)
         self.base = self._make_base()
-        self.wheel_axes = descriptor.drive.axes if descriptor.drive else ()
-        self.servos = Servos(descriptor, self.axes, self.groups, self.base)
-        self.connection.before_stop = self.servos.disable
+        self.servos = self._make_servos(driver)
         self._reconnector = Reconnector(self.connection)
         self._problems = Problems(self.axes, self.rearming, self.servos.used, backend.advise)
         self._recovery = Recovery(self.axes, self.fieldbus, self._problems, self.servos)
+        self._parts, self._parts_lock = {}, threading.RLock()  # one part may use others
+        self._make_guards()
 
     @property
     def follower(self) -> TrajectoryFollower:
@@ -202,6 +218,7 @@ class Robot:
             RobotdError: communication or parameters failed.
         """
         self.connection.require_alive()
+        _warn_unread(self.descriptor.path, self.descriptor.unread_keys)
         if not isinstance(self.clock, SimulatedClock):
             self.axes.stops.start()
         self.connection.ask_fault()
@@ -213,13 +230,20 @@ class Robot:
         finally:
             if self.descriptor.engine.reconnect:
                 self._reconnector.start()
+        for caution in self.cautions:
+            log.warning("caution", reason=caution)
         if enable and self.connection.commandable:
             self.servos.enable()
+
+    @property
+    def cautions(self) -> Sequence[str]:
+        """Dangers of its drives that a person beside the robot has to know, see ``AxisDriver``."""
+        return self._driver.cautions
 
     def step(self, periods: int) -> None:
         """Let ``periods`` of the control loop pass, on a ``SteppedClock`` or a ``PacedClock``.
 
-        Afterwards time stands. The same commands between the same steps lead to the same motion,
+        Afterwards time is held. The same commands between the same steps lead to the same motion,
         bit for bit. Raises InvalidArgument on a clock that cannot be stepped.
         """
         time_ns = periods * self.control_loop.period_ns
@@ -243,31 +267,16 @@ class Robot:
             raise Unsupported("faults on request", self.backend.name)
         return injector
 
-    def attribute(self, name: str) -> Any:
-        """Return what a feature adds under ``name``, made at the first call; ``robot.name`` too.
+    def feature(self, kind: Callable[[Robot], Part]) -> Part:
+        """Return the robot's only object of a class of a feature, made at the first call.
 
-        Any thread, but the first call is to end before another one. Raises AttributeError: no
-        feature that is installed adds it; and what making it raises.
+        ``kind``: the class, or a function, called with the robot. Raises what it raises. Any
+        thread.
         """
-        if name not in self._added:
-            targets = [each.attributes.get(name) for each in installed_features().values()]
-            target = next(filter(None, targets), None)
-            if target is None:
-                raise AttributeError(f"'Robot' has no attribute {name!r}, nor has a feature")
-            self._added[name] = resolve_name(target)(self)
-        return self._added[name]
-
-    @cached_property
-    def _added(self) -> dict[str, Any]:
-        """Attributes of features that have been made."""
-        return {}
-
-    if not TYPE_CHECKING:  # a checker is to find misspelt attributes
-
-        def __getattr__(self, name: str) -> Any:
-            if name.startswith("_"):
-                raise AttributeError(name)
-            return self.attribute(name)
+        with self._parts_lock:
+            if kind not in self._parts:
+                self._parts[kind] = kind(self)
+            return cast(Part, self._parts[kind])
 
     @cached_property
     def tools(self) -> tuple[ToolPose, ...]:
@@ -279,12 +288,14 @@ class Robot:
         """Texts of ``find_problems``."""
         return [str(problem) for problem in self.find_problems()]
 
-    def find_problems(self) -> list[Problem]:
+    def find_problems(self, max_age_s: float = 0.0) -> list[Problem]:
         """Return the reasons why axes do not move, root cause first; empty without one.
 
         Any thread that may wait: a driver that hangs is asked for its reason for 0.5 s.
+
+        ``max_age_s``: those that were found within this time, of the computer's clock, will do.
         """
-        return self._problems.find()
+        return self._problems.find(max_age_s)
 
     def stop(self, reason: str = "by the operator") -> None:
         """Stop all motion on its path; no motion starts until ``reset``. Any worker.
@@ -301,7 +312,7 @@ class Robot:
         self._motion_stop.stop(reason, self.descriptor.engine.shutdown_s)
 
     def wait_stopped(self) -> None:
-        """Wait for standstill after ``axes.stop_latch`` was engaged; raises as ``stop``."""
+        """Wait for standstill with the stop latch engaged. Raises the errors of ``stop``."""
         self._motion_stop.wait_at_rest(self.descriptor.engine.shutdown_s)
 
     def set_speed(self, speed: float) -> str:
@@ -360,31 +371,65 @@ class Robot:
         if stopped := self.axes.stop_latch.rejection:
             report(stopped)
 
-    def shutdown(self) -> None:
+    def shutdown(self) -> list[str]:
         """Stop motion in a controlled way, servos off, stop communication, close.
 
         Every step is tried whatever the one before it did. Twice is not an error.
+
+        Returns the names of axes whose drives have not confirmed to be off: cut their power.
         """
         if isinstance(self.clock, PacedClock):
             self.clock.release()
         self.connection.abort_start()
         self._reconnector.stop()
+        unconfirmed: list[str] = []
+        run_all(
+            self._close_connection,
+            *([] if self.base is None else [self.base.close]),
+            self.control_loop.stop,
+            lambda: self.axes.stops.close(STOPS_JOIN_TIMEOUT_S),
+            lambda: unconfirmed.extend(self.servos.unconfirmed()),
+            end_idle_threads,
+            *([self.clock.end] if isinstance(self.clock, PacedClock) else []),
+        )
+        return unconfirmed
+
+    def _close_connection(self) -> None:
         try:
             self.connection.shutdown()
         except RobotdError as error:
             log.error("shut-down failed", reason=str(error))
-        finally:
-            if self.base is not None:
-                self.base.close()
-            self.control_loop.stop()
-            self.axes.stops.close(STOPS_JOIN_TIMEOUT_S)
-            end_idle_threads()
-            if isinstance(self.clock, PacedClock):
-                self.clock.end()
+
+    def _make_guards(self) -> None:
+        """Make what the robot's file asks for to guard it, whoever opens the robot."""
+        for key, target in requested_guards(self.descriptor).items():
+            if reason := self._make_guard(target):
+                text = f"without this guard the robot does not run: {reason}"
+                raise self.descriptor.problem(key, text)
+
+    def _make_guard(self, target: str) -> str:
+        """Make a guard; return why it cannot be made, or "". It may be of a third party."""
+        found = owner_of(target)
+        owner = f" of {found}" if found else ""
+        try:
+            call_with_timeout(
+                GUARD_LIMIT_S, lambda: self.feature(resolve_name(target)), f"make {target}"
+            )
+        except KeyboardInterrupt:
+            raise
+        except RobotdError as error:
+            return str(error)
+        except CallTimeout:
+            return f"{target}{owner} is not done within {GUARD_LIMIT_S:g} s"
+        except BaseException as error:  # noqa: BLE001 - SystemExit, too
+            return plugin_failure(error, target) + owner
+        return ""
 
     def _look_each_period(self, rate_hz: float) -> None:
         """Add what the control loop looks at in each period."""
-        every, guard = self.control_loop.every, SoftLimitGuard(self.axes, 1.0 / rate_hz)
+        drive = self.descriptor.drive
+        guard = SoftLimitGuard(self.axes, 1.0 / rate_hz, drive.axes if drive else ())
+        every = self.control_loop.every
         every(rate_hz, "silence", self.rearming.listen, first=True)
         every(rate_hz, "stop", self._motion_stop.enforce, first=True)
         every(rate_hz, "standstill", self._motion_stop.note_image)
@@ -393,11 +438,24 @@ class Robot:
         if self.gripper is not None:
             every(rate_hz, "gripper", self.gripper.advance)
 
+    @property
+    def grippers(self) -> dict[str, Gripper | ServoGripper]:
+        """All grippers by name; "" is the one on an output bit."""
+        on_output = {} if self.gripper is None else {"": self.gripper}
+        return {**self.servo_grippers, **on_output}
+
     def _make_gripper(self, joints: PassiveJoints | None) -> Gripper | None:
         settings = self.descriptor.gripper
         if settings is None:
             return None
         return Gripper(self.io, settings, self.clock, finger_reader(joints, settings.joints))
+
+    def _make_servos(self, driver: AxisDriver) -> Servos:
+        """Compose the servos; the control loop notes which are on."""
+        servos = Servos(self.descriptor, self.axes, self.groups, self.base, driver.confirmed_off)
+        self.control_loop.every(self.descriptor.cycle.rate_hz, "power", servos.note_image)
+        self.connection.before_stop = servos.disable
+        return servos
 
     def _make_base(self) -> MobileBase | None:
         """Compose the base; the control loop tracks its odometry."""
@@ -413,6 +471,25 @@ class Robot:
         self.axes.stop_latch.check_commandable()
         if self.joint_axes and self.axes.trajectories_on_device:
             raise Unsupported(feature, self.backend.name)
+
+
+def requested_guards(descriptor: RobotDescriptor) -> dict[str, str]:
+    """Return what makes the guards that a robot's file asks for, by their keys."""
+    found: dict[str, str] = {}
+    for feature in installed_features().values():
+        if feature.guards:
+            settings = descriptor.settings(feature.settings)
+            found |= {
+                key: guard for key, guard in feature.guards.items() if requests(settings, key)
+            }
+    return found
+
+
+@cache
+def _warn_unread(path: Path | None, keys: tuple[str, ...]) -> None:
+    """Name what a file asks for and this program does not open, once: an observer or a server."""
+    if keys:
+        log.warning("keys of the robot's file have no effect in this program", keys=keys, file=path)
 
 
 def build_robot(
@@ -455,8 +532,6 @@ def open_robot(
         clock: a ``SteppedClock`` for a simulation in one thread; None: real time.
     """
     robot = build_robot(name_or_path, backend, variant, clock=clock)
-    try:
+    with finally_run(robot.shutdown):
         robot.start(enable=enable)
         yield robot
-    finally:
-        robot.shutdown()

@@ -17,7 +17,7 @@ def stop_signals() -> tuple[signal.Signals, ...]:
     ``nohup``.
     """
     optional = (signal.SIGHUP, signal.SIGQUIT)
-    wanted = (each for each in optional if signal.getsignal(each) is not signal.SIG_IGN)
+    wanted = (signum for signum in optional if signal.getsignal(signum) is not signal.SIG_IGN)
     return (signal.SIGINT, signal.SIGTERM, *wanted)
 
 
@@ -49,7 +49,9 @@ class Interrupt:
 
     def __init__(self) -> None:
         self.happened = False
-        self._before: dict[int, Any] = {each: signal.getsignal(each) for each in stop_signals()}
+        self._before: dict[int, Any] = {
+            signum: signal.getsignal(signum) for signum in stop_signals()
+        }
 
     def __enter__(self) -> Self:
         for number in self._before:

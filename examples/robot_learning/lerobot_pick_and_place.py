@@ -59,7 +59,7 @@ class Carrier(RobotdRobot):
     def disconnect(self) -> None:
         world = self._connected().world
         if world is not None:
-            names = [each.name for each in world.objects]
+            names = [item.name for item in world.objects]
             x, y, z = world.poses()[names.index(OBJECT), :3]
             click.echo(f"{OBJECT} left at x={x:.4f} y={y:.4f} z={z:.4f}")
         super().disconnect()

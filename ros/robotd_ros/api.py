@@ -1,7 +1,8 @@
 """Names for authors of ROS nodes, in plugins and backends. Importing it imports rclpy.
 
-A node is a class derived from ``rclpy.node.Node``, made as ``Node(robot, host)`` and registered by
-the hook ``robotd_register_nodes``. A node of a backend reaches its device by ``robot.device``.
+A node is a class derived from ``rclpy.node.Node`` with ``context=host.context``, made as
+``Node(robot, host)`` and registered by the hook ``robotd_register_nodes``. A node of a backend
+reaches its device by ``robot.device``.
 """
 
 from robotd.clock.simulated import ticks, untimed

@@ -15,19 +15,23 @@ from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from robotd.control.watchdog import Watchdog, place_of
+from robotd.control.loop.watchdog import Watchdog, place_of
 from robotd.errors import NotReady, OperationError
 from robotd.events import sent_by
 from robotd.log import get_logger
+from robotd_ros.answered_services import answer_always
 from robotd_ros.middleware import (
     NODE_GONE,
+    PREFIX_BYTES,
     EventsExecutor,
+    add_node,
     destroy_node,
     log_file_arguments,
     request_id_of,
     spin_once,
     wake,
 )
+from robotd_ros.request_log import RequestLog
 
 log = get_logger("ros")
 
@@ -40,7 +44,6 @@ _OWN_ARGS = ("--ros-args", "-p", "start_type_description_service:=false", "--")
 
 
 RejectionListener = Callable[[str, Sequence[int], str], None]
-PREFIX_BYTES = 12  # of a GUID: the participant; RTPS 2.5, table 9.1
 MAX_KNOWN = 256
 TOPIC_VALIDITY_S = 1.0  # of the publishers of a topic
 EVERY_NODE_PUBLISHES = "/parameter_events"
@@ -64,6 +67,7 @@ class RosHost:
         args: as given.
         yield_to_control_loop: called in the executor thread before each callback; may wait 1 ms.
         senders: names of clients; None: they are not looked up.
+        request_log: log of rejected requests.
         on_rejection: called with topic, axes and reason of a rejected command, when it is news.
         on_hang: called when a handler there does not return, once for each, and when the thread
             ends because the context was shut down; with the reason.
@@ -82,6 +86,7 @@ class RosHost:
         self.on_hang: Callable[[str], None] = lambda reason: None
         self.on_rejection: RejectionListener = lambda topic, axes, reason: None
         self.senders: Senders | None = None
+        self.request_log = RequestLog()
         self._handling_ns = 0
         self._watchdog = Watchdog(
             self._age_ns, self._place, _HANG_S, self._hang, who="ROS", piece="a handler"
@@ -134,13 +139,16 @@ class RosHost:
         self._watchdog.start()
 
     def add_node(self, node: Node) -> None:
-        """Serve ``node`` until ``close``, which destroys it. Any thread but the executor's.
+        """Serve ``node`` until ``close``, which destroys it. Any thread.
+
+        Its services, also the parameters', answer from now on where their callback raises.
 
         Raises NotReady: the host was not started or is closed.
         """
         if self._running is None:
             raise NotReady("ROS is not running")
-        self._running.executor.add_node(node)
+        answer_always(node, self.request_log)
+        add_node(self._running.executor, node)
         self._nodes.append(node)
 
     def sent_by_request(self, header: Any) -> AbstractContextManager[None]:
@@ -343,8 +351,8 @@ class Senders:
         except NODE_GONE:
             return ""
         names = {
-            f"{each.node_namespace.rstrip('/')}/{each.node_name}"
-            for each in found
-            if each.node_name != UNKNOWN and bytes(each.endpoint_gid).startswith(prefix)
+            f"{endpoint.node_namespace.rstrip('/')}/{endpoint.node_name}"
+            for endpoint in found
+            if endpoint.node_name != UNKNOWN and bytes(endpoint.endpoint_gid).startswith(prefix)
         }
         return ", ".join(sorted(names))

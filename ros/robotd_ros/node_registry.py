@@ -6,7 +6,7 @@ from pkgutil import resolve_name
 from traceback import walk_tb
 from typing import TYPE_CHECKING, Any
 
-from robotd.errors import DescriptorError, PluginError, RobotdError
+from robotd.errors import DescriptorError, PluginError, RobotdError, plugin_failure
 
 if TYPE_CHECKING:
     from robotd.plugin.registry import NodeInfo
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 OPERATOR_NODE = "robotd"  # made beside the others of every robot
 WORLD_NODE = "robotd_world"  # made for a robot whose backend has a world
+STOP_ALL = f"/{OPERATOR_NODE}/stop_all"  # std_msgs/Empty: stops every robot of the ROS domain
 IDENTITY = f"{OPERATOR_NODE}/robot"  # std_msgs/String: which robot answers, as JSON
 SUMMARY = f"{OPERATOR_NODE}/summary"  # std_msgs/String: identity and state, as JSON
 
@@ -37,9 +38,8 @@ def make_node(name: str, info: NodeInfo, robot: Robot, host: RosHost) -> Any:  #
     except Exception as error:
         if info.factory.startswith(f"{__package__}."):
             raise  # a fault of robotd, with its traceback
-        raise PluginError(
-            f"node {name!r} ({info.factory}) cannot be made: {type(error).__name__}: {error}"
-        ) from error
+        what = f"node {name!r} of plugin {info.owner}: {info.factory} cannot be made"
+        raise PluginError(f"{what}: {plugin_failure(error, info.factory)}") from error
 
 
 def _endpoint_error(name: str, error: Exception) -> DescriptorError:

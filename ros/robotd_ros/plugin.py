@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-
 from robotd.api import NodeRegistry, hookimpl
 from robotd.plugin.registry import NodeInfo
+from robotd_ros.node_registry import OPERATOR_NODE, WORLD_NODE
 
 BUILT_IN = {
     "wmx_engine_node": NodeInfo(
@@ -47,7 +46,7 @@ BUILT_IN = {
     ),
     "gripper_controller": NodeInfo(
         "robotd_ros.nodes.gripper_controller:GripperController",
-        "the gripper as actions, for MoveIt",
+        "grippers as actions, for MoveIt",
         parameters="robotd_ros.nodes.arm_settings:read_gripper_controller",
     ),
     "robot_state_publisher": NodeInfo(
@@ -79,9 +78,16 @@ BUILT_IN = {
 @hookimpl
 def robotd_register_nodes(registry: NodeRegistry) -> None:
     """Add the built-in nodes, and what serves all nodes."""
-    registry.serve_with("robotd_ros.serve:serve")
+    registry.serve_with("robotd_ros.serve:serve", (OPERATOR_NODE, WORLD_NODE))
     for name, info in BUILT_IN.items():
-        registry.add(name, **asdict(info))
+        registry.add(
+            name,
+            info.factory,
+            summary=info.summary,
+            enables_servos=info.enables_servos,
+            keeps_failed_start=info.keeps_failed_start,
+            parameters=info.parameters,
+        )
 
 
 def built_in_nodes() -> NodeRegistry:

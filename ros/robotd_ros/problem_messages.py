@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from robotd.clock import NANOSECONDS
-from robotd.control.problem import Problem, ProblemKind
+from robotd.control.groups.problem import Problem, ProblemKind
 
 SEPARATOR = ", "  # of axes; their names are names of ROS joints, without spaces
 
@@ -47,7 +47,7 @@ def read_problems(message: DiagnosticArray) -> tuple[Problem, ...]:
     """Return the problems of a message; ``since_ns`` is in ROS time."""
     found = []
     for status in message.status:
-        values = {each.key: each.value for each in status.values}
+        values = {value.key: value.value for value in status.values}
         axes = tuple(filter(None, status.name.split(SEPARATOR)))
         code, since_ns = int(values["code"]), int(values["since_ns"])
         kind = ProblemKind(values["kind"])

@@ -18,7 +18,7 @@ from robotd.robot import Robot
 log = get_logger("lifecycle")
 
 
-class State(IntEnum):
+class LifecycleState(IntEnum):
     """States by their ids in ``lifecycle_msgs/msg/State``; a label is the name in lower case."""
 
     UNKNOWN = 0
@@ -39,7 +39,7 @@ class State(IntEnum):
         return self.name.lower()
 
 
-class Outcome(Enum):
+class TransitionResult(Enum):
     """Result of a transition, by the last digit of its id."""
 
     SUCCESS = 0
@@ -58,46 +58,79 @@ class Transition(NamedTuple):
 
     id: int
     label: str
-    start: State
-    goal: State
+    start: LifecycleState
+    goal: LifecycleState
 
 
 REQUESTS = (
-    Transition(1, "configure", State.UNCONFIGURED, State.CONFIGURING),
-    Transition(2, "cleanup", State.INACTIVE, State.CLEANINGUP),
-    Transition(3, "activate", State.INACTIVE, State.ACTIVATING),
-    Transition(4, "deactivate", State.ACTIVE, State.DEACTIVATING),
-    Transition(5, "shutdown", State.UNCONFIGURED, State.SHUTTINGDOWN),
-    Transition(6, "shutdown", State.INACTIVE, State.SHUTTINGDOWN),
-    Transition(7, "shutdown", State.ACTIVE, State.SHUTTINGDOWN),
+    Transition(1, "configure", LifecycleState.UNCONFIGURED, LifecycleState.CONFIGURING),
+    Transition(2, "cleanup", LifecycleState.INACTIVE, LifecycleState.CLEANINGUP),
+    Transition(3, "activate", LifecycleState.INACTIVE, LifecycleState.ACTIVATING),
+    Transition(4, "deactivate", LifecycleState.ACTIVE, LifecycleState.DEACTIVATING),
+    Transition(5, "shutdown", LifecycleState.UNCONFIGURED, LifecycleState.SHUTTINGDOWN),
+    Transition(6, "shutdown", LifecycleState.INACTIVE, LifecycleState.SHUTTINGDOWN),
+    Transition(7, "shutdown", LifecycleState.ACTIVE, LifecycleState.SHUTTINGDOWN),
 )
 """Transitions that a client can ask for."""
 
 # State of a transition: id of its success, and the states after success, failure and error.
 _OUTCOMES = {
-    State.CONFIGURING: (10, State.INACTIVE, State.UNCONFIGURED, State.ERRORPROCESSING),
-    State.CLEANINGUP: (20, State.UNCONFIGURED, State.INACTIVE, State.ERRORPROCESSING),
-    State.ACTIVATING: (30, State.ACTIVE, State.INACTIVE, State.ERRORPROCESSING),
-    State.DEACTIVATING: (40, State.INACTIVE, State.ACTIVE, State.ERRORPROCESSING),
-    State.SHUTTINGDOWN: (50, State.FINALIZED, State.FINALIZED, State.ERRORPROCESSING),
-    State.ERRORPROCESSING: (60, State.UNCONFIGURED, State.FINALIZED, State.FINALIZED),
+    LifecycleState.CONFIGURING: (
+        10,
+        LifecycleState.INACTIVE,
+        LifecycleState.UNCONFIGURED,
+        LifecycleState.ERRORPROCESSING,
+    ),
+    LifecycleState.CLEANINGUP: (
+        20,
+        LifecycleState.UNCONFIGURED,
+        LifecycleState.INACTIVE,
+        LifecycleState.ERRORPROCESSING,
+    ),
+    LifecycleState.ACTIVATING: (
+        30,
+        LifecycleState.ACTIVE,
+        LifecycleState.INACTIVE,
+        LifecycleState.ERRORPROCESSING,
+    ),
+    LifecycleState.DEACTIVATING: (
+        40,
+        LifecycleState.INACTIVE,
+        LifecycleState.ACTIVE,
+        LifecycleState.ERRORPROCESSING,
+    ),
+    LifecycleState.SHUTTINGDOWN: (
+        50,
+        LifecycleState.FINALIZED,
+        LifecycleState.FINALIZED,
+        LifecycleState.ERRORPROCESSING,
+    ),
+    LifecycleState.ERRORPROCESSING: (
+        60,
+        LifecycleState.UNCONFIGURED,
+        LifecycleState.FINALIZED,
+        LifecycleState.FINALIZED,
+    ),
 }
 
 
-def ending(state: State, outcome: Outcome) -> Transition:
+def ending(state: LifecycleState, outcome: TransitionResult) -> Transition:
     """Return the transition that ends ``state``, one of those on the way."""
     first, *goals = _OUTCOMES[state]
     label = f"transition_{outcome.name.lower()}"
     return Transition(first + outcome.value, label, state, goals[outcome.value])
 
 
-GRAPH = (*REQUESTS, *(ending(state, outcome) for state in _OUTCOMES for outcome in Outcome))
+GRAPH = (
+    *REQUESTS,
+    *(ending(state, outcome) for state in _OUTCOMES for outcome in TransitionResult),
+)
 """Every transition."""
 
 
-def available(state: State) -> tuple[Transition, ...]:
+def available(state: LifecycleState) -> tuple[Transition, ...]:
     """Return the transitions that a client can ask for in ``state``."""
-    return tuple(each for each in REQUESTS if each.start is state)
+    return tuple(request for request in REQUESTS if request.start is state)
 
 
 class RobotLifecycle:
@@ -121,19 +154,19 @@ class RobotLifecycle:
         self.on_active: Callable[[], None] = lambda: None
         self.on_finalized: Callable[[], None] = lambda: None
         self._robot, self._changed = robot, changed
-        self._state = State.UNCONFIGURED
+        self._state = LifecycleState.UNCONFIGURED
         self._lock = threading.Lock()
         self._steps = {
-            State.CONFIGURING: self._configure,
-            State.CLEANINGUP: self._clean_up,
-            State.ACTIVATING: self._activate,
-            State.DEACTIVATING: self._deactivate,
-            State.SHUTTINGDOWN: robot.shutdown,
+            LifecycleState.CONFIGURING: self._configure,
+            LifecycleState.CLEANINGUP: self._clean_up,
+            LifecycleState.ACTIVATING: self._activate,
+            LifecycleState.DEACTIVATING: self._deactivate,
+            LifecycleState.SHUTTINGDOWN: robot.shutdown,
         }
         self._restrict()
 
     @property
-    def state(self) -> State:
+    def state(self) -> LifecycleState:
         """State, or the one on the way of the transition that runs."""
         return self._state
 
@@ -156,22 +189,22 @@ class RobotLifecycle:
             self._go(wanted)
             outcome = self._run(self._steps[wanted.goal])
             self._go(ending(wanted.goal, outcome))
-            if self._state is State.ERRORPROCESSING:
+            if self._state is LifecycleState.ERRORPROCESSING:
                 self._process_error()
         finally:
             self._lock.release()
-        if outcome is Outcome.SUCCESS and self._state is State.ACTIVE:
+        if outcome is TransitionResult.SUCCESS and self._state is LifecycleState.ACTIVE:
             self.on_active()
-        if self._state is State.FINALIZED:
+        if self._state is LifecycleState.FINALIZED:
             self.on_finalized()
-        return outcome is Outcome.SUCCESS
+        return outcome is TransitionResult.SUCCESS
 
     def _wanted(self, transition_id: int, label: str) -> Transition:
         known = available(self._state)
-        for each in known:
-            if each.label == label if label else each.id == transition_id:
-                return each
-        words = ", ".join(f"{each.label} ({each.id})" for each in known) or "none"
+        for transition in known:
+            if transition.label == label if label else transition.id == transition_id:
+                return transition
+        words = ", ".join(f"{transition.label} ({transition.id})" for transition in known) or "none"
         asked = label or transition_id
         raise InvalidArgument(
             f"the robot is {self._state.label}: no transition {asked} (available: {words})"
@@ -186,23 +219,23 @@ class RobotLifecycle:
     def _restrict(self) -> None:
         """Allow servos and motion as the state does."""
         latch = self._robot.axes.stop_latch
-        latch.inactive = "" if self._state is State.ACTIVE else self._state.label
-        latch.servos_allowed = self._state in (State.ACTIVE, State.ACTIVATING)
+        latch.inactive = "" if self._state is LifecycleState.ACTIVE else self._state.label
+        latch.servos_allowed = self._state in (LifecycleState.ACTIVE, LifecycleState.ACTIVATING)
 
-    def _run(self, step: Callable[[], None]) -> Outcome:
+    def _run(self, step: Callable[[], object]) -> TransitionResult:
         """Return the outcome of a step: a failure leaves the robot in its state before."""
         try:
             step()
         except _Failure as error:
             log.error("transition failed", during=self._state.label, reason=str(error))
-            return Outcome.FAILURE
+            return TransitionResult.FAILURE
         except RobotdError as error:
             log.error("error in a transition", during=self._state.label, reason=str(error))
-            return Outcome.ERROR
+            return TransitionResult.ERROR
         except Exception:
             log.exception("error in a transition", during=self._state.label)
-            return Outcome.ERROR
-        return Outcome.SUCCESS
+            return TransitionResult.ERROR
+        return TransitionResult.SUCCESS
 
     def _configure(self) -> None:
         try:
@@ -235,7 +268,7 @@ class RobotLifecycle:
 
     def _process_error(self) -> None:
         """Close the device, which stops motion and switches off: unconfigured, or finalized."""
-        self._go(ending(State.ERRORPROCESSING, self._run(self._clean_up)))
+        self._go(ending(LifecycleState.ERRORPROCESSING, self._run(self._clean_up)))
 
 
 class _Failure(Exception):

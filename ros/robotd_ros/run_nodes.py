@@ -12,14 +12,14 @@ from rclpy.action import get_action_server_names_and_types_by_node
 from rclpy.node import Node
 
 from robotd.cli.start_summary import ServeReport, Topic
-from robotd.feature import installed_features
+from robotd.feature import feature_errors, installed_features
 from robotd.plugin.registry import NodeRegistry
 from robotd.robot import Robot
 from robotd_ros.diagnostics.diagnostics_publisher import Diagnostics
 from robotd_ros.host import RosHost, Senders
 from robotd_ros.middleware import check_overrides
 from robotd_ros.node_registry import OPERATOR_NODE, WORLD_NODE, make_node
-from robotd_ros.nodes.latched_topics import RosoutTopic, SummaryTopic
+from robotd_ros.nodes.latched_topics import RosoutTopic
 from robotd_ros.nodes.operator_node import OperatorNode
 from robotd_ros.nodes.world_node import WorldNode
 from robotd_ros.plugin import BUILT_IN, built_in_nodes
@@ -90,13 +90,18 @@ def run_nodes(
         for name, feature in installed_features().items():
             if feature.nodes and (part := parts.get(name)) is not None:
                 context = NodeContext(robot, host, operator, nodes, [*chosen])
-                nodes += stack.enter_context(resolve_name(feature.nodes)(context, part)) or []
-        added = own_nodes()
-        check_overrides(nodes, {*BUILT_IN, *added}, {*registry.nodes, *added}, host.args)
+                with feature_errors(name, "nodes"):
+                    added = stack.enter_context(resolve_name(feature.nodes)(context, part)) or []
+                    if wrong := [
+                        added_node for added_node in added if not isinstance(added_node, Node)
+                    ]:
+                        raise TypeError(f"gave {type(wrong[0]).__name__}, not a Node")
+                nodes += added
+        own = own_nodes()
+        check_overrides(nodes, {*BUILT_IN, *own}, {*registry.nodes, *own}, host.args)
         for node in nodes:
             host.add_node(node)
         stack.enter_context(RosoutTopic(operator))
-        stack.enter_context(SummaryTopic(operator, robot, [*parts]))
         stack.enter_context(Diagnostics(nodes, robot, operator))
         yield nodes
 
@@ -111,7 +116,7 @@ def served_nodes(robot: Robot, registry: NodeRegistry | None = None) -> NodeRegi
 
 def own_nodes() -> set[str]:
     """Return the names of nodes that are made beside those of the robot."""
-    features = (each.node_names for each in installed_features().values())
+    features = (feature.node_names for feature in installed_features().values())
     return {OPERATOR_NODE, WORLD_NODE}.union(*features)
 
 

@@ -15,6 +15,7 @@ from queue import Empty, SimpleQueue
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from robotd.cli.exit_codes import ServosNotOff
 from robotd.cli.start_summary import ServeReport
 from robotd.errors import RobotdError
 from robotd.log import get_logger
@@ -102,6 +103,7 @@ def serve(
         DescriptorError, PluginError: a node or a parameter is wrong; nothing was opened.
         RobotdError: the robot did not start, and no ``wmx_engine_node`` is there to start it
             by hand; it is shut down again.
+        ServosNotOff: drives have not confirmed to be off.
     """
     served_names = [*node_names, *robot.backend.nodes.nodes]
     known_nodes = served_nodes(robot, registry)
@@ -215,19 +217,19 @@ def _manage(lifecycle: RobotLifecycle, enable: bool, events: SimpleQueue[Event])
 def _lifecycle(nodes: Sequence[Node]) -> RobotLifecycle | None:
     """Return the lifecycle of a managed robot; None where it is not managed."""
     found = (getattr(node, "lifecycle", None) for node in nodes)
-    return next((each for each in found if each is not None), None)
+    return next((thread for thread in found if thread is not None), None)
 
 
 def _stop(robot: Robot, start: threading.Thread, events: SimpleQueue[Event]) -> None:
     try:
         robot.connection.abort_start()
         start.join(START_ABORT_TIMEOUT_S)
-        robot.shutdown()
+        unconfirmed = robot.shutdown()
     except Exception as error:
         log.exception("shut-down failed")
         events.put(_Ended(error))
     else:
-        events.put(_Ended(None))
+        events.put(_Ended(ServosNotOff(unconfirmed) if unconfirmed else None))
 
 
 def _wait_until_ended(robot: Robot, events: SimpleQueue[Event]) -> _Ended:

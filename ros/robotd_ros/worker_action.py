@@ -11,11 +11,12 @@ from rclpy.action import CancelResponse, GoalResponse
 from rclpy.node import Node
 
 from robotd.clock import Clock
-from robotd.control.completion import Outcome
-from robotd.control.trajectory_execution import TrajectoryExecution
-from robotd.errors import RobotdError
+from robotd.control.loop.setpoint_source import Outcome
+from robotd.control.sources.trajectory_execution import TrajectoryExecution
+from robotd.errors import OperationError, RobotdError
+from robotd.log import shortened
 from robotd_ros.host import RosHost
-from robotd_ros.middleware import worker_action_server
+from robotd_ros.middleware import release_request, worker_action_server
 
 if TYPE_CHECKING:
     from structlog.typing import FilteringBoundLogger
@@ -24,7 +25,7 @@ FEEDBACK_PERIOD_NS = 40_000_000  # of the robot's clock
 
 
 class WorkerAction(ABC):
-    """Action of a node. Methods are for the executor thread, except where noted.
+    """Action of a node. Methods are for the executor thread, unless it says otherwise.
 
     A bad goal is accepted and aborted at once, because only a result can carry a reason. One too
     many is rejected.
@@ -97,18 +98,17 @@ class WorkerAction(ABC):
                 goal.publish_feedback(feedback())
 
     def _admit(self, request: Any) -> GoalResponse:
-        reason = ""
+        try:
+            self._check_room()
+            self.check(request)
+        except Exception as error:  # noqa: BLE001 - logged and answered
+            self._host.request_log.rejected(request.requester, "goal rejected", error, self._log)
+            return GoalResponse.REJECT
+        return GoalResponse.ACCEPT
+
+    def _check_room(self) -> None:
         if self._live >= self.max_active:
-            reason = f"{self.max_active} goals have not ended yet"
-        else:
-            try:
-                self.check(request)
-            except RobotdError as error:
-                reason = str(error)
-        if not reason:
-            return GoalResponse.ACCEPT
-        self._log.warning("goal rejected", reason=reason)
-        return GoalResponse.REJECT
+            raise OperationError(f"{self.max_active} goals have not ended yet")
 
     def _cancel(self, goal: Any) -> CancelResponse:
         if execution := self._executions.get(bytes(goal.goal_id.uuid)):
@@ -121,7 +121,7 @@ class WorkerAction(ABC):
         with self._host.callback_guard():
             try:
                 self._host.submit(self._run, goal, self.arrived(goal), until_rest=True)
-            except RobotdError as error:
+            except Exception as error:  # noqa: BLE001 - the goal ends with it
                 self._abort(goal, self._type.Result(), error)
 
     def _run(self, goal: Any, arrived: tuple[Any, ...]) -> None:
@@ -139,10 +139,10 @@ class WorkerAction(ABC):
                 self._end(goal, outcome, result, text)
 
     def _abort(self, goal: Any, result: Any, error: Exception) -> None:
-        text = str(error)
+        self._host.request_log.rejected(goal.requester, "goal rejected", error, self._log)
+        text = shortened(str(error))
         if not isinstance(error, RobotdError):
-            self._log.error("a goal failed", exc_info=error)
-            text = f"internal error: {error}"
+            text = f"internal error: {text}"
         self.fill_failure(result, error, text)
         self._end(goal, None, result, text)
 
@@ -152,16 +152,17 @@ class WorkerAction(ABC):
 
         def finish(goal: Any) -> Any:
             self._live -= 1
-            word = outcome.name.lower() if outcome else "rejected"
+            release_request(goal)
             if outcome is Outcome.SUCCEEDED:
                 goal.succeed()
             elif outcome is Outcome.CANCELED and goal.is_cancel_requested:
                 goal.canceled()
             else:
                 goal.abort()
-                if outcome is Outcome.CANCELED:  # by the robot
-                    word = "aborted"
-            self._log.info("goal ended", outcome=word, reason=text)
+            if outcome is not None:
+                by_robot = outcome is Outcome.CANCELED and not goal.is_cancel_requested
+                word = "aborted" if by_robot else outcome.name.lower()
+                self._log.info("goal ended", outcome=word, reason=text)
             return result
 
         self._server.notify_execute(goal, finish)

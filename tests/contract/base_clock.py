@@ -8,11 +8,13 @@ from collections.abc import Callable
 from types import TracebackType
 
 from robotd.clock.simulated import SteppedClock
-from robotd.control.mobile_base import MobileBase
+from robotd.control.groups.mobile_base import MobileBase
 from robotd.robot import Robot
 
 REAL_TIMEOUT_S = 60.0  # for the thread of the base, on a busy computer
 POLL_S = 1e-5
+BASE = "robotd-base"
+CALLS = {"robotd-begin_stream", "robotd-end_stream"}  # threads of driver calls that the base makes
 
 
 class BaseClock(SteppedClock):
@@ -32,11 +34,13 @@ class BaseClock(SteppedClock):
         self._asleep_ns: int | None = None  # until when the base's thread sleeps
         self._ending = False
         self._turn = threading.Condition()
+        self._leader = 0  # thread in which time advances now, or which waits for the base
 
     def guide(self, robot: Robot) -> None:
         """Wait for the thread of the robot's base from now on."""
         base = self._base = robot.base
         assert base is not None
+        self._ending = False  # of the robot before
         robot.axes._lock = _SteppedLock(self, robot.control_loop.period_ns)  # type: ignore[assignment]
         close = base.close
 
@@ -48,7 +52,7 @@ class BaseClock(SteppedClock):
         base.close = closing  # type: ignore[method-assign]
 
     def sleep_until_ns(self, deadline_ns: int) -> None:
-        if threading.current_thread().name != "robotd-base":
+        if not self.is_of_base:
             super().sleep_until_ns(deadline_ns)
             if not self._stepping:
                 self.settle()
@@ -60,8 +64,21 @@ class BaseClock(SteppedClock):
             if self._ending:
                 self._now_ns = max(self._now_ns, deadline_ns)
 
+    @property
+    def is_of_base(self) -> bool:
+        """The current thread is the base's, or does a driver call for it."""
+        name = threading.current_thread().name
+        return name == BASE or (name in CALLS and self._leader not in {0, threading.get_ident()})
+
     def settle(self) -> None:
         """Wait until the base's thread waits for something."""
+        before, self._leader = self._leader, threading.get_ident()
+        try:
+            self._settle()
+        finally:
+            self._leader = before
+
+    def _settle(self) -> None:
         with self._turn:
             self._turn.notify_all()
         deadline_s = time.monotonic() + REAL_TIMEOUT_S
@@ -76,7 +93,7 @@ class BaseClock(SteppedClock):
         return asleep_ns is not None and asleep_ns > self._now_ns
 
     def _run(self, deadline_ns: int) -> None:
-        self._stepping = True
+        self._stepping, self._leader = True, threading.get_ident()
         try:
             while self._period is not None and self._due_ns <= deadline_ns:
                 self._now_ns = max(self._now_ns, self._due_ns)
@@ -86,7 +103,7 @@ class BaseClock(SteppedClock):
                 self._due_ns = self._period(self._due_ns)
                 self.settle()
         finally:
-            self._stepping = False
+            self._stepping, self._leader = False, 0
 
 
 class _SteppedLock:

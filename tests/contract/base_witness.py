@@ -10,8 +10,8 @@ from tests.contract.sequences import Witness
 from tests.core.control.harness import Harness
 
 from robotd.api import FloatArray
-from robotd.control.axis_limits import twist_limits
-from robotd.control.mobile_base import MobileBase
+from robotd.control.groups.axis_limits import twist_limits
+from robotd.control.groups.mobile_base import MobileBase
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation
 from robotd.errors import InvalidArgument, RobotdError
@@ -50,8 +50,8 @@ class BaseWitness(Witness):
         self._wheels, self._steering = list(drive.axes), bool(drive.steering)
         self._rolls = np.isin(range(len(limits)), drive.axes)
         self._rolls[list(drive.steering_axes)] = False
-        velocity = np.array([each.velocity for each in limits])
-        acceleration = np.array([each.acceleration for each in limits])
+        velocity = np.array([limit.velocity for limit in limits])
+        acceleration = np.array([limit.acceleration for limit in limits])
         super().__init__(
             harness,
             velocity * np.where(self._rolls, MARGIN, 1.1),
@@ -60,9 +60,9 @@ class BaseWitness(Witness):
         self._limits = twist_limits(drive)
         ramps_s = [part.velocity / part.deceleration for part in self._limits.parts]
         turns_s = [
-            (each.upper_rad - each.lower_rad) / each.velocity_rad_s
-            + each.velocity_rad_s / each.acceleration_rad_s2
-            for each in drive.steering
+            (wheel.upper_rad - wheel.lower_rad) / wheel.velocity_rad_s
+            + wheel.velocity_rad_s / wheel.acceleration_rad_s2
+            for wheel in drive.steering
         ]
         self._rest_s = max(ramps_s) + sum(turns_s) + self._limits.smoothing() + LATENCY_S
         self.sources: dict[str, Source] = {}
@@ -88,7 +88,7 @@ class BaseWitness(Witness):
             source.is_armed = False
 
     def hear(self, name: str, twist: PlanarTwist, sent_s: float, timeout_s: float) -> None:
-        """Send a command of the client ``name``. Raises as ``MobileBase.command``."""
+        """Send a command of the client ``name``. Raises the errors of ``MobileBase.command``."""
         source = self.sources.setdefault(name, Source())
         error: RobotdError | None = None
         try:

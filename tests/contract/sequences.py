@@ -169,8 +169,8 @@ class Play(ABC):
 
     def _run_due(self, image: ProcessImage) -> None:
         now_ns = self.harness.clock.now_ns()
-        due = [each for each in self._later if each[0] <= now_ns]
-        self._later = [each for each in self._later if each[0] > now_ns]
+        due = [event for event in self._later if event[0] <= now_ns]
+        self._later = [event for event in self._later if event[0] > now_ns]
         for _, action in due:
             with suppress(RobotdError):
                 action()

@@ -99,7 +99,7 @@ class BasePlay(Play):
         harness = Harness(descriptor, clock)
         self.judge = BaseWitness(harness)
         super().__init__(harness, self.judge)
-        self.base, self._wheels = self.judge.base, harness.robot.wheel_axes
+        self.base, self._wheels = self.judge.base, descriptor.drive.axes  # type: ignore[union-attr]
         self.drives: dict[str, Drive] = {}
         self.goals: list[ExitStack] = []
         clock.guide(harness.robot)
@@ -110,12 +110,12 @@ class BasePlay(Play):
 
     def _send_due(self) -> None:
         now_s = self.harness.now_s
-        self.drives = {name: each for name, each in self.drives.items() if now_s < each.end_s}
-        for name, each in self.drives.items():
-            if now_s >= each.due_s:
-                each.due_s = now_s + each.interval_s
+        self.drives = {name: drive for name, drive in self.drives.items() if now_s < drive.end_s}
+        for name, drive in self.drives.items():
+            if now_s >= drive.due_s:
+                drive.due_s = now_s + drive.interval_s
                 with suppress(RobotdError):
-                    self.judge.hear(name, each.twist, now_s - each.age_s, each.timeout_s)
+                    self.judge.hear(name, drive.twist, now_s - drive.age_s, drive.timeout_s)
 
     def _wait(self, seconds: float) -> None:
         self.harness.run(seconds)

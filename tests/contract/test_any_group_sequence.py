@@ -16,8 +16,8 @@ from tests.contract.test_any_sequence import COMMANDS, PERIODS, ArmPlay
 from tests.core.control.harness import arm
 
 from robotd.clock import NANOSECONDS
-from robotd.control.completion import Outcome
-from robotd.control.trajectory_execution import TrajectoryExecution
+from robotd.control.loop.setpoint_source import Outcome
+from robotd.control.sources.trajectory_execution import TrajectoryExecution
 from robotd.motion import TrajectoryRequest
 
 EACH = 3  # joints of a group

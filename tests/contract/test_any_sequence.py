@@ -17,8 +17,8 @@ import pytest
 from tests.contract.sequences import FAULTS, Commands, Draw, Play, Witness, one_of
 from tests.core.control.harness import ACCELERATION, Harness, arm
 
-from robotd.control.completion import Outcome
-from robotd.control.joint_stream import JointStream
+from robotd.control.groups.joint_stream import JointStream
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Jog, Move
 from robotd.errors import RobotdError

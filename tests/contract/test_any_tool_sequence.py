@@ -23,8 +23,8 @@ from robotd.device.process_image import ProcessImage
 from robotd.errors import RobotdError
 from robotd.motion import TrajectoryRejected
 from robotd.motion.profile import Profile
+from robotd_tool_space import ToolGroups, reduced_speed
 from robotd_tool_space.collisions import Collisions
-from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.rotations import pose_of
 from robotd_tool_space.settings import ToolSpaceKeys
 from robotd_tool_space.tool_motion import ToolMotion
@@ -67,7 +67,7 @@ def positions(random: Random) -> list[float]:
 def way(random: Random) -> list[float]:
     """Return a way in m and rad, or a twist in m/s and rad/s."""
     linear, angular = random.choice([0.05, 0.2, 0.5]), random.choice([0.0, 0.0, 0.4, 1.2])
-    return [random.uniform(-each, each) for each in [linear] * 3 + [angular] * 3]
+    return [random.uniform(-bound, bound) for bound in [linear] * 3 + [angular] * 3]
 
 
 def ways(random: Random) -> list[list[float]]:
@@ -101,14 +101,13 @@ class ToolWitness(Witness):
     def __init__(self, harness: Harness, velocity: FloatArray, acceleration: FloatArray) -> None:
         super().__init__(harness, velocity, acceleration)
         robot = harness.robot
-        robot.attribute("collision_guard")
-        tool: RobotTool = robot.attribute("tool")
+        tool = robot.feature(ToolGroups).only
         settings = robot.descriptor.settings(ToolSpaceKeys).tool_space.collisions
         assert settings is not None
         self._collisions = Collisions.of(robot.descriptor, tool.at_link, settings)
         self._least: FloatArray | None = None  # by which the present distances are judged
         self._looks = 0
-        self._tool, self._reduced = tool, robot.attribute("reduced_speed")
+        self._tool, self._reduced = tool, robot.feature(reduced_speed)
         self._kinematics, self._point = tool.kinematics, np.zeros(3)
         self._reduced_s = 0.0  # since it is on, and nothing has stalled or failed
 
@@ -154,7 +153,7 @@ class ToolPlay(ArmPlay):
 
     def __init__(self, file: Path) -> None:
         super().__init__(load_robot_descriptor(file))
-        self._tool_space: RobotTool = self.robot.attribute("tool")
+        self._tool_space = self.robot.feature(ToolGroups).only
         self._tool_streams: list[ToolStream] = []
 
     def _follow(self, motion: ToolMotion, periods: int) -> None:
@@ -228,12 +227,12 @@ class ToolPlay(ArmPlay):
         self._tool_space.select_work_frame(name)
 
     def _reduced(self, on: bool) -> None:
-        self.robot.attribute("reduced_speed").set(on)
+        self.robot.feature(reduced_speed).set(on)
 
     def end(self) -> None:
         """Mend everything; the arm takes goals, those that lead through a wall excepted."""
         self.mend()
-        self.robot.attribute("reduced_speed").set(False)
+        self.robot.feature(reduced_speed).set(False)
         with suppress(TrajectoryRejected):
             self._tool_space.execute(self._tool_space.plan_joints(BENT))
             self._tool_space.move_line(self._tool_space.pose_relative(z=-0.05))

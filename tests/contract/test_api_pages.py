@@ -14,7 +14,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from robotd import open_robot
+from robotd import Robot, build_robot, open_robot
 from robotd.events import EventKind
 from robotd.feature_host import FeatureHost
 
@@ -43,6 +43,15 @@ def example_of(module: str) -> dict[str, Any]:
     names: dict[str, Any] = {"__name__": "example"}
     exec(compile(block[1], PAGES[module], "exec"), names)
     return names
+
+
+def test_each_attribute_of_a_robot_is_sorted_by_subject() -> None:
+    table = text_of("robotd.api.robots").split("\n## Robot\n")[1].split("```")[0]
+    robot = build_robot("cr3a", "sim")
+    attributes = {*vars(robot), *vars(Robot)}
+    assert sorted(re.findall(r"`(\w+)`", table)) == sorted(
+        name for name in attributes if not name.startswith("_")
+    )
 
 
 def test_each_module_has_a_page() -> None:

@@ -10,14 +10,17 @@ from types import FunctionType
 
 import pytest
 from tests.features.conformance.runs.kit import CHECKS
+from tests.features.conformance.runs.measured_faults import checks_of
 from tests.features.conformance.runs.mutants import all_mutants
 
 from robotd.device import drivers
 from robotd.device.fault_injector import FaultInjector
 from robotd.device.process_image import ProcessImage
+from robotd_conformance.checks import aspects
 from robotd_conformance.checks import clauses as kit
 
 CLAUSES, FAULTS, NOTES = kit.load()
+OPEN_CELLS = 515  # of 2090
 CONTRACTS = (
     drivers.DeviceDriver,
     drivers.AxisDriver,
@@ -71,7 +74,7 @@ def test_each_sentence_of_the_contract_is_a_clause() -> None:
     for member, text in docstrings().items():
         said = [clause.says for clause in CLAUSES.values() if clause.member == member] + NOTES
         for sentence in filter(None, re.split(r"(?<=\.)\s+", text)):
-            known = any(sentence in each or each in sentence for each in said)
+            known = any(sentence in text or text in sentence for text in said)
             missing += [] if known else [f"{member}: {sentence}"]
     assert missing == [], "add clauses, or notes where nothing is asked of a driver"
 
@@ -96,3 +99,31 @@ def test_each_mutant_breaks_a_clause_that_its_check_bears(mutant: type) -> None:
 def test_the_faults_have_texts() -> None:
     used = {fault for clause in CLAUSES.values() for fault in clause.faults}
     assert used == set(FAULTS)
+
+
+def cells_of_aspects() -> dict[str, dict[str, str]]:
+    mutants = all_mutants().values()
+    found = [(*mutant.breaks, checks_of(mutant)) for mutant in mutants]
+    bearing: dict[str, list[str]] = {}
+    for check, borne in checks().items():
+        for clause in borne:
+            bearing.setdefault(clause, []).append(check)
+    return aspects.cells(found, bearing)
+
+
+def test_no_cell_of_the_aspects_opens() -> None:
+    """A clause has a check for each aspect, or a reason; what has neither becomes less."""
+    cells = [cell for row in cells_of_aspects().values() for cell in row.values()]
+    assert cells.count(aspects.OPEN) <= OPEN_CELLS
+
+
+def test_the_aspects_name_what_there_is() -> None:
+    table, reasons = aspects.load()
+    themes = {path.stem.removeprefix("test_") for path in CHECKS.glob("test_*.py")}
+    for name, aspect in table.items():
+        assert set(aspect.faults) <= set(FAULTS), name
+        assert set(aspect.themes) <= themes, f"{name}: {set(aspect.themes) - themes}"
+        assert set(aspect.without) <= set(reasons), name
+        for begin in (begin for begins in aspect.without.values() for begin in begins):
+            assert any(clause.startswith(begin) for clause in CLAUSES), f"{name}: {begin}"
+    assert {fault for aspect in table.values() for fault in aspect.faults} == set(FAULTS)

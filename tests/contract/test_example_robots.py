@@ -10,7 +10,7 @@ import pytest
 from lxml import etree
 
 from robotd.clock.simulated import SteppedClock
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.descriptor import load_robot_descriptor
 from robotd.device.state import Operation
 from robotd.motion import TrajectoryRequest
@@ -26,10 +26,10 @@ def elements(robot: str, prefix: str = "", base: str = "base_link") -> dict[str,
     assert path is not None
     found = {}
     for element in etree.parse(path).getroot().iterchildren("link", "joint"):
-        for each in (element, *element.iterchildren(*LINKS)):
+        for part in (element, *element.iterchildren(*LINKS)):
             for key in ("name", "link"):
-                if (name := each.get(key)) is not None:
-                    each.set(key, "base_link" if name == base else name.removeprefix(prefix))
+                if (name := part.get(key)) is not None:
+                    part.set(key, "base_link" if name == base else name.removeprefix(prefix))
         found[str(element.get("name"))] = etree.tostring(element, with_tail=False).decode()
     return found
 

@@ -36,7 +36,7 @@ def test_a_served_robot_imports_nothing_that_it_does_not_need(tmp_path: Path) ->
     found = [
         name
         for name in sorted(imported)
-        if any(name == each or name.startswith(f"{each}.") for each in NOT_NEEDED)
+        if any(name == package or name.startswith(f"{package}.") for package in NOT_NEEDED)
     ]
     assert not found
 

@@ -109,9 +109,9 @@ class LaunchFile:
             patch.setattr(sys, "path", [*sys.path])
             described = runpy.run_path(str(path))["generate_launch_description"]()
             sys.modules.pop("robot_process", None)
-        arguments = [each for each in described if isinstance(each, Argument)]
+        arguments = [action for action in described if isinstance(action, Argument)]
         self.defaults = {argument.name: argument.default_value for argument in arguments}
-        (process,) = (each for each in described if isinstance(each, Process))
+        (process,) = (action for action in described if isinstance(action, Process))
         self.node = process.keywords
         words = self.node["arguments"]
         values = [*words, self.node.get("namespace"), *self.node["parameters"][-1].values()]
@@ -174,9 +174,9 @@ def test_a_fleet_has_a_namespace_for_each_robot() -> None:
             patch.setitem(sys.modules, name, module)
         file = Path(__file__).parents[2] / "examples" / "fleet" / "fleet.launch.py"
         *arguments, later = runpy.run_path(str(file))["generate_launch_description"]()
-        values = {each.name: each.default_value for each in arguments} | {"robots": "3"}
+        values = {argument.name: argument.default_value for argument in arguments} | {"robots": "3"}
         started = later.function(SimpleNamespace(launch_configurations=values))
-    assert [each.keywords["namespace"] for each in started] == ["robot1", "robot2", "robot3"]
+    assert [process.keywords["namespace"] for process in started] == ["robot1", "robot2", "robot3"]
     options = run.make_context("run", started[0].keywords["arguments"]).params
     assert (options["robot"], options["backend"]) == ("cr3a", "sim")
 

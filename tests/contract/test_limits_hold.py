@@ -89,7 +89,7 @@ def robot() -> Iterator[Robot]:
 def excess(robot: Robot) -> Excess:
     found = Excess()
     limits = robot.axes.limits
-    low, high, fast = np.array([[each.lower, each.upper, each.velocity] for each in limits]).T
+    low, high, fast = np.array([[limit.lower, limit.upper, limit.velocity] for limit in limits]).T
     fast = fast * (1.0 + robot.descriptor.trajectory.velocity_margin)
 
     def look(image: ProcessImage) -> None:
@@ -150,6 +150,6 @@ def test_a_velocity_command_is_left_running_for_a_minute(robot: Robot, excess: E
         robot.axes.jog(axis_conversions.jogs(SimpleNamespace(index=list(range(AXES)), **profile)))
         robot.step(round(60.0 * robot.descriptor.cycle.rate_hz))
         assert idle(robot)
-        ends = [each.upper if sign > 0 else each.lower for each in robot.axes.limits]
+        ends = [limit.upper if sign > 0 else limit.lower for limit in robot.axes.limits]
         assert robot.image.position == pytest.approx(ends, abs=0.02)
     assert excess.position <= ROUNDING

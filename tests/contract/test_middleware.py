@@ -17,7 +17,7 @@ def test_every_workaround_says_what_it_is_for() -> None:
         text = path.read_text(encoding="utf-8").partition('"""\n\n')[0]
         if path.name == "__init__.py" or "Part of ``cdr.py``" in text:
             continue
-        for heading in ("Works around: ", "Measured: ", "Upstream: ", "Shown by: "):
+        for heading in ("Works around: ", "Measured: ", "Upstream: ", "Ends with: ", "Shown by: "):
             assert f"\n{heading}" in text, f"{path.name}: {heading}"
         shown = text.partition("Shown by: ")[2].strip().rstrip(".").split(", ")
         for name in shown:

@@ -35,9 +35,16 @@ def test_distributions_have_this_version(path: str) -> None:
 def test_pins_between_distributions_have_this_version(path: str) -> None:
     settings = project(path)
     extras = settings.get("optional-dependencies", {}).values()
-    requirements = [*settings["dependencies"], *(each for extra in extras for each in extra)]
-    pins = [each for each in requirements if re.match(r"robotd(-[a-z0-9]+)?\b", each)]
-    assert pins == [f"{each.partition('==')[0]}=={VERSION}" for each in pins]
+    requirements = [
+        *settings["dependencies"],
+        *(requirement for extra in extras for requirement in extra),
+    ]
+    pins = [
+        requirement
+        for requirement in requirements
+        if re.match(r"robotd(-[a-z0-9]+)?\b", requirement)
+    ]
+    assert pins == [f"{pin.partition('==')[0]}=={VERSION}" for pin in pins]
 
 
 def test_the_package_of_ros_has_this_version() -> None:

@@ -9,6 +9,7 @@ import pytest
 from robotd.errors import InvalidArgument
 from robotd.events import (
     MAX_BYTES,
+    MAX_DATA_BYTES,
     MAX_EVENTS,
     OWN_PROCESS,
     EventKind,
@@ -97,3 +98,13 @@ def test_a_rejected_command_is_noted_with_its_reason_and_raises() -> None:
     assert event.text == "servo rejected: axis 9 is outside 0..5"
     assert event.data["outcome"] == "rejected"
     assert facade.events.counts[EventKind.COMMAND, "rejected"] == 1
+
+
+def test_the_data_of_a_huge_request_drops_no_other_event() -> None:
+    events = EventLog(lambda: 0)
+    events.add(EventKind.FAULT, "joint1", "the cause")
+    data = {"outcome": "rejected", "index": [7] * MAX_DATA_BYTES}
+    events.add(EventKind.COMMAND, "homing", "rejected", data=data)
+    cause, rejected = events.since(0)[0]
+    assert cause.text == "the cause"
+    assert rejected.data == {"outcome": "rejected"}

@@ -93,6 +93,14 @@ def test_no_client_can_forge_a_line_or_command_the_terminal(field: str) -> None:
     assert HARMLESS in lines[0].text
 
 
+def test_an_exception_as_a_value_is_its_text() -> None:
+    stream = io.StringIO()
+    configure_logging("info", LogFormat.CONSOLE, stream)
+    get_logger("test").error("lost", reason=OSError("no space"), cause=TimeoutError())
+    assert "reason='no space'" in stream.getvalue()
+    assert "cause=TimeoutError" in stream.getvalue()
+
+
 def test_a_library_cannot_flood_the_log() -> None:
     stream = io.StringIO()
     configure_logging("info", LogFormat.JSON, stream)

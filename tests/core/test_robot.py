@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,15 +11,15 @@ import pytest
 from structlog.testing import capture_logs
 from tests.core.control.harness import Harness, arm
 
+from robotd.call_timeout import end_idle_threads
 from robotd.clock import MonotonicClock
 from robotd.clock.simulated import PacedClock
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.device.axes import Jog
 from robotd.device.state import CommandMode, ConnectionState
 from robotd.errors import ConnectError, NotReady, OperationError, RobotdError
 from robotd.motion import TrajectoryRequest
 from robotd.motion.profile import Profile
-from robotd.plugin.call_timeout import end_idle_threads
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot, build_robot, open_robot
 
@@ -40,7 +40,9 @@ def threads() -> Iterator[None]:
     """No thread is left behind."""
     before = set(threading.enumerate())
     yield
-    left = [each for each in threading.enumerate() if each not in before and each.is_alive()]
+    left = [
+        thread for thread in threading.enumerate() if thread not in before and thread.is_alive()
+    ]
     assert left == []
 
 
@@ -202,13 +204,60 @@ def test_a_failing_stop_is_logged_and_the_rest_is_done_all_the_same(harness: Har
         harness.robot.shutdown()
     failures = [line for line in logs if line["log_level"] == "error"]
     assert [(line["event"], line["reason"]) for line in failures] == [
-        ("controlled stop failed", "bus off")
+        ("stopping the axes failed; it is repeated", "bus off")
     ]
     assert not harness.simulation.states.servo_on.any()
     assert harness.connection.state is ConnectionState.SHUTDOWN
 
 
 @pytest.mark.usefixtures("threads")
+def test_what_fails_in_a_shutdown_keeps_no_other_step_from_being_done(harness: Harness) -> None:
+    harness.up()
+    robot = harness.robot
+
+    def fail(what: str) -> Callable[..., None]:
+        def raising(*_: object) -> None:
+            raise RuntimeError(what)
+
+        return raising
+
+    robot.servos.disable = fail("first")  # type: ignore[method-assign]
+    robot.connection.before_stop = robot.servos.disable
+    robot.connection._driver.close = fail("second")  # type: ignore[method-assign]
+    robot.axes.stops.close = fail("third")  # type: ignore[method-assign]
+    with capture_logs() as logs, pytest.raises(RuntimeError, match="first"):
+        robot.shutdown()
+    failures = [str(line["exc_info"]) for line in logs if "clean-up failed" in line["event"]]
+    assert failures == ["second", "third"]
+    assert harness.connection.state is ConnectionState.SHUTDOWN
+    assert any("not confirmed to be off" in line["event"] for line in logs)
+
+
+def test_an_error_of_the_block_goes_before_one_of_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(robot: Robot) -> None:
+        shutdown(robot)
+        raise RuntimeError("in the end")
+
+    shutdown = Robot.shutdown
+    monkeypatch.setattr(Robot, "shutdown", fail)
+    with pytest.raises(NotReady, match="first"), open_robot("scara", backend="sim"):
+        raise NotReady("first")
+    with pytest.raises(RuntimeError, match="in the end"), open_robot("scara", backend="sim"):
+        pass
+
+
+def test_a_servo_off_is_final_for_an_earlier_request_to_switch_on(harness: Harness) -> None:
+    harness.robot.start(enable=False)
+    axes = harness.robot.axes
+    offs = axes.servo_offs
+    axes.servo(0, False)
+    with pytest.raises(NotReady, match="its servo was switched off meanwhile"):
+        axes.servo(0, True, offs=offs)
+    assert not harness.simulation.states.servo_on.any()
+    axes.servo(1, True, offs=offs)
+    assert harness.simulation.states.servo_on[1]
+
+
 def test_simulated_time_is_not_paused_in_a_shutdown() -> None:
     """A client of the simulation goes on stepping it."""
     clock = PacedClock()

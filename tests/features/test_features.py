@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
+import threading
 import tomllib
 from collections.abc import Iterator
 from importlib.metadata import entry_points
@@ -13,15 +15,17 @@ from pathlib import Path
 import click
 import pytest
 from click.testing import CliRunner
+from tests.installed_plugin import Install
 
+from robotd import feature_host
 from robotd.cli import main
 from robotd.cli.exit_codes import ExitCode
-from robotd.cli.run_command import RunCommand, feature_overrides
+from robotd.cli.run_command import RunCommand, feature_overrides, run
 from robotd.clock.simulated import SteppedClock
 from robotd.descriptor import Override, load_robot_descriptor, override, parse_override
 from robotd.device.state import ConnectionState
 from robotd.errors import DescriptorError, PluginError
-from robotd.feature import _loaded, feature_failures, installed_features
+from robotd.feature import RUN_OPTIONS, _loaded, feature_failures, installed_features
 from robotd.feature_host import open_features
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
@@ -44,15 +48,13 @@ def without(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> 
     """Name of a folder of features whose packages are not there."""
     name: str = request.param
     packages = packages_of(name)
-    for module in [each for each in sys.modules if each.partition(".")[0] in packages]:
+    for module in [module for module in sys.modules if module.partition(".")[0] in packages]:
         monkeypatch.delitem(sys.modules, module)
     for package in packages:
         monkeypatch.setitem(sys.modules, package, None)
-    for cached in (installed_features, _loaded):
-        cached.cache_clear()
+    _loaded.cache_clear()
     yield name
-    for cached in (installed_features, _loaded):
-        cached.cache_clear()
+    _loaded.cache_clear()
 
 
 def packages_of(folder: str) -> set[str]:
@@ -62,15 +64,15 @@ def packages_of(folder: str) -> set[str]:
 def commands_of(folder: str) -> list[str]:
     packages = packages_of(folder)
     entries = entry_points(group="robotd.commands")
-    return sorted(each.name for each in entries if each.module.partition(".")[0] in packages)
+    return sorted(entry.name for entry in entries if entry.module.partition(".")[0] in packages)
 
 
 def test_each_folder_of_features_is_taken_away_once() -> None:
     project = tomllib.loads((FEATURES.parent / "pyproject.toml").read_text(encoding="utf-8"))
     folders: dict[str, str] = project["tool"]["setuptools"]["package-dir"]
-    assert {each.split("/")[1] for each in folders.values() if each.startswith("features/")} == {
-        *FOLDERS
-    }
+    assert {
+        folder.split("/")[1] for folder in folders.values() if folder.startswith("features/")
+    } == {*FOLDERS}
 
 
 @pytest.mark.parametrize("without", FOLDERS, indirect=True)
@@ -93,7 +95,7 @@ def test_its_commands_say_that_it_is_not_there(without: str) -> None:
     for name in commands_of(without):
         result = CliRunner().invoke(main, [name, "--help"], prog_name="robotd")
         assert result.exit_code == ExitCode.PLUGIN
-        assert f"command {name!r} of robotd" in result.output
+        assert f"command {name!r} (" in result.output
         assert "cannot be imported: ModuleNotFoundError" in result.output
 
 
@@ -103,7 +105,8 @@ def test_its_option_says_that_it_is_not_there(without: str) -> None:
     result = CliRunner().invoke(main, ["--robot", "cr3a", option], prog_name="robotd")
     assert result.exit_code == 2
     assert f"No such option '{option.partition('=')[0]}'" in result.output
-    assert f"feature {without!r}: cannot be imported" in result.output
+    assert f"feature {without!r} (" in result.output
+    assert "cannot be imported: ModuleNotFoundError" in result.output
 
 
 def test_faults_on_request_are_offered_by_scenarios_only() -> None:
@@ -219,15 +222,65 @@ def test_a_third_party_feature_takes_no_key_and_is_named_with_the_line_that_fail
         "def open_echo(host):\n    raise OSError(5, 'no port')\n"
     )
     monkeypatch.syspath_prepend(str(tmp_path))
-    for cached in (installed_features, _loaded):
-        cached.cache_clear()
-    try:
-        assert feature_failures()["aaa"] == "its key 'page' belongs to the feature 'page'"
-        robot = Robot(load_robot_descriptor("cr3a"), load_backend("sim"), SteppedClock())
-        failure = r"feature 'echo' does not start: OSError: .* no port \(plugin_echo.py:9\)"
-        with pytest.raises(PluginError, match=failure), open_features(robot):
-            pass
-    finally:
-        monkeypatch.undo()
-        for cached in (installed_features, _loaded):
-            cached.cache_clear()
+    [refused] = feature_failures().values()
+    assert re.fullmatch(
+        r"feature 'aaa' \(plugin_echo:THIEF of echo 1\): its key 'page' is taken by"
+        r" 'page' \(robotd_page.feature:FEATURE of robotd .*\)",
+        refused,
+    )
+    without = Robot(load_robot_descriptor("cr3a"), load_backend("sim"), SteppedClock())
+    with open_features(without) as host:
+        assert "echo" not in host.parts
+    asked = load_robot_descriptor("cr3a", overrides=[parse_override("echo=true")])
+    robot = Robot(asked, load_backend("sim"), SteppedClock())
+    failure = (
+        r"feature 'echo' \(plugin_echo:FEATURE of echo 1\): open \(plugin_echo:open_echo\) failed:"
+        r" OSError: .* no port \(plugin_echo.py:9\)"
+    )
+    with pytest.raises(PluginError, match=failure), open_features(robot):
+        pass
+
+
+def test_all_options_of_a_run_are_known_to_belong_to_robotd() -> None:
+    context = click.Context(run, info_name="run")
+    own = {word for parameter in click.Command.get_params(run, context) for word in parameter.opts}
+    words = {flag for flag in own if flag.startswith("--")} | {"--ros-args", "--version"}
+    assert words == {*RUN_OPTIONS}
+
+
+def test_a_feature_that_takes_long_to_open_is_named(
+    install: Install, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    warned = threading.Event()
+    monkeypatch.setattr(feature_host, "SLOW_OPEN_S", 0.0)
+    monkeypatch.setattr(feature_host.log, "warning", lambda *_, **found: texts(found))
+    named: list[str] = []
+
+    def texts(found: dict[str, str]) -> None:
+        named.append(found["feature"])
+        if "plugin_acme" in found["feature"]:
+            warned.set()
+
+    source = """
+        from contextlib import contextmanager
+        from robotd.api.features import Feature, Section
+
+        class Keys(Section):
+            slow: bool = False
+
+        wait = []
+
+        @contextmanager
+        def open_slow(host):
+            yield wait[0](20.0)
+
+        FEATURE = Feature("slow", settings=Keys, open="plugin_acme:open_slow")
+    """
+    site = install("slow", source, group="robotd.features")
+    entries = next(site.glob("*.dist-info")) / "entry_points.txt"
+    entries.write_text("[robotd.features]\nslow = plugin_acme:FEATURE\n", encoding="utf-8")
+    robot = Robot(load_robot_descriptor("cr3a"), load_backend("sim"), SteppedClock())
+    sys.modules["plugin_acme"].wait.append(warned.wait)
+    with open_features(robot) as host:
+        assert host.parts["slow"] is True
+    assert "'slow' (plugin_acme:FEATURE of acme 1.2)" in named

@@ -13,7 +13,7 @@ class GoalClient(ActionClient):
 
     rclpy's sends a request and then notes that it waits for the answer; one that is quicker, while
     the sending thread is not running, is ignored as unexpected. Here the executor waits until it
-    is noted, as it does in rclpy's client of services.
+    is recorded, as it does in rclpy's client of services.
     """
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:

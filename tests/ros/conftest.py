@@ -18,6 +18,7 @@ from typing import Any
 import pytest
 from tests.ros.robot_process import Client, RobotProcess, connected
 
+os.environ.setdefault("ROBOTD_TIMEOUT", "30")  # commands wait for robots on a busy computer
 OUTPUT_CHARS = 6000  # the newest of a robot's output, in the report of a failed test
 
 

@@ -120,7 +120,7 @@ class Base:
         """Return whether it is at rest in each of the next messages of the odometry."""
         first = len(self.odometry)
         wait_until(lambda: len(self.odometry) >= first + messages, "odometry")
-        return not any(self.moves(each, 1e-9) for each in self.odometry[first:])
+        return not any(self.moves(message, 1e-9) for message in self.odometry[first:])
 
     def drive_and_rest(self, linear: float, angular: float, seconds: float) -> Leg:
         """Drive, stop, and wait until the base is at rest."""
@@ -128,6 +128,7 @@ class Base:
         self.drive(linear, angular, seconds)
         last = len(self.sent)
         self.rest()
+        wait_until(lambda: max(self.echoed) >= last, "the echo of the stop")
         echoed = sorted(index for index in self.echoed if index >= first)
         stop = next(index for index in echoed if index >= last)
         gaps = (self.echoed[later] - self.sent[earlier] for earlier, later in pairwise(echoed))
@@ -137,7 +138,7 @@ class Base:
         return Leg(
             0.0 if max(gaps) > LAPSE_S else self.sent[last] - moving_s,
             self.echoed[stop] - self.sent[first],
-            sum(each for each in between if each > LAPSE_S),
+            sum(gap_s for gap_s in between if gap_s > LAPSE_S),
             states,
         )
 

@@ -53,8 +53,8 @@ class LossySwitch:
         """End the thread and remove the devices."""
         os.close(self._stopped)
         self._thread.join()
-        for each in (*self._ends, self._stop):
-            os.close(each)
+        for descriptor in (*self._ends, self._stop):
+            os.close(descriptor)
 
     def _run(self) -> None:
         first, second = self._ends

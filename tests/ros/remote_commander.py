@@ -26,6 +26,8 @@ from wmx_ros2_message.msg import AxisPose, AxisState, AxisVelocity
 PERIOD_S = 0.02
 SPEED = 0.2  # rad/s or m/s
 PROBE = "/probe"
+OWN_TOPICS = ("/rosout", "/parameter_events")
+MATCH_TIMEOUT_S = 30.0
 
 
 def position(node: Node) -> Callable[[float], None]:
@@ -94,8 +96,22 @@ def say(line: str) -> None:
     sys.stdout.flush()
 
 
+def wait_for_robot(node: Node) -> None:
+    """Wait until the robot is found: it takes a first message that it missed for a later one."""
+    deadline_s = time.monotonic() + MATCH_TIMEOUT_S
+    commands = [
+        publisher for publisher in node.publishers if publisher.topic_name not in OWN_TOPICS
+    ]
+    while time.monotonic() < deadline_s:
+        if all(publisher.get_subscription_count() for publisher in commands):
+            return
+        time.sleep(0.02)
+
+
 def publish(node: Node, kind: str) -> None:
-    command, probe = COMMANDS[kind](node), node.create_publisher(Empty, PROBE, 10)
+    command = COMMANDS[kind](node)
+    wait_for_robot(node)
+    probe = node.create_publisher(Empty, PROBE, 10)
     going = threading.Event()
 
     def run() -> None:

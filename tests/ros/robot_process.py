@@ -58,6 +58,25 @@ def wait_until(condition: Callable[[], Any], what: str, timeout_s: float = WAIT_
     return answer
 
 
+def command_until(
+    publish: Callable[[], Any], condition: Callable[[], Any], what: str, rate_hz: float = 50.0
+) -> None:
+    """Publish commands until ``condition`` holds.
+
+    They pause now and then: a robot that a stall of the computer has stopped takes commands again
+    from a client that was silent.
+    """
+    begin_s = time.monotonic()
+
+    def attempt() -> Any:
+        if (time.monotonic() - begin_s) % 6.0 < 5.0:
+            publish()
+        time.sleep(1.0 / rate_hz)
+        return condition()
+
+    wait_until(attempt, what)
+
+
 def wait_for(future: Any, timeout_s: float = WAIT_S) -> Any:
     """The result of an rclpy future that another thread completes."""
     done = threading.Event()
@@ -81,7 +100,7 @@ class RobotProcess:
     """``robotd run`` with its standard output and error in one text.
 
     Its time-outs are patient, see ``PATIENCE``, unless ``patient`` is False. In ``simulated_time``,
-    which only the simulation can be in, it cannot be late: its time stands while the computer does.
+    which only the simulation can be in, it cannot be late: its time waits for the computer.
     A ``connected`` client has this time, which may be a message old. With ``terminal``, the
     slave of a pseudo-terminal, it is the leader of a session there, and its output goes there.
     ``prefix`` are words before its command. A test that fails reports the output of those that
@@ -249,7 +268,9 @@ class Client:
             client = GoalClient(self.node, FollowJointTrajectory, action)
             self._actions[action] = client
             assert client.wait_for_server(WAIT_S)
-        on_feedback = None if feedback is None else lambda each: feedback.append(each.feedback)
+        on_feedback = (
+            None if feedback is None else lambda message: feedback.append(message.feedback)
+        )
         handle = wait_for(client.send_goal_async(goal, feedback_callback=on_feedback))
         assert handle.accepted
         return Goal(handle, ask_result=ask_result)

@@ -115,9 +115,9 @@ class ServoEmulator:
         return Message(
             now_s,
             stamp_s,
-            np.array([each.time_s for each in states]) - stamp_s,
-            np.array([each.position for each in states]),
-            np.array([each.velocity for each in states]),
+            np.array([state.time_s for state in states]) - stamp_s,
+            np.array([state.position for state in states]),
+            np.array([state.velocity for state in states]),
         )
 
     def _slide(self, state: State, now_s: float) -> None:
@@ -172,17 +172,17 @@ class Jog(NamedTuple):
         for message in messages:
             for time_s, position in zip(message.times_s, message.position, strict=True):
                 states.setdefault(round(message.stamp_s + time_s, 6), position)
-        return cls(messages, np.array(sorted((time_s, *each) for time_s, each in states.items())))
+        return cls(messages, np.array(sorted((time_s, *state) for time_s, state in states.items())))
 
     @property
     def fastest(self) -> float:
         """Highest velocity in a message."""
-        return max(float(np.abs(each.velocity).max()) for each in self.messages)
+        return max(float(np.abs(message.velocity).max()) for message in self.messages)
 
     def commanded(self, time_s: float) -> FloatArray:
         """Return the position (m,) that was commanded for a time."""
         columns = self.states.T
-        return np.array([np.interp(time_s, columns[0], each) for each in columns[1:]])
+        return np.array([np.interp(time_s, columns[0], column) for column in columns[1:]])
 
     def largest_error(self, rows: FloatArray) -> float:
         """Return the largest distance of rows of time and position from what was commanded."""

@@ -1,92 +1,142 @@
-"""Requests with random content: all are answered, rejected ones change nothing."""
+"""Requests with random content: all are answered, nothing moves, and nothing is kept of them."""
 
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
-from wmx_ros2_message.srv import (
-    EcatGetNetworkState,
-    EcatRegisterRead,
-    EcatResetStatistics,
-    EcatStartHotconnect,
-    GetIoBit,
-    GetIoBytes,
-    GetWmxParams,
-    LoadWmxParams,
-    SetAxis,
-    SetAxisGearRatio,
-    SetEngine,
-    SetIoBit,
-    SetIoBytes,
-)
+from tests.ros.random_messages import RandomMessages, type_named
+from tests.ros.robot_process import Client, RobotProcess, connected, names_of, wait_for, wait_until
+from wmx_ros2_message.srv import GetWmxParams, LoadWmxParams
 
-from robotd.device.state import Operation
 from robotd.errors import OperationError
 from robotd_testing.served_robot import RobotUnderTest
 
-pytestmark = [pytest.mark.daily, pytest.mark.ros]
+pytestmark = pytest.mark.ros
 pytest_plugins = ["robotd_testing.robots"]
 
-SERVICES = {
-    "axis/set_on": SetAxis,
-    "axis/set_mode": SetAxis,
-    "axis/set_polarity": SetAxis,
-    "axis/clear_alarm": SetAxis,
-    "axis/homing": SetAxis,
-    "axis/set_gear_ratio": SetAxisGearRatio,
-    "params/load": LoadWmxParams,
-    "params/get": GetWmxParams,
-    "io/get_input_bit": GetIoBit,
-    "io/get_output_bit": GetIoBit,
-    "io/get_input_bytes": GetIoBytes,
-    "io/get_output_bytes": GetIoBytes,
-    "io/set_output_bit": SetIoBit,
-    "io/set_output_bytes": SetIoBytes,
-    "ecat/get_network_state": EcatGetNetworkState,
-    "ecat/register_read": EcatRegisterRead,
-    "ecat/reset_statistics": EcatResetStatistics,
-    "ecat/start_hotconnect": EcatStartHotconnect,
-    "engine/get_status": Trigger,
-    "engine/get_fault": Trigger,
-    "engine/scan_network": Trigger,
-    "engine/set_device": SetEngine,
-    "engine/set_comm": SetBool,
-}
-INTEGERS = st.one_of(st.integers(-1, 6), st.integers(-1, 6), st.integers(-(2**31), 2**31 - 1))
-TEXTS = st.one_of(
-    st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=30),
-    st.sampled_from(["/dev/zero", "/etc/passwd", "../" * 2000, "x" * 300, "/proc/self/mem"]),
-    st.just("\x1b[2J"),
+OF_NODE, OF_ACTION = 6, 3  # services that each has beside those of the robot
+SLOW = (  # called less often: recordings are saved by a process
+    *("/robotd/record", "/robotd/snapshot", "/robotd/stop", "/robotd/recover"),
+    "/wmx/engine/scan_network",
 )
-FIELDS: dict[str, st.SearchStrategy[Any]] = {
-    "int32": INTEGERS,
-    "double": st.floats(),
-    "boolean": st.booleans(),
-    "string": TEXTS,
-    "uint8": st.integers(0, 255),
-}
+BATCH = 40
+ALL = QoSProfile(depth=BATCH)  # of one service: the usual depth drops what exceeds ten
+AT_REST_RAD_S = 1e-9
+MAX_GROWTH_MIB = 160  # the middleware keeps a buffer of the largest request of each service
+MAX_NEW_HANDLES = 16  # of a recording, and of workers that were not needed before
 
 
-def field(kind: str) -> st.SearchStrategy[Any]:
-    item = FIELDS[kind.removeprefix("sequence<").removesuffix(">")]
-    if not kind.startswith("sequence<"):
-        return item
-    huge = st.integers(7, 50_000).flatmap(lambda count: item.map(lambda value: [value] * count))
-    return st.one_of(st.lists(item, max_size=7), st.lists(item, max_size=7), huge)
+class Peer:
+    """A client that calls everything that a robot serves, with random values."""
+
+    def __init__(self, client: Client, robot: RobotProcess, seed: int) -> None:
+        self._messages, self._node = RandomMessages(seed), client.node
+        wait_until(lambda: len(self._listed()) == served_count(robot), "all services in the graph")
+        self.services = {
+            name: self._node.create_client(type_named(kind), name, qos_profile=ALL)
+            for name, kind in self._listed().items()
+        }
+        self.topics = {
+            name: self._node.create_publisher(type_named(kind), name, ALL)
+            for name, kind in names_of(self._node.get_topic_names_and_types()).items()
+            if self._is_taken(name)
+        }
+        names = {*self.topics, *self.services}
+        self._names = sorted(names.difference(SLOW)) * 10
+        self._names += SLOW
+        wait_until(lambda: all(map(self._is_found, {*self._names})), "all services and topics")
+
+    def _listed(self) -> dict[str, str]:
+        """Name → type of the services of others."""
+        found = names_of(self._node.get_service_names_and_types())
+        return {name: kind for name, kind in found.items() if not name.startswith("/client/")}
+
+    def _is_taken(self, topic: str) -> bool:
+        """Whether the robot subscribes to ``topic``."""
+        found = self._node.get_subscriptions_info_by_topic(topic)
+        return any(endpoint.node_name != self._node.get_name() for endpoint in found)
+
+    def call(self, count: int) -> None:
+        """Make ``count`` calls; fails with the name of what does not answer."""
+        for begin in range(0, count, BATCH):
+            begun = [self._begin() for _ in range(min(BATCH, count - begin))]
+            # Simulated time may have been stopped, and answers may take some of it.
+            self._ask("/robotd_sim/pause", SetBool.Request(data=False))
+            for name, answer in begun:
+                try:
+                    wait_for(answer)
+                except AssertionError as error:
+                    raise AssertionError(f"{name} does not answer") from error
+            if not self._ask("/wmx/engine/get_status", Trigger.Request()).success:
+                self._ask("/robotd/recover", Trigger.Request())
+
+    def _begin(self) -> tuple[str, Any]:
+        name = self._messages.random.choice(self._names)
+        if (publisher := self.topics.get(name)) is not None:
+            publisher.publish(self._messages.filled(publisher.msg_type(), is_command=True))
+            name = "/wmx/engine/get_status"  # answered by the thread that takes messages
+        client = self.services[name]
+        request = client.srv_type.Request()
+        return name, client.call_async(
+            self._messages.filled(request, is_command="/_action/" in name)
+        )
+
+    def _ask(self, name: str, request: Any) -> Any:
+        return wait_for(self.services[name].call_async(request))
+
+    def _is_found(self, name: str) -> bool:
+        if (publisher := self.topics.get(name)) is not None:
+            return bool(publisher.get_subscription_count())
+        return bool(self.services[name].service_is_ready())
 
 
-@st.composite
-def requests(draw: st.DrawFn) -> tuple[str, dict[str, Any]]:
-    name = draw(st.sampled_from(sorted(SERVICES)))
-    kinds = SERVICES[name].Request.get_fields_and_field_types()
-    return name, {key: draw(field(kind)) for key, kind in kinds.items()}
+def served_count(robot: RobotProcess) -> int:
+    """Number of all services of a robot, from its start page."""
+    line = re.search(r"(\d+) nodes, \d+ topics, (\d+) services, (\d+) actions", robot.output)
+    assert line, robot.output
+    nodes, services, actions = map(int, line.groups())
+    return services + OF_NODE * nodes + OF_ACTION * actions
+
+
+class Resources:
+    """Memory, open files and threads of a process."""
+
+    def __init__(self, process: RobotProcess) -> None:
+        folder = Path("/proc") / str(process.process.pid)
+        status = (folder / "status").read_text(encoding="ascii")
+        self.memory_mib = int(status.partition("VmRSS:")[2].split()[0]) / 1024
+        self.files = len([*(folder / "fd").iterdir()])
+        self.threads = len([*(folder / "task").iterdir()])
+
+
+@pytest.mark.parametrize(
+    ("seed", "count"), [pytest.param(1, 400, marks=pytest.mark.daily), pytest.param(2, 5000)]
+)
+def test_any_request(seed: int, count: int) -> None:
+    with RobotProcess(simulated_time=True) as robot:
+        robot.wait_ready()
+        with connected(robot) as client:
+            states = client.listen(JointState, "/joint_states")
+            peer = Peer(client, robot, seed)
+            peer.call(count // 4)  # brings workers and buffers into being
+            before = Resources(robot)
+            peer.call(count - count // 4)
+            after = Resources(robot)
+        moving = [state for state in states if max(map(abs, state.velocity)) > AT_REST_RAD_S]
+        assert not moving, moving[0]
+        assert after.memory_mib - before.memory_mib < MAX_GROWTH_MIB
+        assert after.files - before.files < MAX_NEW_HANDLES
+        assert after.threads - before.threads < MAX_NEW_HANDLES
+        for fault in ("[error", "Traceback", "internal error", "\x1b"):
+            assert fault not in robot.output
 
 
 @pytest.fixture
@@ -94,38 +144,7 @@ def robot(robotd_robot: Callable[..., RobotUnderTest]) -> RobotUnderTest:
     return robotd_robot("cr3a", time_scale=5.0)
 
 
-def idle(robot: RobotUnderTest) -> bool:
-    return bool((robot.robot.image.operation == Operation.IDLE).all())
-
-
-@settings(
-    suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=100
-)
-@given(asked=requests())
-def test_any_request(
-    robot: RobotUnderTest, robotd_log: Callable[[], str], asked: tuple[str, dict[str, Any]]
-) -> None:
-    name, fields = asked
-    connection, logged = robot.robot.connection, len(robotd_log())
-    if not connection.ready:  # an earlier request has stopped it
-        connection.open()
-        connection.start_communication()
-    before = robot.robot.image.copy()
-    rejection = None
-    try:
-        robot.call(SERVICES[name], f"wmx/{name}", **fields)
-    except OperationError as error:
-        rejection = str(error)
-    assert idle(robot), "no service moves an axis"
-    if rejection and connection.ready:
-        after = robot.robot.image.copy()
-        assert (after.servo_on == before.servo_on).all() or name == "axis/set_on"
-        assert after.position_command == pytest.approx(before.position_command, abs=1e-3)
-    new = robotd_log()[logged:]
-    for fault in ("[error", "Traceback", "internal error", "\x1b"):
-        assert fault not in new
-
-
+@pytest.mark.daily
 def test_a_parameter_file_that_is_none(robot: RobotUnderTest, tmp_path: Path) -> None:
     pipe, large, full = tmp_path / "pipe", tmp_path / "large", tmp_path / "full"
     os.mkfifo(pipe)
@@ -143,6 +162,7 @@ def test_a_parameter_file_that_is_none(robot: RobotUnderTest, tmp_path: Path) ->
             robot.call(LoadWmxParams, "wmx/params/load", file_path=str(path))
 
 
+@pytest.mark.daily
 def test_parameters_of_no_axis_are_those_of_every_axis(robot: RobotUnderTest) -> None:
     every = robot.call(GetWmxParams, "wmx/params/get", index=range(6)).params_dump
     assert robot.call(GetWmxParams, "wmx/params/get").params_dump == every

@@ -28,18 +28,18 @@ def set_axis(client: Client, name: str, index: list[int], data: list[int]) -> An
 def test_servo_off_and_on_again(client: Client, states: list[Any]) -> None:
     response = set_axis(client, "set_on", [1, 4], [0, 0])
     assert (response.success, response.message) == (True, "joint2: ok; joint5: ok")
-    state = client.next(states, lambda each: not each.servo_on[1])
+    state = client.next(states, lambda message: not message.servo_on[1])
     assert list(state.servo_on) == [True, False, True, True, False, True]
     before = list(state.actual_pos)
     response = set_axis(client, "set_on", [1, 4], [1, 1])
     assert response.success, response.message
-    state = client.next(states, lambda each: all(each.servo_on))
+    state = client.next(states, lambda message: all(message.servo_on))
     assert list(state.actual_pos) == pytest.approx(before, abs=1e-3)
 
 
 def test_each_axis_is_named_with_its_own_outcome(client: Client, states: list[Any]) -> None:
     set_axis(client, "set_on", [2], [0])
-    client.next(states, lambda each: not each.servo_on[2])
+    client.next(states, lambda message: not message.servo_on[2])
     response = set_axis(client, "set_polarity", [2, 3], [1, 1])
     assert not response.success
     assert response.message.startswith("joint3: ok; joint4: polarity can change only while")
@@ -126,7 +126,7 @@ def test_gear_ratio_and_homing_of_a_disabled_axis(client: Client) -> None:
 def test_homing_makes_the_present_position_zero(client: Client, states: list[Any]) -> None:
     response = set_axis(client, "homing", [5], [])
     assert (response.success, response.message) == (True, "joint6: ok")
-    state = client.next(states, lambda each: each.home_done[5])
+    state = client.next(states, lambda message: message.home_done[5])
     assert state.actual_pos[5] == pytest.approx(0.0, abs=1e-3)
 
 
@@ -162,7 +162,7 @@ def test_a_load_never_changes_the_scale_of_a_live_axis(
     original = (ROBOTS / "cr3a" / "wmx_parameters.xml").read_text(encoding="utf-8")
     path = tmp_path / "parameters.xml"
     path.write_text(original.replace("52953088.000000", "1.0"), encoding="utf-8")
-    before = client.next(states, lambda each: all(each.servo_on))
+    before = client.next(states, lambda message: all(message.servo_on))
     response = client.call(LoadWmxParams, "/wmx/params/load", file_path=str(path))
     assert not response.success
     assert "axis 0 would change AxisGearRatioNumerator" in response.message

@@ -112,5 +112,5 @@ def test_a_wrong_place_is_rejected(
 def test_a_node_with_the_name_of_another_one_is_rejected(robot: Robot) -> None:
     known = NodeRegistry()
     known.add("cubes", "elsewhere:Cubes")
-    with pytest.raises(PluginError, match="registered twice"):
+    with pytest.raises(PluginError, match="is taken by"):
         served_nodes(robot, known)

@@ -20,7 +20,7 @@ def test_a_robot_bears_them_and_works_afterwards(kind: str, options: tuple[str, 
     seen = endure(kind, 2.0, *options)
     assert not seen.problem, seen.problem
     # A long stall of a busy computer ends a goal; the robot says so.
-    assert not [each for each in seen.failures if "control-loop stall" not in each]
+    assert not [failure for failure in seen.failures if "control-loop stall" not in failure]
 
 
 @pytest.mark.daily

@@ -91,7 +91,9 @@ def set_axis(client: Client, name: str, axes: list[int], data: list[int]) -> Any
 def told(client: Client, part: str) -> tuple[bytes, str]:
     """Level and message of a part in the next diagnostics."""
     messages = client.listen(DiagnosticArray, "/diagnostics")
-    found = next(each for each in client.next(messages).status if each.name.endswith(f": {part}"))
+    found = next(
+        status for status in client.next(messages).status if status.name.endswith(f": {part}")
+    )
     return found.level, found.message
 
 
@@ -110,8 +112,8 @@ def test_a_trajectory_arrives_within_2_mrad_and_without_steps(
     succeed(client, 1, 0.4)
     assert client.next(joints).position[:6] == pytest.approx([0.4] * 6, abs=2e-3)
     seen = joints[start:]
-    way = np.array([each.position[:6] for each in seen])
-    times_s = np.array([stamp_s(each) for each in seen])
+    way = np.array([message.position[:6] for message in seen])
+    times_s = np.array([stamp_s(message) for message in seen])
     assert len(way) > 100
     # Over some periods: a computer that is late for one of them sends two in the next.
     speeds = np.abs(way[SPAN:] - way[:-SPAN]).max(1) / (times_s[SPAN:] - times_s[:-SPAN])

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import pytest
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from tests.plugins.canopen.bus.drives_process import DrivesProcess, write_robot
-from tests.ros.robot_process import Client, RobotProcess, wait_until
+from tests.ros.robot_process import Client, RobotProcess, command_until, wait_until
 from wmx_ros2_message.msg import AxisState
 
 pytestmark = pytest.mark.ros
@@ -38,15 +37,14 @@ def test_it_drives_tells_where_it_is_and_stops_without_commands(tmp_path: Path) 
             twist.linear.x, twist.angular.z = 0.4, 0.5
 
             def has_speed() -> bool:
-                publisher.publish(twist)
-                time.sleep(PERIOD_S)
                 moving = odometry[-1].twist.twist
                 has_way = RADIUS_M * sum(turned(first, axes[-1])) / 2 > 0.4
                 return has_way and (moving.linear.x, moving.angular.z) == pytest.approx(
                     (0.4, 0.5), abs=0.02
                 )
 
-            wait_until(has_speed, "the speed of the command, on a way of 0.4 m")
+            way = "the speed of the command, on a way of 0.4 m"
+            command_until(lambda: publisher.publish(twist), has_speed, way)
             start = client.next(axes)
             base.wait_output("no command in time")
             wait_until(lambda: abs(odometry[-1].twist.twist.linear.x) < 1e-3, "standstill")

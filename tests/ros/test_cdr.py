@@ -272,7 +272,9 @@ def test_a_subscriber_is_noticed_and_its_end_too(node: Node) -> None:
 
 def test_publishing_outlives_publisher_and_context(node: Node, context: Context) -> None:
     publishers = [HotPublisher(node, t, 10, joint_state(), ["position"]) for t in ("gone", "left")]
-    node.destroy_publisher(next(each for each in node.publishers if each.topic == "gone"))
+    node.destroy_publisher(
+        next(publisher for publisher in node.publishers if publisher.topic == "gone")
+    )
     context.shutdown()
     with capture_logs() as logs:
         for publisher in publishers * 3:

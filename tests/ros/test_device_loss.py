@@ -14,6 +14,8 @@ from tests.plugins.canopen.bus.drives_process import DrivesProcess, write_robot
 from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
 from tests.ros.test_client_commands import robotd
 
+from robotd.cli.exit_codes import ExitCode
+
 pytestmark = pytest.mark.ros
 
 SWITCHED_ON = "servos on: joint1, joint2, joint3, joint4, joint5, joint6"
@@ -26,7 +28,7 @@ def lines_with(process: RobotProcess, text: str) -> list[str]:
 def engine_diagnostics(client: Client) -> tuple[bytes, str]:
     messages = client.listen(DiagnosticArray, "/diagnostics")
     message = client.next(messages)
-    found = next(each for each in message.status if each.name.endswith(": engine"))
+    found = next(status for status in message.status if status.name.endswith(": engine"))
     return found.level, found.message
 
 
@@ -125,7 +127,7 @@ def test_drives_that_come_late_or_back_are_reconnected_with_servos_off(tmp_path:
         finally:
             drives.stop()
             client.close()
-        assert process.end() == 0
+        assert process.end() == ExitCode.SERVOS_NOT_OFF  # the drives are gone
         assert "Traceback" not in process.output
 
 

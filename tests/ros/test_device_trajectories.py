@@ -36,7 +36,7 @@ class Arm:
         return float(state.position[0]), float(state.velocity[0])
 
     def wait_velocity(self, rad_s: float) -> None:
-        self.client.next(self._states, lambda each: abs(each.velocity[0]) > rad_s)
+        self.client.next(self._states, lambda message: abs(message.velocity[0]) > rad_s)
 
     def send(self, target: float, seconds: float, points: int) -> Any:
         """Send a smooth path to ``target`` with its first point at time 0."""
@@ -75,7 +75,7 @@ class Arm:
 @pytest.fixture(scope="module")
 def arm() -> Iterator[Arm]:
     settings = "backends.wmx.stream_positions=false", "engine.stale_after_s=1.0"
-    with RobotProcess(*[word for each in settings for word in ("--set", each)]) as process:
+    with RobotProcess(*[word for setting in settings for word in ("--set", setting)]) as process:
         process.wait_ready()
         client = Client(process.domain)
         yield Arm(client)

@@ -16,7 +16,7 @@ from wmx_ros2_message.srv import SetAxis
 from robotd.descriptor import load_robot_descriptor
 from robotd.robot import build_robot
 from robotd_ros.diagnostics.diagnostics_publisher import CHECK_PERIOD_S, Diagnostics
-from robotd_ros.diagnostics.part_status import Level
+from robotd_ros.diagnostics.part_status import DiagnosticLevel
 from robotd_ros.host import RosHost
 from robotd_ros.nodes.operator_node import OperatorNode
 
@@ -31,7 +31,7 @@ def levels(message: Any) -> dict[str, bytes]:
 
 
 def test_the_levels_are_those_of_ros() -> None:
-    for level in Level:
+    for level in DiagnosticLevel:
         assert bytes([level]) == getattr(DiagnosticStatus, level.name)
 
 
@@ -51,7 +51,7 @@ def test_every_part_is_told_once_a_second(client: Client) -> None:
 def test_the_cycle_tells_how_it_keeps_its_time(client: Client) -> None:
     messages = client.listen(DiagnosticArray, TOPIC)
     status = next(s for s in client.next(messages).status if s.name.endswith(": cycle"))
-    values = {each.key: each.value for each in status.values}
+    values = {value.key: value.value for value in status.values}
     assert values["wanted rate (Hz)"] == "500"
     assert float(values["rate (Hz)"]) > 0
     assert {"lateness p50 (µs)", "lateness p99 (µs)", "lateness max (µs)"} < set(values)
@@ -126,6 +126,26 @@ def test_it_is_told_each_second_and_at_every_change(monkeypatch: pytest.MonkeyPa
         assert told_within(0.3) == 0
         assert told_within(5.0) == 5
         robot.connection.shutdown()
+
+
+def test_one_look_serves_diagnostics_problems_and_summary(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
+    robot = build_robot("standalone", "sim")
+    problems: list[Any] = []
+    summaries: list[Any] = []
+    with RosHost(domain_id=97) as host:
+        node = Node("any", context=host.context)
+        node.create_subscription(DiagnosticArray, "/robotd/problems", problems.append, LATCHED)
+        node.create_subscription(String, "/robotd/summary", summaries.append, LATCHED)
+        host.add_node(node)
+        diagnostics = Diagnostics([node], robot, OperatorNode(robot, host))
+        looks: list[int] = []
+        find = robot.find_problems
+        monkeypatch.setattr(robot, "find_problems", lambda: looks.append(1) or find())
+        diagnostics._check()
+        assert len(looks) == 1
+        wait_until(lambda: problems and summaries, "both")
+    assert '"state": "no device"' in summaries[0].data
 
 
 def test_in_a_namespace_the_names_tell_whose_it_is_and_the_end_is_told(

@@ -53,7 +53,7 @@ def sound(operator: Client) -> Iterator[None]:
 
 
 def texts(message: DiagnosticArray) -> list[str]:
-    return [each.text for each in read_problems(message)]
+    return [problem.text for problem in read_problems(message)]
 
 
 @pytest.mark.daily
@@ -91,9 +91,13 @@ def test_a_speed_of_0_and_a_servo_that_is_off_stand_in_the_way_with_status_0(
     assert f"problem   the speed is 0 %\n            {remedy}\n" in output
 
 
-def test_recover_is_1_while_a_stop_stays_in_force(simulated: RobotProcess) -> None:
+def test_recover_is_1_while_a_stop_stays_in_force(
+    simulated: RobotProcess, operator: Client
+) -> None:
+    problems = operator.listen(DiagnosticArray, "/robotd/problems", LATCHED)
     assert robotd(simulated.domain, "stop")[0] == 0
     assert robotd(simulated.domain, "sim", "inject", "amp_alarm", "axis=2")[0] == 0
+    wait_until(lambda: problems and ALARM in texts(problems[-1]), "the alarm on the topic")
     code, output, _ = robotd(simulated.domain, "recover")
     assert code == 1
     assert output.splitlines()[0] == f"found: {ALARM}"

@@ -10,7 +10,8 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from std_msgs.msg import String
+from std_msgs.msg import Empty, String
+from std_srvs.srv import Trigger
 from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
 
 from robotd_ros.node_registry import SUMMARY
@@ -32,7 +33,7 @@ def run(domain: int, *words: str, check: bool = True) -> subprocess.CompletedPro
 
 
 def listed(domain: int) -> dict[str, dict[str, Any]]:
-    return {each["namespace"]: each for each in json.loads(run(domain, "list", "--json").stdout)}
+    return {robot["namespace"]: robot for robot in json.loads(run(domain, "list", "--json").stdout)}
 
 
 @pytest.fixture
@@ -58,7 +59,7 @@ def test_all_robots_are_listed_with_their_state_and_stopped(
     # A busy computer may discover one of them later than the list waits.
     found: dict[str, dict[str, Any]] = {}
     wait_until(lambda: found.update(listed(domain)) or len(found) == 2, "both robots")
-    assert {name: each["state"] for name, each in found.items()} == {
+    assert {name: robot["state"] for name, robot in found.items()} == {
         "/left": "ready",
         "/right": "servo off",
     }
@@ -70,6 +71,21 @@ def test_all_robots_are_listed_with_their_state_and_stopped(
     assert "/left: stopped, at rest" in stopped
     assert "/right: stopped, at rest" in stopped
     wait_until(lambda: listed(domain)["/left"]["state"] == "stopped", "the state is listed")
+
+    client = Client(domain)
+    reasons = [
+        client.listen(String, f"/{name}/robotd/stopped", LATCHED) for name in ("left", "right")
+    ]
+    for name in ("left", "right"):
+        assert client.call(Trigger, f"/{name}/robotd/reset").success
+    wait_until(
+        lambda: all(messages and not messages[-1].data for messages in reasons), "motion is allowed"
+    )
+    stop_all = client.publisher(Empty, "/robotd/stop_all")
+    wait_until(lambda: stop_all.get_subscription_count() == 2, "both robots")
+    stop_all.publish(Empty())
+    wait_until(lambda: all(messages[-1].data for messages in reasons), "one message stops both")
+    client.close()
 
 
 def test_a_stop_of_nothing_says_so() -> None:

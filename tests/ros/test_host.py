@@ -16,11 +16,16 @@ from typing import Any
 
 import pytest
 import rclpy
+from action_msgs.srv import CancelGoal
 from control_msgs.action import FollowJointTrajectory
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterValue
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from std_msgs.msg import Empty, Float64
 from std_srvs.srv import SetBool, Trigger
@@ -29,10 +34,10 @@ from tests.ros.action_client import GoalClient
 from tests.ros.robot_process import wait_until
 from wmx_ros2_message.srv import SetAxis
 
-from robotd.control.completion import Outcome
+from robotd.call_timeout import end_idle_threads
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.errors import NotReady, OperationError
 from robotd.log import get_logger
-from robotd.plugin.call_timeout import end_idle_threads
 from robotd_ros.host import RosHost
 from robotd_ros.services import add_service, add_subscription
 from robotd_ros.worker_action import WorkerAction
@@ -232,16 +237,82 @@ def test_callback_that_raises_does_not_end_the_others(
         assert caller.call(Trigger, "alive").success
 
 
+def test_services_of_others_answer_where_their_callback_raises(
+    host: RosHost, caller: Caller
+) -> None:
+    def bare(*_: Any) -> Any:
+        raise RuntimeError("not caught by anybody")
+
+    node = rclpy.create_node("plugin", context=host.context)
+    node.create_service(Trigger, "bare", bare)
+    host.add_node(node)
+    with capture_logs() as logs:
+        answer = caller.call(Trigger, "bare")
+    assert (answer.success, answer.message) == (False, "internal error: not caught by anybody")
+    assert [(log["event"], log["service"]) for log in logs] == [("service rejected", "/bare")]
+
+
+def test_a_parameter_of_an_undefined_type_is_rejected_by_an_answer(
+    host: RosHost, server: Node, caller: Caller
+) -> None:
+    server.declare_parameter("gain", 1.0)
+    defined = Parameter("gain", value=2.0).to_parameter_msg()
+    undefined = ParameterMessage(name="gain", value=ParameterValue(type=77))
+    reason = "gain: 77 is no type of a parameter"
+    with capture_logs() as logs:
+        together = SetParametersAtomically.Request(parameters=[defined, undefined])
+        result = caller.call(
+            SetParametersAtomically, "server/set_parameters_atomically", together
+        ).result
+        assert (result.successful, result.reason) == (False, reason)
+        assert server.get_parameter("gain").value == 1.0
+        request = SetParameters.Request(parameters=[undefined, defined])
+        results = caller.call(SetParameters, "server/set_parameters", request).results
+    assert [(one.successful, one.reason) for one in results] == [(False, reason), (True, "")]
+    assert server.get_parameter("gain").value == 2.0
+    assert [log.get("reason") for log in logs] == [reason]  # the second is within the same second
+
+
+class SlowlyListed(Node):
+    """Node whose subscriptions the executor's thread lists until ``go_on`` is set."""
+
+    def __init__(self, host: RosHost) -> None:
+        self.begun, self.go_on = threading.Event(), threading.Event()
+        super().__init__("slow", context=host.context)
+
+    @property
+    def subscriptions(self) -> Any:
+        self.begun.set()
+        self.go_on.wait(WAIT_S)
+        yield from super().subscriptions
+
+
+def test_a_node_is_added_while_the_executor_iterates_over_the_others(
+    host: RosHost, caller: Caller
+) -> None:
+    slow, late = SlowlyListed(host), rclpy.create_node("late", context=host.context)
+    add_service(late, host, Trigger, "late", echo_thread)
+    with capture_logs() as logs:
+        host.add_node(slow)
+        assert slow.begun.wait(WAIT_S)
+        host.add_node(late)
+        slow.go_on.set()
+        assert caller.call(Trigger, "late").success
+    assert not logs
+
+
 class WaitingAction(WorkerAction):
     """Action whose goals run until ``ended`` is set."""
 
     def __init__(self, node: Node, host: RosHost) -> None:
         self.ended, self.begun = threading.Event(), threading.Semaphore(0)
+        self.goals: list[Any] = []  # handles
         super().__init__(node, host, FollowJointTrajectory, "follow", get_logger("test"))
 
     def execute(
         self, goal: Any, result: Any, after: ExitStack, *arrived: Any
     ) -> tuple[Outcome, str]:
+        self.goals.append(goal)
         self.begun.release()
         self.ended.wait(WAIT_S)
         return Outcome.SUCCEEDED, ""
@@ -268,6 +339,53 @@ def test_a_service_does_not_wait_for_goals(host: RosHost, server: Node, caller: 
     finally:
         action.ended.set()
     assert answer().success
+
+
+def test_the_content_of_a_goal_is_freed_when_it_has_ended(
+    host: RosHost, server: Node, caller: Caller
+) -> None:
+    """Its handle stays until the result expires: 150 goals of 4 MB took 600 MiB."""
+    action = WaitingAction(server, host)
+    client = GoalClient(caller.node, FollowJointTrajectory, "follow")
+    assert client.wait_for_server(WAIT_S)
+    goal = FollowJointTrajectory.Goal()
+    goal.trajectory.joint_names = ["x" * 1000]
+    handle = wait_for(client.send_goal_async(goal))
+    assert action.begun.acquire(timeout=WAIT_S)
+    (served,) = action.goals
+    assert served.request.trajectory.joint_names == ["x" * 1000]
+    action.ended.set()
+    wait_for(handle.get_result_async())
+    assert served._goal_request is None
+
+
+def test_a_goal_that_is_canceled_before_its_execution_begins_ends(
+    host: RosHost, server: Node, caller: Caller
+) -> None:
+    action, release = WaitingAction(server, host), threading.Event()
+    taken = threading.Event()
+
+    def hold(_: Any, response: Any) -> Any:
+        taken.set()
+        release.wait(WAIT_S)
+        return response
+
+    add_service(server, host, Trigger, "hold", hold, blocking=False)
+    client = GoalClient(caller.node, FollowJointTrajectory, "follow")
+    assert client.wait_for_server(WAIT_S)
+    cancel = caller.node.create_client(CancelGoal, "follow/_action/cancel_goal")
+    assert cancel.wait_for_service(WAIT_S)
+    held = caller.send(Trigger, "hold")
+    assert taken.wait(WAIT_S)  # the executor's thread: goals and cancels arrive meanwhile
+    all_goals = cancel.call_async(CancelGoal.Request())  # it is executed when the goal is accepted
+    goal = client.send_goal_async(FollowJointTrajectory.Goal())
+    with capture_logs() as logs:
+        release.set()
+        held()
+        wait_for(all_goals)
+        action.ended.set()
+        wait_for(wait_for(goal).get_result_async())
+    assert not [log for log in logs if log["event"] == "a ROS callback raised"]
 
 
 def discovered_publisher(caller: Caller, kind: type, depth: int) -> Publisher:

@@ -29,7 +29,7 @@ SETTINGS = (
 
 @pytest.fixture(scope="module")
 def wired() -> Iterator[Client]:
-    options = [each for setting in SETTINGS for each in ("--set", setting)]
+    options = [word for setting in SETTINGS for word in ("--set", setting)]
     with RobotProcess(*options, backend="sim") as process:
         process.wait_output("ready after")
         client = Client(process.domain)

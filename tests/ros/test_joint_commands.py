@@ -17,7 +17,7 @@ from rclpy.duration import Duration as RosDuration
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray, String
-from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
+from tests.ros.robot_process import LATCHED, Client, RobotProcess, command_until, wait_until
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from wmx_ros2_message.msg import AxisVelocity
 from wmx_ros2_message.srv import SetAxis
@@ -55,13 +55,7 @@ class Arm:
 
     def publish_until(self, publish: Callable[[], None], condition: Callable[[], Any]) -> None:
         """Publish at ``RATE_HZ`` until the condition holds."""
-
-        def attempt() -> Any:
-            publish()
-            time.sleep(1.0 / RATE_HZ)
-            return condition()
-
-        wait_until(attempt, "the streamed motion")
+        command_until(publish, condition, "the streamed motion", RATE_HZ)
 
     def wait_at_rest(self) -> None:
         """Also until the client that moved it has given it back, shortly after standstill."""
@@ -146,7 +140,7 @@ def test_an_empty_trajectory_stops_one_that_is_still_being_planned(
     arm.trajectory.publish(JointTrajectory())
     # It comes before the end of planning, or shortly after it.
     ends = "stopped before it could begin", "canceled by the client"
-    wait_until(lambda: any(each in cr3a.output[printed:] for each in ends), "its end")
+    wait_until(lambda: any(ending in cr3a.output[printed:] for ending in ends), "its end")
     arm.wait_at_rest()
     assert max(map(abs, arm.position)) < 0.9  # of 1.0; it may have begun where planning was quick
 
@@ -185,7 +179,7 @@ def test_named_joints_are_jogged_while_messages_come(arm: Arm) -> None:
 
 
 def test_wrong_commands_are_logged_with_the_reason(arm: Arm, cr3a: RobotProcess) -> None:
-    streamed, whole, over = (trajectory((each, [0.0] * 6)) for each in (0.03, 1.0, 1.0))
+    streamed, whole, over = (trajectory((deviation, [0.0] * 6)) for deviation in (0.03, 1.0, 1.0))
     streamed.points[0].effort = whole.points[0].effort = [0.0] * 6
     over.header.stamp.sec = 1
     for publisher, message, reason in (
@@ -212,6 +206,7 @@ def test_commands_of_another_time_are_dropped_and_named(
         publisher, message = arm.jog, JointJog(joint_names=["joint1"], velocities=[0.2])
     else:
         publisher, message = arm.trajectory, trajectory((0.03, [0.3, *[0.0] * 5]))
+    wait_until(lambda: arm.client.now_ns > 10.5e9, "a time of 10 s ago")
     began, printed = len(arm.states), len(cr3a.output)
     for seconds, text in ((-10.0, "s older than th"), (10.0, "s ahead of th")):
 
@@ -222,7 +217,7 @@ def test_commands_of_another_time_are_dropped_and_named(
 
         arm.publish_until(publish, lambda text=text: text in cr3a.output[printed:])
     arm.publish_until(publish, lambda: len(arm.states) > began + 100)
-    assert max(abs(each.position[0]) for each in arm.states[began:]) < 1e-3
+    assert max(abs(state.position[0]) for state in arm.states[began:]) < 1e-3
     message.header.stamp = Time()  # zero: now
     arm.publish_until(lambda: publisher.publish(message), lambda: arm.position[0] > 0.1)
     arm.wait_at_rest()
@@ -280,7 +275,7 @@ def test_axes_are_jogged_while_messages_come_and_stopped_by_the_service(arm: Arm
 def test_the_state_and_the_running_trajectory_can_be_asked_for(arm: Arm) -> None:
     states = arm.client.listen(JointTrajectoryControllerState, f"{CONTROLLER}/controller_state")
     arm.trajectory.publish(trajectory((2.0, [0.4, 0.0, 0.0, 0.0, 0.0, 0.0])))
-    state = arm.client.next(states, lambda each: each.reference.velocities[0] > 0.1)
+    state = arm.client.next(states, lambda message: message.reference.velocities[0] > 0.1)
     assert list(state.joint_names) == NAMES
     assert state.reference.positions[0] == pytest.approx(state.feedback.positions[0], abs=0.05)
     assert state.error.positions[0] == pytest.approx(
@@ -292,9 +287,9 @@ def test_the_state_and_the_running_trajectory_can_be_asked_for(arm: Arm) -> None
     assert state.speed_scaling_factor == 1.0
     speed = arm.client.publisher(Float64, "/robotd/set_speed")
     speed.publish(Float64(data=0.5))
-    arm.client.next(states, lambda each: each.speed_scaling_factor == 0.5)
+    arm.client.next(states, lambda message: message.speed_scaling_factor == 0.5)
     speed.publish(Float64(data=1.0))
-    arm.client.next(states, lambda each: each.speed_scaling_factor == 1.0)
+    arm.client.next(states, lambda message: message.speed_scaling_factor == 1.0)
     wait_until(lambda: arm.position[0] == pytest.approx(0.4, abs=2e-3), "arrival")
     arm.wait_at_rest()
     held = arm.client.call(QueryTrajectoryState, f"{CONTROLLER}/query_state")

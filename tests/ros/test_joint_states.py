@@ -41,9 +41,9 @@ def test_gripper_moves_the_fingers(client: Client) -> None:
     bare = client.listen(Float64MultiArray, "/gazebo_position_controller/commands")
     for closed, position in ((True, 0.045), (False, 0.0)):
         assert client.call(SetBool, "/wmx/set_gripper", data=closed).success
-        state = client.next(messages, lambda each, p=position: each.position[6] == p)
+        state = client.next(messages, lambda message, p=position: message.position[6] == p)
         assert list(state.position[6:]) == [position, position]
-        copy = client.next(bare, lambda each, p=position: each.data[6] == p)
+        copy = client.next(bare, lambda message, p=position: message.data[6] == p)
         assert len(copy.data) == len(NAMES)
 
 

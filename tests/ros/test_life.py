@@ -158,7 +158,7 @@ def test_restarting_the_engine_never_switches_a_servo_on(start: Any) -> None:
     process.wait_ready()
     ready = client.listen(Bool, "/wmx/engine/ready", LATCHED)
     states = client.listen(AxisState, "/wmx/axis/state")
-    client.next(states, lambda each: all(each.servo_on))
+    client.next(states, lambda message: all(message.servo_on))
     assert client.call(SetBool, "/wmx/engine/set_comm", data=False).message == "Running"
     wait_until(lambda: ready and not ready[-1].data, "ready is false")
     assert not client.call(SetBool, "/wmx/set_gripper", data=True).success
@@ -168,7 +168,7 @@ def test_restarting_the_engine_never_switches_a_servo_on(start: Any) -> None:
     assert not any(client.next(states).servo_on)
     response = client.call(SetAxis, "/wmx/axis/set_on", index=[0], data=[1])
     assert (response.success, response.message) == (True, "joint1: ok")
-    client.next(states, lambda each: each.servo_on[0])
+    client.next(states, lambda message: message.servo_on[0])
 
 
 def steepest(joints: list[Any]) -> float:
@@ -197,7 +197,7 @@ def moving(client: Client) -> tuple[Any, list[Any]]:
     point.time_from_start.sec = 2
     goal.trajectory.points = [point]
     sent = client.send_goal(goal)
-    client.next(joints, lambda each: each.velocity[0] > 1.0)
+    client.next(joints, lambda message: message.velocity[0] > 1.0)
     return sent, joints
 
 
@@ -265,17 +265,19 @@ def test_the_loss_of_the_terminal_stops_the_robot_in_order(
     slave, lose = terminal
     with RobotProcess(terminal=slave) as process, connected(process) as client:
         states = client.listen(AxisState, "/wmx/axis/state")
-        client.next(states, lambda each: all(each.servo_on[:6]))
+        client.next(states, lambda message: all(message.servo_on[:6]))
         log = client.listen(Log, "/rosout", 100)
         sent, joints = moving(client)
         lose()
-        wait_until(lambda: any("stopping" in each.msg for each in log), "the stop")
+        wait_until(lambda: any("stopping" in record.msg for record in log), "the stop")
         process.process.send_signal(signal.SIGHUP)
         process.process.send_signal(signal.SIGTERM)
         assert process.exit_status() == 0
         # The client takes them in one after the other, among joint states.
-        wait_until(lambda: any("device closed" in each.msg for each in log), "the end of the log")
-        check_stopped_in_order("\n".join(each.msg for each in log), sent, joints)
+        wait_until(
+            lambda: any("device closed" in record.msg for record in log), "the end of the log"
+        )
+        check_stopped_in_order("\n".join(record.msg for record in log), sent, joints)
 
 
 def test_under_nohup_the_robot_outlives_its_terminal() -> None:

@@ -57,8 +57,13 @@ def state(manager: Client) -> str:
 
 def edges(response: Any) -> set[tuple[int, str, int, int]]:
     return {
-        (each.transition.id, each.transition.label, each.start_state.id, each.goal_state.id)
-        for each in response.available_transitions
+        (
+            transition.transition.id,
+            transition.transition.label,
+            transition.start_state.id,
+            transition.goal_state.id,
+        )
+        for transition in response.available_transitions
     }
 
 
@@ -77,7 +82,9 @@ def test_states_and_transitions_are_those_of_a_lifecycle_node_of_rclpy(manager: 
         manager.call(GetAvailableStates, f"{node}/get_available_states").available_states
         for node in (NODE, "/reference")
     )
-    assert {(each.id, each.label) for each in here} == {(each.id, each.label) for each in there}
+    assert {(transition.id, transition.label) for transition in here} == {
+        (transition.id, transition.label) for transition in there
+    }
 
 
 def test_a_client_walks_through_the_states_twice(managed: RobotProcess, manager: Client) -> None:
@@ -94,7 +101,7 @@ def test_a_client_walks_through_the_states_twice(managed: RobotProcess, manager:
                 status, result = manager.send_goal(goal((1.0, pose(0.1)))).result()
                 assert status == GoalStatus.STATUS_SUCCEEDED, result.error_string
     wait_until(lambda: len(events) == 4 * len(WALK), "two events for each transition")
-    assert [each.transition.label for each in events[:2]] == ["configure", "transition_success"]
+    assert [event.transition.label for event in events[:2]] == ["configure", "transition_success"]
     assert events[1].goal_state.label == "inactive"
 
 

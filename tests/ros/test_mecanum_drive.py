@@ -10,7 +10,15 @@ import pytest
 from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
 from std_msgs.msg import Float64MultiArray, String
-from tests.ros.robot_process import LATCHED, Client, RobotProcess, connected, stamp_s, wait_until
+from tests.ros.robot_process import (
+    LATCHED,
+    Client,
+    RobotProcess,
+    command_until,
+    connected,
+    stamp_s,
+    wait_until,
+)
 from tf2_msgs.msg import TFMessage
 
 pytestmark = [pytest.mark.daily, pytest.mark.ros]
@@ -33,7 +41,7 @@ def client() -> Iterator[Client]:
 
 
 def by_child(message: TFMessage) -> dict[str, Any]:
-    return {each.child_frame_id: each for each in message.transforms}
+    return {transform.child_frame_id: transform for transform in message.transforms}
 
 
 def test_it_moves_in_every_direction_at_once(client: Client) -> None:
@@ -47,7 +55,6 @@ def test_it_moves_in_every_direction_at_once(client: Client) -> None:
     speeds = [x - y - turning, x + y + turning, x + y - turning, x - y + turning]
 
     def has_speed() -> bool:
-        publisher.publish(message)  # its stamp is zero: it has no age
         if not (odometry and wheels):
             return False
         twist = odometry[-1].twist.twist
@@ -55,8 +62,9 @@ def test_it_moves_in_every_direction_at_once(client: Client) -> None:
         rims = [RADIUS_M * speed for speed in wheels[-1].data]
         return found == pytest.approx(COMMAND, abs=1e-3) and rims == pytest.approx(speeds, abs=2e-3)
 
-    wait_until(has_speed, "the commanded speed")
-    client.next(odometry, lambda each: abs(each.twist.twist.linear.x) < 1e-6)  # the time-out
+    # The stamp of the message is zero: it has no age.
+    command_until(lambda: publisher.publish(message), has_speed, "the commanded speed")
+    client.next(odometry, lambda message: abs(message.twist.twist.linear.x) < 1e-6)  # the time-out
     pose = client.next(odometry).pose.pose
     assert math.hypot(pose.position.x, pose.position.y) > 0.05
     last = client.next(transforms).transforms[0]

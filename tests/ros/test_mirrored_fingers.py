@@ -108,7 +108,7 @@ def test_topics_tf_and_action_agree_about_the_ends(client: Client) -> None:
 
         client.next(states, is_there)
         message = client.next(transforms)
-        frames = {each.child_frame_id: each.transform for each in message.transforms}
+        frames = {transform.child_frame_id: transform.transform for transform in message.transforms}
         return frames["picker_1_link"].translation
 
     result_of(parallel(client, FINGERS, [OPEN_M, -OPEN_M]))

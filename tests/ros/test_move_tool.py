@@ -47,7 +47,9 @@ def send(action: GoalClient, **fields: Any) -> tuple[int, Any, list[Any]]:
     wait_until(action.server_is_ready, "no action")
     feedback: list[Any] = []
     message = MoveTool.Goal(frame=MoveTool.Goal.RELATIVE_BASE, **fields)
-    handle = wait_for(action.send_goal_async(message, lambda each: feedback.append(each.feedback)))
+    handle = wait_for(
+        action.send_goal_async(message, lambda message: feedback.append(message.feedback))
+    )
     answer = wait_for(handle.get_result_async())
     return answer.status, answer.result, feedback
 
@@ -83,9 +85,9 @@ def test_a_line_is_driven_and_reported(client: Client, action: GoalClient) -> No
     )
     # The result may come before the last message of another topic.
     wait_until(lambda: feedback[-1].progress == 1.0, "the end is reported")
-    for each in feedback:  # within the following error of the drives
-        part = (each.pose.position.y - before.y) / 0.1
-        assert each.pose.position.z - before.z == pytest.approx(0.05 * part, abs=1e-3)
+    for message in feedback:  # within the following error of the drives
+        part = (message.pose.position.y - before.y) / 0.1
+        assert message.pose.position.z - before.z == pytest.approx(0.05 * part, abs=1e-3)
 
 
 def test_what_cannot_be_is_aborted_with_the_place(client: Client, action: GoalClient) -> None:

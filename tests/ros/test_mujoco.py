@@ -74,14 +74,17 @@ def first(
 
 def test_the_cube_is_a_transform(client: RosClient) -> None:
     message = first(client, TFMessage, "/tf")
-    poses = {each.child_frame_id: each.transform.translation for each in message.transforms}
+    poses = {
+        transform.child_frame_id: transform.transform.translation
+        for transform in message.transforms
+    }
     assert [poses["cube"].x, poses["cube"].y, poses["cube"].z] == pytest.approx(CUBE_M, abs=1e-3)
 
 
 def test_the_wrist_reports_weight(client: RosClient) -> None:
     weight = pytest.approx(0.66 * 9.81, abs=0.1)
     topic = "force_torque_sensor_broadcaster/wrench"
-    message = first(client, WrenchStamped, topic, lambda each: each.wrench.force.z == weight)
+    message = first(client, WrenchStamped, topic, lambda message: message.wrench.force.z == weight)
     assert message.header.frame_id == "link6"
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
-from tests.ros.robot_process import Client, RobotProcess, connected, wait_until
+from tests.ros.robot_process import Client, RobotProcess, command_until, connected
 
 pytestmark = pytest.mark.ros
 
@@ -32,15 +32,15 @@ def test_the_true_pose_of_a_base_is_a_topic(client: Client) -> None:
     message.linear.x = SPEED_M_S
 
     def drives() -> bool:
-        publisher.publish(message)
         if not truth or truth[-1].pose.pose.position.x < 0.3:
             return False
         speed: float = truth[-1].twist.twist.linear.x
         return speed == pytest.approx(SPEED_M_S, abs=0.02)
 
-    wait_until(drives, "0.3 m ahead at the commanded speed")
+    ahead = "0.3 m ahead at the commanded speed"
+    command_until(lambda: publisher.publish(message), drives, ahead)
     assert (truth[-1].header.frame_id, truth[-1].child_frame_id) == ("world", "base_link")
-    client.next(truth, lambda each: abs(each.twist.twist.linear.x) < 1e-3)  # the time-out
+    client.next(truth, lambda message: abs(message.twist.twist.linear.x) < 1e-3)  # the time-out
     true, told = client.next(truth).pose.pose.position, client.next(odometry).pose.pose.position
     assert math.hypot(true.x - told.x, true.y - told.y) < AGREES_M
     assert true.z == pytest.approx(0.09, abs=0.005)

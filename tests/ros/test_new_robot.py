@@ -18,7 +18,7 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
-from tests.ros.robot_process import Client, RobotProcess, wait_until
+from tests.ros.robot_process import Client, RobotProcess, command_until
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 pytestmark = pytest.mark.ros
@@ -127,10 +127,10 @@ def test_a_mobile_manipulator_moves_arm_and_base_at_once(tmp_path: Path) -> None
         commands = client.publisher(Twist, "cmd_vel")
 
         def has_driven() -> bool:
-            commands.publish(twist)
             return bool(odometry) and odometry[-1].pose.pose.position.x > 0.05
 
-        wait_until(has_driven, "the base has driven 50 mm while the arm moves")
+        way = "the base has driven 50 mm while the arm moves"
+        command_until(lambda: commands.publish(twist), has_driven, way)
         assert odometry[-1].child_frame_id == "base_footprint"
         _, result = motion.result()
         assert result.error_string.startswith("goal reached")

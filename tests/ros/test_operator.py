@@ -84,8 +84,8 @@ def test_a_message_on_the_stop_topic_stops_moves_of_single_axes(
     client.next(
         diagnostics,
         lambda message: any(
-            each.name.endswith(": motion") and each.level == DiagnosticStatus.WARN
-            for each in message.status
+            status.name.endswith(": motion") and status.level == DiagnosticStatus.WARN
+            for status in message.status
         ),
     )
     client.next(joints)

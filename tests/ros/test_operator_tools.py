@@ -159,7 +159,7 @@ def has_ended(process: subprocess.Popen[bytes], master: int) -> bool:
 
 
 def is_at_rest(joints: list[Any]) -> bool:
-    return all(abs(each) < 1e-3 for each in joints[-1].velocity)
+    return all(abs(speed) < 1e-3 for speed in joints[-1].velocity)
 
 
 def test_a_joint_moves_while_a_key_is_held(

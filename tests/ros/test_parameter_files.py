@@ -128,7 +128,7 @@ def rate_hz(client: Client, messages: list[Any], count: int) -> float:
     client.next(messages)
     start = len(messages)
     wait_until(lambda: len(messages) > start + count, f"{count} messages")
-    stamps = [each.header.stamp for each in messages[start : start + count]]
+    stamps = [message.header.stamp for message in messages[start : start + count]]
     seconds = np.diff([stamp.sec + stamp.nanosec * 1e-9 for stamp in stamps])
     return float(1.0 / np.percentile(seconds, 20))
 
@@ -147,7 +147,7 @@ def test_the_two_files_of_the_arm(tmp_path: Path, text: str, published: str, sil
         assert rate_hz(client, joints, 200) == pytest.approx(500, rel=0.2)
         assert list(joints[-1].name) == NAMES
         assert client.call(SetBool, "/wmx/set_gripper", data=True).success
-        client.next(joints, lambda each: list(each.position[6:]) == [0.045, 0.045])
+        client.next(joints, lambda message: list(message.position[6:]) == [0.045, 0.045])
         wait_until(lambda: client.node.count_publishers(published), published)
         topics = names_of(client.node.get_topic_names_and_types())
         goals = f"{ACTION}/_action/send_goal"

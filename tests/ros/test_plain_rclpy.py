@@ -30,7 +30,7 @@ from robotd_ros.middleware import (
     worker_action_server,
 )
 from robotd_ros.middleware.action_server import PlainActionServer
-from robotd_ros.middleware.release_gil import LayoutError
+from robotd_ros.middleware.release_gil import InternalsError
 from robotd_ros.services import add_service
 from robotd_testing.domain import own_domain
 
@@ -63,7 +63,7 @@ def change_library(monkeypatch: pytest.MonkeyPatch) -> None:
     """Expect functions of C that rcl does not have."""
 
     def nothing(library: str, name: str, *_: Any) -> Any:
-        raise LayoutError(f"{library}: undefined symbol: {name}")
+        raise InternalsError(f"{library}: undefined symbol: {name}")
 
     monkeypatch.setattr(release_gil, "c_function", nothing)
     monkeypatch.setattr("robotd_ros.middleware.goal_requests.c_function", nothing)

@@ -73,7 +73,7 @@ class R2Client:
         assert answer.success, answer.message
 
     def wait_state(self, state: int) -> Any:
-        return self._next(lambda each: each.motion_state == state)
+        return self._next(lambda message: message.motion_state == state)
 
     def move(self, **request: Any) -> Any:
         """Start a motion, and return the status of its end."""
@@ -87,7 +87,7 @@ class R2Client:
     def _next(self, condition: Callable[[Any], bool]) -> Any:
         now_s = self.client.now_ns * 1e-9 + CLOCK_LATENCY_S
         return self.client.next(
-            self._statuses, lambda each: stamp_s(each) > now_s and condition(each)
+            self._statuses, lambda message: stamp_s(message) > now_s and condition(message)
         )
 
 

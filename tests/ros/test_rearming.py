@@ -27,7 +27,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from wmx_ros2_message.msg import AxisState, AxisVelocity
 from wmx_ros2_message.srv import SetAxis
 
-from robotd.control.problem import ProblemKind
+from robotd.control.groups.problem import ProblemKind
 from robotd_ros.problem_messages import read_problems
 
 pytestmark = pytest.mark.ros
@@ -106,7 +106,7 @@ class Arm:
     @property
     def problems(self) -> list[str]:
         found = read_problems(self._problems[-1])
-        return [each.reason for each in found if each.kind is ProblemKind.SOURCE]
+        return [problem.reason for problem in found if problem.kind is ProblemKind.SOURCE]
 
     def since(self, first: int) -> tuple[float, float]:
         """Return the largest way and velocity of joint1 since the state ``first``."""
@@ -139,7 +139,7 @@ class Arm:
 
 
 def has_alarm(message: DiagnosticArray) -> bool:
-    return any(each.kind is ProblemKind.ALARM for each in read_problems(message))
+    return any(problem.kind is ProblemKind.ALARM for problem in read_problems(message))
 
 
 State = tuple[Callable[[Arm], Any], Callable[[Arm], Any]]

@@ -52,7 +52,7 @@ def test_a_snapshot_names_the_sender_of_each_request(client: Client) -> None:
     for on in (0, 1):
         assert client.call(SetAxis, "/wmx/axis/set_on", index=[1], data=[on]).success
     recording = snapshot(client)
-    found = [each.text for each in recording.events if each.sender == "/client"]
+    found = [event.text for event in recording.events if event.sender == "/client"]
     assert found[:2] == ["servo: joint2, off", "servo: joint2, on"]
     frames = recording.frames
     assert (np.diff(frames["start_ns"]) > 0).all()
@@ -66,8 +66,8 @@ def test_a_goal_carries_its_client_and_its_points(client: Client) -> None:
     goal = client.send_goal(FollowJointTrajectory.Goal(trajectory=trajectory))
     assert goal.result()[1].error_code == 0
     recording = snapshot(client)
-    goals = [each for each in recording.events if each.kind is EventKind.GOAL]
-    assert [each.sender for each in goals] == ["/client"]
+    goals = [event for event in recording.events if event.kind is EventKind.GOAL]
+    assert [goal.sender for goal in goals] == ["/client"]
     np.testing.assert_array_equal(recording.goals[0][1]["positions"], [[0.1] * 6])
 
 
@@ -87,7 +87,7 @@ def test_a_recording_runs_from_start_to_stop(client: Client, folder: Path) -> No
 
 def test_an_alarm_is_recorded_without_a_request(client: Client, folder: Path) -> None:
     fault = [Parameter("amp_alarm.axis", value=2), Parameter("amp_alarm.code", value=0x8611)]
-    parameters = [each.to_parameter_msg() for each in fault]
+    parameters = [parameter.to_parameter_msg() for parameter in fault]
     answer = client.call(SetParametersAtomically, "/robotd_sim/inject", parameters=parameters)
     assert answer.result.successful, answer.result.reason
     (path,) = wait_until(lambda: [*folder.glob("*-fault.mcap")], "the recording of the fault")

@@ -28,7 +28,7 @@ def test_a_restarted_robot_stays_without_power_until_a_command(tmp_path: Path) -
 
         def wait_sent(text: str) -> None:
             deadline = time.monotonic() + WAIT_S
-            while not any(text in each for each in sent):
+            while not any(text in text_sent for text_sent in sent):
                 assert time.monotonic() < deadline, f"no {text} among {sent}"
                 sent.append(manager.recv(4096).decode())
 

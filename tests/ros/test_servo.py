@@ -24,6 +24,7 @@ pytestmark = pytest.mark.ros
 NAMES = [f"joint{number}" for number in range(1, 7)]
 TOPIC = "/movensys_manipulator_arm_controller/joint_trajectory"
 SPEED = 0.3
+REST_S = 0.5
 OLD_S = 0.1  # at ``SPEED``, the way of this time in one period is close to the velocity limit
 
 
@@ -88,12 +89,18 @@ class Arm:
                 self._publisher.publish(ros_message(message))
                 messages.append(message)
 
+        ended_s = time.time()
+
         def at_rest() -> bool:
-            return max(map(abs, self._received[-1].velocity[:6])) < 1e-3
+            """For a while: where it turns back it is at rest for a moment, too."""
+            newest_s = stamp_s(self._received[-1])
+            states = [
+                state for state in self._received[-500:] if stamp_s(state) > newest_s - REST_S
+            ]
+            fastest = max(max(map(abs, state.velocity[:6])) for state in states)
+            return newest_s > ended_s + REST_S and fastest < 1e-3
 
         wait_until(at_rest, "standstill")
-        time_s = time.time()
-        wait_until(lambda: stamp_s(self._received[-1]) > time_s, "a state at rest")
         return Jog.of(messages)
 
 

@@ -34,7 +34,8 @@ EXPECTED = {
     "/right": {f"/right/{name}" for name in ARM},
     "/": {"/odom_enc", "/cmd_vel", "/wmx/axis/state", "/wmx/io/get_input_bit"},
 }
-SHARED = {"/rosout", "/parameter_events", "/diagnostics", "/tf_static"}  # by all of ROS
+# By all of ROS, and by all robots.
+SHARED = {"/rosout", "/parameter_events", "/diagnostics", "/tf_static", "/robotd/stop_all"}
 
 
 @pytest.fixture(scope="module")
@@ -169,7 +170,9 @@ def test_two_robots_of_one_name_are_warned_of() -> None:
             client = Client(first.domain)
             messages = client.listen(DiagnosticArray, "/diagnostics")
             names = "robotd/cr3a: names"
-            warned = client.next(messages, lambda each: names in [s.name for s in each.status])
+            warned = client.next(
+                messages, lambda message: names in [s.name for s in message.status]
+            )
             client.close()
             assert [s.level for s in warned.status if s.name == names] == [DiagnosticStatus.WARN]
         first.wait_output("no other process serves nodes of the same names any more")

@@ -62,7 +62,7 @@ def test_stamps_of_the_base_follow_the_clock_forth_and_back(start: Any) -> None:
     for time in ((1234, 500_000_000), (1234, 500_000_001), (7, 0)):
         tell(clock, *time)
         for messages in topics:
-            client.next(messages, lambda each, time=time: stamp(each) == time)
+            client.next(messages, lambda message, time=time: stamp(message) == time)
 
 
 @pytest.mark.long
@@ -70,7 +70,7 @@ def test_a_goal_is_carried_out_while_the_simulated_time_stands_still(start: Any)
     client, clock = start("cr3a")
     joints = client.listen(JointState, "/joint_states")
     tell(clock, 1234, 0)
-    client.next(joints, lambda each: stamp(each) == (1234, 0))
+    client.next(joints, lambda message: stamp(message) == (1234, 0))
     goal = FollowJointTrajectory.Goal()
     goal.trajectory.joint_names = [f"joint{number}" for number in range(1, 7)]
     goal.trajectory.header.stamp.sec = 1234
@@ -80,5 +80,5 @@ def test_a_goal_is_carried_out_while_the_simulated_time_stands_still(start: Any)
     feedback: list[Any] = []
     _, result = client.send_goal(goal, feedback).result()
     assert result.error_code == FollowJointTrajectory.Result.SUCCESSFUL, result.error_string
-    assert {stamp(each) for each in feedback} == {(1234, 0)}
+    assert {stamp(message) for message in feedback} == {(1234, 0)}
     wait_until(lambda: joints[-1].position[0] == pytest.approx(0.02, abs=1e-3), "the goal")

@@ -65,7 +65,9 @@ def state_after_step(client: Client, states: list[Any]) -> Any:
     now_s = float(answer.reason.split()[-2])
 
     def find() -> Any:
-        return next((each for each in states if abs(seconds(each.header.stamp) - now_s) < 1e-4), 0)
+        return next(
+            (state for state in states if abs(seconds(state.header.stamp) - now_s) < 1e-4), 0
+        )
 
     state = wait_until(find, f"joint states of {now_s} s")
     states.clear()
@@ -126,8 +128,8 @@ def test_no_result_is_lost_at_full_speed(client: Client) -> None:
 def test_feedback_has_its_rate_in_simulated_time(client: Client) -> None:
     feedback: list[Any] = []
     assert client.send_goal(goal(0.5, 10.0), feedback).result()[1].error_code == 0
-    stamps = [seconds(each.header.stamp) for each in feedback]
-    # Whatever a slow client loses, each message is of its own tick: time stood until then.
+    stamps = [seconds(message.header.stamp) for message in feedback]
+    # Whatever a slow client loses, each message has its own tick: time was held until then.
     ticks = [(stamp - stamps[0]) / 0.04 for stamp in stamps]
     assert ticks == pytest.approx([round(tick) for tick in ticks], abs=2.5 * PERIOD_S / 0.04)
     assert len(stamps) > 20
@@ -168,11 +170,14 @@ def test_the_same_steps_give_the_same_joint_states(client: Client) -> None:
             if moving or any(state.velocity):
                 moving += 1
                 rows.append(state.position.tobytes() + state.velocity.tobytes())
-        for each in (handle, client.send_goal(goal(0.0, 1.0))):
+        for goal_handle in (handle, client.send_goal(goal(0.0, 1.0))):
             wait_until(
-                lambda each=each: each.done or not ask(client, "step", periods=50), "the end"
+                lambda goal_handle=goal_handle: (
+                    goal_handle.done or not ask(client, "step", periods=50)
+                ),
+                "the end",
             )
-            assert each.result()[1].error_code == 0
+            assert goal_handle.result()[1].error_code == 0
         return rows
 
     assert run() == run()

@@ -50,7 +50,7 @@ def test_it_drives_all_wheels_of_a_side_alike(client: Client) -> None:
         ) and rims == pytest.approx(speeds, abs=2e-3)
 
     wait_until(has_speed, "the commanded speed")
-    client.next(odometry, lambda each: abs(each.twist.twist.linear.x) < 1e-6)  # the time-out
+    client.next(odometry, lambda message: abs(message.twist.twist.linear.x) < 1e-6)  # the time-out
     turns = [now - before for now, before in zip(client.next(axes).actual_pos, start, strict=True)]
     left, right = RADIUS_M * (turns[0] + turns[1]) / 2, RADIUS_M * (turns[2] + turns[3]) / 2
     pose = client.next(odometry).pose.pose

@@ -63,7 +63,7 @@ class Hand:
     def waiting(self) -> bool:
         """The twists came on while motion was rejected."""
         found = read_problems(self.problems[-1])
-        return any("servo_node/delta_twist_cmds kept" in each.reason for each in found)
+        return any("servo_node/delta_twist_cmds kept" in problem.reason for problem in found)
 
     @property
     def speed(self) -> float:

@@ -14,7 +14,7 @@ from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
 
-from robotd.control.problem import ProblemKind
+from robotd.control.groups.problem import ProblemKind
 from robotd_ros.problem_messages import read_problems
 
 pytestmark = [pytest.mark.daily, pytest.mark.ros]
@@ -52,8 +52,8 @@ def test_torques_move_the_joints_while_they_come(arm: RobotProcess) -> None:
     def moves() -> bool:
         torques.publish(Float64MultiArray(data=[6.0, 0.0]))
         time.sleep(1.0 / RATE_HZ)
-        has_moved = any(each.velocity[0] > 0.5 for each in states)
-        return has_moved and any(TOPIC[1:] in each.data for each in owners)
+        has_moved = any(state.velocity[0] > 0.5 for state in states)
+        return has_moved and any(TOPIC[1:] in owner.data for owner in owners)
 
     wait_until(moves, "a torque of 6 N·m moves the joint, which belongs to the topic")
     wait_until(lambda: abs(states[-1].velocity[0]) < 1e-3, "without messages the joint stops")
@@ -65,7 +65,7 @@ def test_torques_move_the_joints_while_they_come(arm: RobotProcess) -> None:
 
 def sources(message: DiagnosticArray) -> list[str]:
     found = read_problems(message)
-    return [each.reason for each in found if each.kind is ProblemKind.SOURCE]
+    return [problem.reason for problem in found if problem.kind is ProblemKind.SOURCE]
 
 
 def test_a_client_that_commands_on_through_a_stop_moves_nothing_until_it_begins_anew(

@@ -8,7 +8,7 @@ import pytest
 from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
 from std_msgs.msg import Float64MultiArray
-from tests.ros.robot_process import Client, RobotProcess, wait_until
+from tests.ros.robot_process import Client, RobotProcess, command_until
 from tf2_msgs.msg import TFMessage
 
 pytestmark = [pytest.mark.daily, pytest.mark.ros]
@@ -32,7 +32,6 @@ def test_it_drives_an_arc_and_comes_to_rest() -> None:
         rim = math.hypot(LINEAR, WHEELBASE_M * ANGULAR)
 
         def has_speed() -> bool:
-            publisher.publish(message)  # its stamp is zero: it has no age
             if not (odometry and wheels):
                 return False
             twist = odometry[-1].twist.twist
@@ -42,11 +41,16 @@ def test_it_drives_an_arc_and_comes_to_rest() -> None:
                 rim, abs=5e-3
             )
 
-        wait_until(has_speed, "the commanded arc")
-        client.next(odometry, lambda each: abs(each.twist.twist.linear.x) < 1e-6)  # the time-out
+        # The stamp of the message is zero: it has no age.
+        command_until(lambda: publisher.publish(message), has_speed, "the commanded arc")
+        client.next(
+            odometry, lambda message: abs(message.twist.twist.linear.x) < 1e-6
+        )  # the time-out
         last = client.next(odometry)
         assert last.pose.pose.position.x > 0.05
         assert last.pose.covariance[0] > 0.0
-        frames = {each.child_frame_id for message in transforms for each in message.transforms}
+        frames = {
+            transform.child_frame_id for message in transforms for transform in message.transforms
+        }
         assert {"base_footprint", "steering_link", "front_wheel"} <= frames
         client.close()

@@ -39,7 +39,7 @@ def domain() -> Iterator[int]:
 
 @pytest.fixture(scope="module")
 def left(domain: int) -> Iterator[RobotProcess]:
-    with RobotProcess("--ros-args", "-r", "__ns:=/left", domain=domain) as process:
+    with RobotProcess("--namespace", "left", domain=domain) as process:
         process.wait_ready()
         yield process
 
@@ -49,7 +49,12 @@ def test_status_names_the_robot(domain: int, left: RobotProcess) -> None:
     assert (told["robot"], told["namespace"], told["backend"]) == ("cr3a", "/left", "sim")
     assert (told["simulated"], told["computer"]) == (True, os.uname().nodename)
     text = f"cr3a in /left, backend sim, on {os.uname().nodename}, SIMULATED"
-    assert text in robotd(domain, "/left", "status").stdout
+    variables = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    by_option = subprocess.run(
+        [sys.executable, "-m", "robotd", "status", "--namespace", "left"],
+        env=os.environ | variables, capture_output=True, text=True, timeout=90, check=True,
+    )  # fmt: skip
+    assert text in by_option.stdout
 
 
 def test_commands_name_the_robot_that_they_reach_where_two_run(
@@ -76,7 +81,7 @@ def test_a_command_to_two_robots_of_one_namespace_is_rejected_but_for_a_stop(
         )  # fmt: skip
 
     def states() -> dict[int, str]:
-        return {each["pid"]: each["state"] for each in json.loads(run("list", "--json").stdout)}
+        return {robot["pid"]: robot["state"] for robot in json.loads(run("list", "--json").stdout)}
 
     with RobotProcess(*own, domain=domain) as twin:
         twin.wait_ready()
@@ -95,6 +100,10 @@ def test_a_command_to_two_robots_of_one_namespace_is_rejected_but_for_a_stop(
             ["recover"],
             ["record", "--time", "1"],
             ["tool", "set", "x"],
+            ["status"],
+            ["status", "--json"],
+            ["tool"],
+            ["ik", "x=0.3"],
         ):
             rejected = run(*words)
             assert rejected.returncode, rejected.stdout
@@ -113,7 +122,7 @@ def test_the_robots_of_the_domain_are_listed_and_named_where_one_is_missed(
     domain: int, left: RobotProcess
 ) -> None:
     robots = json.loads(robotd(domain, "/", "list", "--json").stdout)
-    assert [(each["robot"], each["namespace"]) for each in robots] == [("cr3a", "/left")]
+    assert [(robot["robot"], robot["namespace"]) for robot in robots] == [("cr3a", "/left")]
     assert robots[0]["simulated"] is True
     assert "SIMULATED" in robotd(domain, "/", "list").stdout
     command = [sys.executable, "-m", "robotd", "stop", "--timeout", "2"]

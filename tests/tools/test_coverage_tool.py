@@ -25,7 +25,7 @@ def test_packages_and_total_are_shown() -> None:
     assert ["core/robotd", "10", "60.0", "%"] in lines
     assert ["core/robotd/motion", "10", "100.0", "%"] in lines
     assert ["total", "20", "80.0", "%", "floor", "80", "%"] in lines
-    assert ["ros/robotd_ros", "10", "10.0", "%", "not", "counted:"] in [each[:6] for each in lines]
+    assert ["ros/robotd_ros", "10", "10.0", "%", "not", "counted:"] in [line[:6] for line in lines]
     assert is_reached
 
 

@@ -42,7 +42,7 @@ def main(seconds: float, out: Path, only: Sequence[str]) -> None:
     results: dict[str, Any] = {"machine": machine(), "seconds": seconds, "notes": []}
     with tempfile.TemporaryDirectory(prefix="robotd-bench-") as folder:
         measured = _measure(Path(folder), seconds, wanted, results["notes"])
-        results["subjects"] = {name: each.figures for name, each in measured.items()}
+        results["subjects"] = {name: measurement.figures for name, measurement in measured.items()}
         results["costs"] = {}
         if wanted("costs"):
             with own_domain() as domain, subscriber(domain, Path(folder) / "costs.npz"):
@@ -107,9 +107,9 @@ def _heading(results: dict[str, Any]) -> list[str]:
 def _rounded(value: Any) -> Any:
     """Four significant digits are more than a repetition agrees on; JSON knows no NaN."""
     if isinstance(value, dict):
-        return {key: _rounded(each) for key, each in value.items()}
+        return {key: _rounded(item) for key, item in value.items()}
     if isinstance(value, list):
-        return [_rounded(each) for each in value]
+        return [_rounded(item) for item in value]
     if isinstance(value, float):
         return float(f"{value:.4g}") if math.isfinite(value) else None
     return value

@@ -67,8 +67,8 @@ def _length(path: list[Pose]) -> float:
 
 def _draw(panel: mpl.axes.Axes, path: Path_, title: str) -> None:
     for index, (label, style) in enumerate({"odometry": "--", "true": "-"}.items()):
-        poses = [each[index] for each in path[::10]]  # 20 points a second are a smooth line
-        panel.plot([each.x for each in poses], [each.y for each in poses], style, label=label)
+        poses = [pose[index] for pose in path[::10]]  # 20 points a second are a smooth line
+        panel.plot([pose.x for pose in poses], [pose.y for pose in poses], style, label=label)
     panel.set(title=title, xlabel="x (m)", ylabel="y (m)", aspect="equal")
     panel.title.set_fontsize(9)
     panel.grid(alpha=0.3)

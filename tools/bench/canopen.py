@@ -20,7 +20,7 @@ from tools.bench.machine import machine
 from tools.bench.results import keep, out_option
 
 from robotd.clock import MonotonicClock
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.descriptor import load_robot_descriptor
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
@@ -169,9 +169,9 @@ def times_of_syncs(sync: SyncProducer) -> list[int]:
     times: list[int] = []
     send = sync.send
 
-    def noted() -> None:
+    def noted(*, withheld: bool = False) -> None:
         times.append(time.monotonic_ns())
-        send()
+        send(withheld=withheld)
 
     sync.send = noted  # type: ignore[method-assign]
     return times

@@ -68,9 +68,9 @@ def instrument(robot: Robot, times: Times) -> None:
 def costs(times: Times, periods: int) -> dict[str, dict[str, float]]:
     """By part: median and 99th percentile of a call, and the mean share of a period."""
     result = {}
-    for name, each in sorted(times.items(), key=lambda item: -sum(item[1])):
-        p50, p99 = np.percentile(each, (50, 99)) / 1000.0
-        share = sum(each) / 1000.0 / periods
+    for name, samples in sorted(times.items(), key=lambda item: -sum(item[1])):
+        p50, p99 = np.percentile(samples, (50, 99)) / 1000.0
+        share = sum(samples) / 1000.0 / periods
         result[name] = {"p50_us": p50, "p99_us": p99, "mean_us_per_period": share}
     return result
 

@@ -21,7 +21,7 @@ from tools.bench.machine import machine
 from tools.bench.results import keep, out_option
 
 from robotd.clock import MonotonicClock
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.motion import TrajectoryRequest
 from robotd.plugin.manager import load_backend
@@ -48,7 +48,7 @@ def described(rate_hz: int) -> RobotDescriptor:
 
 
 def through_robotd(rate_hz: int) -> Figures:
-    """Six axes follow a trajectory; the frames are noted where they are handed to SOEM."""
+    """Six axes follow a trajectory; the frames are recorded where they are handed to SOEM."""
     robot = Robot(described(rate_hz), load_backend("ethercat"), MonotonicClock())
     device = cast("Cia402Device[Master, Simulation]", vars(robot.connection._driver)["wrapped"])
     robot.start()

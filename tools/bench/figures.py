@@ -1,44 +1,37 @@
-"""Percentiles, and the two pictures."""
+"""The two pictures: periods, and latency."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from numpy.typing import NDArray
-
-if TYPE_CHECKING:
-    from tools.bench.scenario import Measured
+from tools.bench.scenario import Measured
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
 
 
-def percentiles(name: str, values_us: NDArray[Any]) -> dict[str, float]:
-    """``name_p50_us``, ``name_p99_us`` and ``name_max_us``; NaN where there are no values."""
-    tops = np.percentile(values_us, (50, 99, 100)) if len(values_us) else np.full(3, np.nan)
-    return {
-        f"{name}_{part}_us": float(value)
-        for part, value in zip(("p50", "p99", "max"), tops, strict=True)
-    }
-
-
 def draw(measured: Mapping[str, Measured], folder: Path) -> None:
     """``period.png`` and ``latency.png``, a panel for each rate."""
-    rates = sorted({each.rate_hz for each in measured.values()})
-    kinds = list(dict.fromkeys(_kind(name, each) for name, each in measured.items()))
+    rates = sorted({measurement.rate_hz for measurement in measured.values()})
+    kinds = list(dict.fromkeys(_kind(name, measurement) for name, measurement in measured.items()))
     for file, plot, label in (
         ("period.png", _histogram, "period error (ms)"),
         ("latency.png", _distribution, "stamp to subscriber (µs)"),
     ):
         figure, panels = plt.subplots(1, len(rates), figsize=(6.5 * len(rates), 4), squeeze=False)
         for panel, rate_hz in zip(panels[0], rates, strict=True):
-            for name, each in measured.items():
-                if each.rate_hz == rate_hz:
-                    plot(panel, each, label=name, color=f"C{kinds.index(_kind(name, each))}")
+            for name, measurement in measured.items():
+                if measurement.rate_hz == rate_hz:
+                    plot(
+                        panel,
+                        measurement,
+                        label=name,
+                        color=f"C{kinds.index(_kind(name, measurement))}",
+                    )
             panel.set(title=f"{rate_hz} Hz", xlabel=label)
             panel.grid(alpha=0.3)
             panel.legend(fontsize=8)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 import tempfile
@@ -30,11 +31,14 @@ COLUMNS = {
     "all ready s": ("ready_s", "{:.1f}"),
     "`robotd list` s": ("listed_s", "{:.1f}"),
     "listed": ("listed", "{:d}"),
+    "`robotd stop --all` s": ("stopped_s", "{:.1f}"),
+    "first to last stop s": ("spread_s", "{:.2f}"),
     "traffic of the start MiB": ("start_mib", "{:.1f}"),
     "at rest kB/s": ("rest_kb_s", "{:.1f}"),
     "CPU of a robot %": ("cpu_percent", "{:.1f}"),
     "PSS of a robot MiB": ("pss_mib", "{:.0f}"),
 }
+STOP = re.compile(r"(\d+):(\d+):(\d+\.\d+) \[warning +\] motion stopped")  # in the log
 Figures = dict[str, Any]
 
 
@@ -75,29 +79,44 @@ def measure(size: int, seconds: float) -> Figures:
             robot.wait_output("ready after", START_TIMEOUT_S)
         ready_s, start_bytes = time.monotonic() - began_s, loopback_bytes() - sent
         time.sleep(SETTLE_S)
-        sent, used_s = loopback_bytes(), -np.array([each.cpu_s() for each in robots])
+        sent, used_s = loopback_bytes(), -np.array([robot.cpu_s() for robot in robots])
         time.sleep(seconds)
-        used_s += [each.cpu_s() for each in robots]
+        used_s += [robot.cpu_s() for robot in robots]
         rest_bytes = loopback_bytes() - sent
-        began_s = time.monotonic()
-        arguments = ("list", "--json", "--timeout", f"{LIST_TIMEOUT_S:g}")
-        listing = subprocess.run(
-            [sys.executable, "-m", "robotd", *arguments],
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
+        timeout = f"--timeout={LIST_TIMEOUT_S:g}"
+        listing, listed_s = timed(environment, "list", "--json", timeout)
+        _, stopped_s = timed(environment, "stop", "--all", timeout)
         return {
             "robots": size,
             "ready_s": ready_s,
-            "listed_s": time.monotonic() - began_s,
-            "listed": len(json.loads(listing.stdout)),
+            "listed_s": listed_s,
+            "listed": len(json.loads(listing)),
+            "stopped_s": stopped_s,
+            "spread_s": float(np.ptp([stop_s(robot) for robot in robots])),
             "start_mib": start_bytes / MIB / 1024,
             "rest_kb_s": rest_bytes / 1e3 / seconds,
             "cpu_percent": 100.0 * float(used_s.mean()) / seconds,
-            "pss_mib": float(np.mean([each.memory_mib()["pss_mib"] for each in robots])),
+            "pss_mib": float(np.mean([robot.memory_mib()["pss_mib"] for robot in robots])),
         }
+
+
+def timed(environment: dict[str, str], *arguments: str) -> tuple[str, float]:
+    """Run a command of robotd; return its output and how long it took, s."""
+    began_s = time.monotonic()
+    done = subprocess.run(
+        [sys.executable, "-m", "robotd", *arguments],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout, time.monotonic() - began_s
+
+
+def stop_s(robot: Program) -> float:
+    """Return when a robot was stopped, seconds of the day, as its log says."""
+    [(hours, minutes, seconds)] = STOP.findall(robot.errors)
+    return 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds)
 
 
 def command(number: int) -> list[str]:

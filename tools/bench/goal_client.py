@@ -17,7 +17,7 @@ from control_msgs.action import FollowJointTrajectory
 from rclpy.node import Node
 from tools.bench.client import swing
 from tools.bench.fast_client import FastClient
-from tools.bench.figures import percentiles
+from tools.bench.percentiles import percentiles
 from unique_identifier_msgs.msg import UUID
 
 REST_S = 0.05

@@ -70,9 +70,9 @@ def publishing(node: Node) -> tuple[float, float]:
         hot.publish()
 
     def plain() -> None:
-        each = JointState(name=NAMES, position=zeros, velocity=zeros, effort=zeros)
-        each.header.stamp.sec = 1
-        publisher.publish(each)
+        message = JointState(name=NAMES, position=zeros, velocity=zeros, effort=zeros)
+        message.header.stamp.sec = 1
+        publisher.publish(message)
 
     return per_call_us(patched), per_call_us(plain)
 

@@ -104,9 +104,9 @@ def watched(case: str, url: str) -> Iterator[None]:
 def thread_s(name: str) -> float:
     """Return the processor time of the threads whose names begin with ``name``."""
     clocks = [
-        time.pthread_getcpuclockid(each.ident)
-        for each in threading.enumerate()
-        if each.ident is not None and each.name.startswith(name)
+        time.pthread_getcpuclockid(thread.ident)
+        for thread in threading.enumerate()
+        if thread.ident is not None and thread.name.startswith(name)
     ]
     return sum(map(time.clock_gettime, clocks))
 
@@ -158,9 +158,11 @@ def report(found: dict[str, list[Pair]]) -> Iterator[str]:
     """Yield a line for each case, and the targets."""
     rows: list[Target] = []
     for case, pairs in found.items():
-        without, window = (Window(*np.median(each, axis=0)) for each in zip(*pairs, strict=True))
-        more = quartiles([each.process - before.process for before, each in pairs])
-        ratio = quartiles([each.late_p99 / before.late_p99 for before, each in pairs])
+        without, window = (
+            Window(*np.median(windows, axis=0)) for windows in zip(*pairs, strict=True)
+        )
+        more = quartiles([after.process - before.process for before, after in pairs])
+        ratio = quartiles([after.late_p99 / before.late_p99 for before, after in pairs])
         yield (
             f"{case:10} threads of the page {window.page:.2f} % of a core; process"
             f" {without.process:.1f} to {window.process:.1f} %, {more[1]:+.1f} %"
@@ -179,7 +181,7 @@ def report(found: dict[str, list[Pair]]) -> Iterator[str]:
 
 def quartiles(values: Sequence[float]) -> list[float]:
     """Return the lower quartile, the median and the upper quartile."""
-    return [float(each) for each in np.percentile(values, (25, 50, 75))]
+    return [float(quartile) for quartile in np.percentile(values, (25, 50, 75))]
 
 
 if __name__ == "__main__":

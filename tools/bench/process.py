@@ -58,6 +58,11 @@ class Program:
         """Its standard output so far."""
         return _text(self._output.fileno())
 
+    @property
+    def errors(self) -> str:
+        """Its standard error so far, which has the log."""
+        return _text(self._errors.fileno())
+
     def wait_output(self, text: str, timeout_s: float = TIMEOUT_S) -> None:
         """Block until its output has ``text``; raises RuntimeError when it ends before."""
         deadline = time.monotonic() + timeout_s

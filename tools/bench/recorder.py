@@ -72,7 +72,7 @@ def measure(name: str, seconds: float, folder: Path) -> None:
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         robot.shutdown()
     writer_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    cost, empty = (np.percentile(np.array(each[300:]) / 1e3, (10, 50, 90, 99)) for each in costs)
+    cost, empty = (np.percentile(np.array(cost[300:]) / 1e3, (10, 50, 90, 99)) for cost in costs)
     frames = recorder.tap.frames
     print("one frame    p10 {:.1f} p50 {:.1f} p90 {:.1f} p99 {:.1f} us, of which".format(*cost))
     print("the clock    p10 {:.1f} p50 {:.1f} p90 {:.1f} p99 {:.1f} us".format(*empty))
@@ -82,7 +82,7 @@ def measure(name: str, seconds: float, folder: Path) -> None:
     print(f"continuously {rate:.1f} MiB a minute, {100 * writer_s / seconds:.1f} % of a core")
     print(f"lost frames  {report.lost_frames}")
     used_mib = (recorder.tap.nbytes) / 2**20
-    net_us = [float(np.median(each[300:])) / 1e3 for each in costs]
+    net_us = [float(np.median(cost[300:])) / 1e3 for cost in costs]
     rows = [
         at_most(
             "a frame in the control loop, p50 without the clock", net_us[0] - net_us[1], 5, "µs"

@@ -43,7 +43,7 @@ def into_page(page: Path, report: str) -> None:
 def table(columns: Mapping[str, tuple[str, str]], runs: Iterable[Mapping[str, Any]]) -> str:
     """Return a table of Markdown: heading → key in each of ``runs``, and how it is written."""
     lines = [f"| {' | '.join(columns)} |", "|" + "---:|" * len(columns)]
-    for each in runs:
-        cells = (form.format(each[key]) for key, form in columns.values())
+    for run in runs:
+        cells = (form.format(run[key]) for key, form in columns.values())
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)

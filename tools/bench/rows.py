@@ -102,8 +102,10 @@ def _rounds(
 
 
 def _medians(figures: Sequence[Figures]) -> Figures:
-    keys = dict.fromkeys(key for each in figures for key in each)
-    return {key: float(np.median([each[key] for each in figures if key in each])) for key in keys}
+    keys = dict.fromkeys(key for figure in figures for key in figure)
+    return {
+        key: float(np.median([figure[key] for figure in figures if key in figure])) for key in keys
+    }
 
 
 def _robotd(python: str, seconds: float, folder: Path) -> Figures:
@@ -209,7 +211,9 @@ def _report(facts: Mapping[str, Any], rounds: int, medians: dict[str, Figures]) 
 def _table(medians: dict[str, Figures], mark: str = "") -> Iterator[Sequence[str]]:
     yield ("", "goal", *medians)
     for row, figure, goal, factor in ROWS:
-        cells = (_cell(each.get(figure), goal, factor, mark) for each in medians.values())
+        cells = (
+            _cell(figures_of.get(figure), goal, factor, mark) for figures_of in medians.values()
+        )
         yield (row, "–" if goal is None else f"{goal:g}", *cells)
 
 

@@ -81,7 +81,7 @@ def _report(results: dict[str, Any]) -> Iterator[str]:
     yield ""
     yield table(COLUMNS, found)
     yield ""
-    backends = {each["backend"] for each in found}
+    backends = {row["backend"] for row in found}
     for key, what in GROWING.items() if backends == {"sim"} else ():
         if series := _series(found, key):
             yield f"- {_end(series, key, what)}"
@@ -90,7 +90,7 @@ def _report(results: dict[str, Any]) -> Iterator[str]:
 
 def _end(series: Sequence[Figures], key: str, what: str) -> str:
     """Up to where the rate was held."""
-    failing = next((each for each in series if not holds(each)), None)
+    failing = next((row for row in series if not holds(row)), None)
     if failing is None:
         return f"{what}: held up to {series[-1][key]}, {HELD_PERCENT:g} % of the deadlines at least"
     return (
@@ -101,8 +101,8 @@ def _end(series: Sequence[Figures], key: str, what: str) -> str:
 def _series(found: Sequence[Figures], key: str) -> list[Figures]:
     """The runs in which ``key`` alone grows, in its order."""
     usual = {name: getattr(Run(), name) for name in (*GROWING, "backend") if name != key}
-    chosen = [each for each in found if all(each[name] == value for name, value in usual.items())]
-    return sorted(chosen, key=lambda each: each[key])
+    chosen = [row for row in found if all(row[name] == value for name, value in usual.items())]
+    return sorted(chosen, key=lambda row: row[key])
 
 
 def _draw(found: Sequence[Figures], path: Path) -> None:
@@ -120,12 +120,12 @@ def _draw(found: Sequence[Figures], path: Path) -> None:
 
 
 def _curve(panel: Any, series: Sequence[Figures], key: str, values: dict[str, str]) -> None:
-    at = [each[key] for each in series]
+    at = [row[key] for row in series]
     for label, name in values.items():
-        (line,) = panel.plot(at, [each[name] for each in series], label=label)
-        for each in series:
-            face = line.get_color() if holds(each) else "white"
-            panel.plot(each[key], each[name], "o", color=line.get_color(), markerfacecolor=face)
+        (line,) = panel.plot(at, [row[name] for row in series], label=label)
+        for row in series:
+            face = line.get_color() if holds(row) else "white"
+            panel.plot(row[key], row[name], "o", color=line.get_color(), markerfacecolor=face)
     panel.set(
         ylim=(0.0, None),
         xlabel=key.replace("_hz", " (Hz)"),

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from lxml import etree
-from tools.bench.figures import percentiles
+from tools.bench.percentiles import percentiles
 from tools.bench.process import Program, fresh_environment
 
 from robotd.clock import NANOSECONDS
@@ -80,19 +80,19 @@ def measure(run: Run, seconds: float, folder: Path) -> dict[str, Any]:
             programs[-1].wait_output("ready after")  # one after the other: all at once take long
         start_s = (time.monotonic() - began_s) / run.robots
         time.sleep(SETTLE_S)
-        begin_ns, used_s = time.monotonic_ns(), -np.array([each.cpu_s() for each in programs])
+        begin_ns, used_s = time.monotonic_ns(), -np.array([program.cpu_s() for program in programs])
         time.sleep(seconds)
         end_ns = time.monotonic_ns()
-        used_s += [each.cpu_s() for each in programs]
+        used_s += [program.cpu_s() for program in programs]
         memory = [program.memory_mib() for program in programs]
     timing = [_timing(report, (begin_ns, end_ns), run.rate_hz) for report in reports]
     return {
         **asdict(run),
         "start_s": start_s,
         "cpu_percent": float(np.mean(used_s)) / ((end_ns - begin_ns) * 1e-9) * 100.0,
-        **{key: float(np.mean([each[key] for each in memory])) for key in memory[0]},
-        **{key: max(each[key] for each in timing) for key in timing[0] if key != "met_percent"},
-        "met_percent": min(each["met_percent"] for each in timing),
+        **{key: float(np.mean([row[key] for row in memory])) for key in memory[0]},
+        **{key: max(row[key] for row in timing) for key in timing[0] if key != "met_percent"},
+        "met_percent": min(row["met_percent"] for row in timing),
         "times_real_time": _times_real_time(reports[0].with_suffix(".yaml"), run.backend),
     }
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from std_srvs.srv import Trigger
 from tools.bench.client import BenchClient
-from tools.bench.figures import percentiles
+from tools.bench.percentiles import percentiles
 from tools.bench.process import Program, fresh_environment
 from tools.bench.subjects import Load, Subject
 from wmx_ros2_message.srv import EcatGetNetworkState

@@ -15,7 +15,7 @@ import numpy as np
 import rclpy
 from std_srvs.srv import Trigger
 from tools.bench.fast_client import FastClient
-from tools.bench.figures import percentiles
+from tools.bench.percentiles import percentiles
 
 REST_S = 0.1
 

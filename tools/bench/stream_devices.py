@@ -141,7 +141,7 @@ def worst(attempt: Callable[[], dict[str, float] | None]) -> dict[str, float]:
         if (steps := attempt()) is not None:
             found.append(steps)
         if len(found) == TAKEOVERS:
-            largest = {key: max(each[key] for each in found) for key in found[0]}
+            largest = {key: max(row[key] for row in found) for key in found[0]}
             return largest | {"takeovers": TAKEOVERS, "stalled": attempts - TAKEOVERS}
     return {"takeovers": len(found), "stalled": ATTEMPTS - len(found)}
 
@@ -175,7 +175,7 @@ def main(robot: str, backend: str | None, variant: str | None, out: Path) -> Non
     configure_logging("error")
     devices = ((backend, variant),) if backend else DEVICES
     click.echo(f"{'':20}{'lag ms: sent':>13}{'moved':>9}{'ripple: sent':>13}{'moved':>9}")
-    results = {name: measure(robot, name, each) for name, each in devices}
+    results = {name: measure(robot, name, stand_in) for name, stand_in in devices}
     out.mkdir(parents=True, exist_ok=True)
     name = f"stream_devices_{backend}" if backend else "stream_devices"
     keep(out, name, {"machine": machine(), "load": os.getloadavg()[0], **results})

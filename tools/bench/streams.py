@@ -22,7 +22,7 @@ from tools.bench.results import keep, out_option
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS
 from robotd.clock.simulated import SteppedClock
-from robotd.control.stream_setpoints import StreamCommand, StreamMode, StreamSetpoints
+from robotd.control.sources.stream_source import StreamCommand, StreamMode, StreamSetpoints
 from robotd.device.motion_limits import MotionLimits
 from robotd.log import configure_logging
 from robotd.motion import MotionState, TrajectoryRequest

@@ -62,16 +62,16 @@ def _figures(figures: Figures, headings: dict[str, str]) -> Iterator[str]:
 
 def _costs(parts: dict[str, dict[str, float]]) -> Iterator[str]:
     rows = [["part (those below contain one another)", "p50", "p99", "mean per period"]]
-    rows += [[name, *(f"{value:.1f}" for value in each.values())] for name, each in parts.items()]
+    rows += [[name, *(f"{value:.1f}" for value in cells.values())] for name, cells in parts.items()]
     return aligned(rows)
 
 
 def target_lines(targets: Sequence[Target]) -> Iterator[str]:
     """Yield a line for each target, with what was measured."""
     rows = [["", "measured", "target", "", ""]]
-    for each in targets:
-        measured, target = _number(each.measured), _number(each.target)
-        rows.append([each.what, measured, target, each.unit, "met" if each.met else "MISSED"])
+    for figure in targets:
+        measured, target = _number(figure.measured), _number(figure.target)
+        rows.append([figure.what, measured, target, figure.unit, "met" if figure.met else "MISSED"])
     return aligned(rows)
 
 
@@ -85,5 +85,5 @@ def aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
     """Columns: the first to the left, the others to the right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for first, *others in rows:
-        cells = [each.rjust(width) for each, width in zip(others, widths[1:], strict=True)]
+        cells = [other.rjust(width) for other, width in zip(others, widths[1:], strict=True)]
         yield "  ".join([first.ljust(widths[0]), *cells]).rstrip()

@@ -17,12 +17,13 @@ from robotd.api.robots import JointLimits, MotionLimits
 from robotd.motion import MotionState
 from robotd.motion.limiter import SetpointLimiter
 from robotd_tool_space import Kinematics
-from robotd_tool_space.twist import TwistCommand, TwistStage
+from robotd_tool_space.rotations import pose_differences
+from robotd_tool_space.twist import ToolTwist, TwistStage
 
 URDF = Path(__file__).parents[2] / "robots/cr3a/cr3a.urdf"
 PERIOD_S = 0.002
 READY = np.array([0.3, -0.6, 1.6, -0.3, 1.2, 0.0])
-Commands = Mapping[float, TwistCommand]
+Commands = Mapping[float, ToolTwist]
 
 
 @click.command()
@@ -33,7 +34,8 @@ def main() -> None:
     arm = Kinematics.of_urdf(urdf, names, "link6")
     limits = JointLimits(arm.chain.names, arm.lower, arm.upper, np.full(6, 2.8), np.full(6, 12.5))
     click.echo(
-        "motion                      v/vmax  a/amax  off the line  behind reference  CPU p50/p99"
+        "motion                      v/vmax  a/amax  off the line              behind reference"
+        "  CPU p50/p99"
     )
     for name, (start, commands, seconds) in _motions(arm).items():
         click.echo(f"{name:26}{_measure(arm, limits, start, commands, seconds)}")
@@ -46,7 +48,7 @@ def _motions(arm: Kinematics) -> dict[str, tuple[FloatArray, Commands, float]]:
     wrist[4] = 0.9
     random = np.random.default_rng(0)
     joystick = {
-        0.25 * index: TwistCommand(
+        0.25 * index: ToolTwist(
             np.concatenate([random.uniform(-0.2, 0.2, 3), random.uniform(-0.6, 0.6, 3)])
         )
         for index in range(16)
@@ -54,13 +56,17 @@ def _motions(arm: Kinematics) -> dict[str, tuple[FloatArray, Commands, float]]:
     return {
         "to the stretch, 0.15 m/s": (READY, {0.0: _linear(out), 3.0: _linear(-out)}, 5.0),
         "over the shoulder, 0.15 m/s": (READY, {0.0: _linear(-out), 3.0: _linear(out)}, 5.0),
-        "wrist, 0.8 rad/s": (wrist, {0.0: TwistCommand(np.array([0, 0, 0, 0, 0.8, 0.0]))}, 3.0),
+        "wrist, 0.8 rad/s": (wrist, {0.0: ToolTwist(np.array([0, 0, 0, 0, 0.8, 0.0]))}, 3.0),
+        "to the stretch, 0.25 m/s": (READY, {0.0: _linear(out / 0.6)}, 3.0),
+        "over the shoulder, 0.25 m/s": (READY, {0.0: _linear(-out / 0.6)}, 3.0),
+        "to the stretch, 0.5 m/s": (READY, {0.0: _linear(out / 0.3)}, 3.0),
+        "over the shoulder, 0.5 m/s": (READY, {0.0: _linear(-out / 0.3)}, 3.0),
         "joystick steps": (READY, joystick, 4.0),
     }
 
 
-def _linear(velocity: FloatArray) -> TwistCommand:
-    return TwistCommand(np.concatenate([velocity, np.zeros(3)]))
+def _linear(velocity: FloatArray) -> ToolTwist:
+    return ToolTwist(np.concatenate([velocity, np.zeros(3)]))
 
 
 def _measure(
@@ -81,15 +87,19 @@ def _measure(
         cost.append(1e6 * (time.thread_time() - before))
         references.append(reference)
         setpoints.append(setpoint.copy())
-        path.append(stage.pose[:3, 3])
+        path.append(stage.pose)
     reference, setpoint = np.array(references), np.array(setpoints)
-    reached = arm.forward(setpoint[:, 0])[:, :3, 3]
-    off = 1e6 * np.linalg.norm(reached - np.array(path), axis=1).max()
-    behind = 1e6 * np.linalg.norm(reached - arm.forward(reference[:, 0])[:, :3, 3], axis=1).max()
+    reached = arm.forward(setpoint[:, 0])
+    differences = pose_differences(reached, np.array(path))
+    off = 1e6 * np.linalg.norm(differences[:, :3], axis=1).max()
+    turned = 1e3 * np.linalg.norm(differences[:, 3:], axis=1).max()
+    way = reached[:, :3, 3] - arm.forward(reference[:, 0])[:, :3, 3]
+    behind = 1e6 * np.linalg.norm(way, axis=1).max()
     fast = np.abs(reference[:, 1] / limits.velocity).max()
     strong = np.abs(reference[:, 2] / limits.acceleration).max()
     p50, p99 = np.percentile(cost, [50, 99])
-    return f"{fast:8.2f}{strong:8.2f}{off:11.1f} µm{behind:15.1f} µm{p50:9.0f} / {p99:.0f} µs"
+    path_error = f"{off:9.1f} µm {turned:.3f} mrad{behind:15.1f} µm"
+    return f"{fast:8.2f}{strong:8.2f}{path_error}{p50:9.0f} / {p99:.0f} µs"
 
 
 if __name__ == "__main__":

@@ -8,14 +8,14 @@ from typing import Protocol, TypeVar
 import click
 
 
-class Outcome(Protocol):
+class CaseResult(Protocol):
     """Result of a case; ``problem`` is empty when it passed."""
 
     @property
     def problem(self) -> str: ...
 
 
-Seen = TypeVar("Seen", bound=Outcome)
+Seen = TypeVar("Seen", bound=CaseResult)
 
 
 def in_turn(cases: Mapping[str, str], run: Callable[[str], Seen]) -> list[Seen]:

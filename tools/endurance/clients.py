@@ -60,10 +60,10 @@ def main(kinds: Sequence[str], seconds: float, out: Path) -> None:
     seen = in_turn(cases, lambda kind: endure(kind, seconds))
     for line in aligned(_table(seen)):
         click.echo(line)
-    late = [each for each in seen if each.lateness_p99_us > LATENESS_P99_US]
-    content = {"machine": facts, "seconds": seconds, "seen": [asdict(each) for each in seen]}
+    late = [client for client in seen if client.lateness_p99_us > LATENESS_P99_US]
+    content = {"machine": facts, "seconds": seconds, "seen": [asdict(client) for client in seen]}
     keep(out, "clients", content)
-    sys.exit(bool(late or any(each.problem for each in seen)))
+    sys.exit(bool(late or any(client.problem for client in seen)))
 
 
 def endure(kind: str, seconds: float, *options: str) -> Seen:
@@ -129,11 +129,11 @@ def _misbehave(
 
 def _table(seen: Sequence[Seen]) -> list[list[str]]:
     rows = [["", "late p50 µs", "p99", "max", "memory MiB", "goals", "afterwards"]]
-    for each in seen:
-        times = (each.lateness_p50_us, each.lateness_p99_us, each.lateness_max_us)
-        cells = [*(f"{value:.0f}" for value in times), f"{each.memory_mib:+.1f}"]
-        good, sent = each.goals
-        rows.append([each.kind, *cells, f"{good}/{sent}", "BROKEN" if each.problem else "well"])
+    for client in seen:
+        times = (client.lateness_p50_us, client.lateness_p99_us, client.lateness_max_us)
+        cells = [*(f"{value:.0f}" for value in times), f"{client.memory_mib:+.1f}"]
+        good, sent = client.goals
+        rows.append([client.kind, *cells, f"{good}/{sent}", "BROKEN" if client.problem else "well"])
     return rows
 
 

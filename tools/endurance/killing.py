@@ -132,7 +132,7 @@ def deaths(client: Client, world: World, count: int, chance: random.Random) -> I
 
 
 def _problems(lives: Sequence[Life], died: Sequence[Death], left: int) -> list[str]:
-    found = [f"{each.phase}, {each.number.name}: {each.problem}" for each in lives if each.problem]
+    found = [f"{life.phase}, {life.number.name}: {life.problem}" for life in lives if life.problem]
     for what, seconds in _starts(lives, died):
         if seconds > FIRST_JOINT_STATE_S:
             found.append(f"{what}: {seconds:.1f} s to the first joint state")
@@ -155,7 +155,7 @@ def _table(lives: Sequence[Life]) -> list[list[str]]:
     rows = [["", *(number.name for number in SIGNALS), "first joint state, s: median", "longest"]]
     for phase in Phase:
         mine = [life for life in lives if life.phase is phase]
-        seconds = sorted(each.first_joint_state_s or 0.0 for each in mine)
+        seconds = sorted(life.first_joint_state_s or 0.0 for life in mine)
         cells = []
         for number in SIGNALS:
             ended = [life for life in mine if life.number is number]
@@ -169,9 +169,9 @@ def _table(lives: Sequence[Life]) -> list[list[str]]:
 
 def _death_table(died: Sequence[Death]) -> list[list[str]]:
     rows = [["SIGKILL in motion", "s to standstill", "limit", "s to the next joint state"]]
-    for each in died:
-        seconds = (each.rest_s, each.limit_s, each.restart_s)
-        rows.append([each.backend, *("–" if one is None else f"{one:.2f}" for one in seconds)])
+    for death in died:
+        seconds = (death.rest_s, death.limit_s, death.restart_s)
+        rows.append([death.backend, *("–" if one is None else f"{one:.2f}" for one in seconds)])
     return rows
 
 

@@ -64,9 +64,9 @@ def main(conditions: Sequence[str], seconds: float, out: Path) -> None:
     borne = in_turn(cases, lambda name: bear(name, seconds))
     for line in aligned(_table(borne)):
         click.echo(line)
-    content = {"machine": facts, "seconds": seconds, "borne": [asdict(each) for each in borne]}
+    content = {"machine": facts, "seconds": seconds, "borne": [asdict(client) for client in borne]}
     keep(out, "machine", content)
-    sys.exit(any(each.problem for each in borne))
+    sys.exit(any(client.problem for client in borne))
 
 
 def bear(name: str, seconds: float) -> Borne:
@@ -138,13 +138,13 @@ def _unsafe(ends: Sequence[str], fastest_rad_s: float) -> str:
 
 def _table(borne: Sequence[Borne]) -> list[list[str]]:
     rows = [["", "late p50 µs", "p99", "max", "missed", "/diagnostics", "rad/s", "goals", ""]]
-    for each in borne:
-        times = (each.lateness_p50_us, each.lateness_p99_us, each.lateness_max_us)
-        good, sent = each.goals
-        cells = [*(f"{value:.0f}" for value in times), str(each.missed), each.control_loop]
-        cells += [f"{each.fastest_rad_s:.2f}", f"{good}/{sent}"]
-        cells.append("BROKEN" if each.problem else "safe")
-        rows.append([each.condition, *cells])
+    for client in borne:
+        times = (client.lateness_p50_us, client.lateness_p99_us, client.lateness_max_us)
+        good, sent = client.goals
+        cells = [*(f"{value:.0f}" for value in times), str(client.missed), client.control_loop]
+        cells += [f"{client.fastest_rad_s:.2f}", f"{good}/{sent}"]
+        cells.append("BROKEN" if client.problem else "safe")
+        rows.append([client.condition, *cells])
     return rows
 
 

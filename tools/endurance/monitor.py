@@ -61,7 +61,7 @@ class Monitor:
             level = status.level[0]
             self.worst[part] = max(level, self.worst.get(part, 0))
             if part == "cycle":
-                values = {each.key: each.value for each in status.values}
+                values = {value.key: value.value for value in status.values}
                 self.newest = cycle_look(values, level)
                 self.first = self.first or self.newest
 

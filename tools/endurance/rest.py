@@ -28,7 +28,7 @@ class Rest:
 
 
 def come_to_rest(position: Position) -> Rest:
-    """Look on until it stands. Raises AssertionError when it goes on for ``LONGEST_S``."""
+    """Watch until it is at rest. Raises AssertionError when it goes on for ``LONGEST_S``."""
     began_s = changed_s = time.monotonic()
     first = before = position()
     while (now_s := time.monotonic()) - changed_s < STILL_S:

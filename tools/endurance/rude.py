@@ -126,7 +126,7 @@ def _actions(client: Client) -> GoalClient:
 
 
 KINDS: dict[str, Callable[..., Any]] = {
-    each.__name__: each for each in (vanish, crowd, strangers, flood, deaf, hasty)
+    behaviour.__name__: behaviour for behaviour in (vanish, crowd, strangers, flood, deaf, hasty)
 }
 
 

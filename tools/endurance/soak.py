@@ -69,7 +69,7 @@ def main(
     draw(run.samples, title, out / f"{name}.png")
     (out / f"{name}.json").write_text(_json(facts, run, judged), encoding="utf-8")
     click.echo(f"\nwritten to {out / name}.json and .png")
-    sys.exit(not all(each.kept for each in judged))
+    sys.exit(not all(bound.kept for bound in judged))
 
 
 def _run(
@@ -103,8 +103,8 @@ def _run(
             for number, kind in enumerate(kinds_for(descriptor))
         ]
         samples = _watch(daemon, monitor, clients, minutes * 60.0)
-        for each in clients:
-            each.stop()
+        for program in clients:
+            program.stop()
         counts = _added(clients)
         control_loop = _ends_of(monitor, descriptor)
         status = daemon.end(signal.SIGTERM)
@@ -170,9 +170,9 @@ def _progress(minute: int, row: Mapping[str, float]) -> str:
 def _report(run: Run, judged: Sequence[Bound]) -> list[str]:
     shown = [(what, number) for what, number in sorted(run.counts.items()) if number]
     rows = [["", "measured", "at most", "", ""]]
-    for each in judged:
-        verdict = "kept" if each.kept else "BROKEN"
-        rows.append([each.what, f"{each.measured:.4g}", f"{each.limit:g}", each.unit, verdict])
+    for bound in judged:
+        verdict = "kept" if bound.kept else "BROKEN"
+        rows.append([bound.what, f"{bound.measured:.4g}", f"{bound.limit:g}", bound.unit, verdict])
     counts = aligned([["", "counted by the clients"], *([a, str(b)] for a, b in shown)])
     return ["", *counts, "", *aligned(rows)]
 
@@ -180,7 +180,7 @@ def _report(run: Run, judged: Sequence[Bound]) -> list[str]:
 def _json(facts: dict[str, Any], run: Run, judged: Sequence[Bound]) -> str:
     step = max(1, len(run.samples["time_s"]) // KEPT_SAMPLES)
     content = facts | {
-        "bounds": [asdict(each) | {"kept": each.kept} for each in judged],
+        "bounds": [asdict(bound) | {"kept": bound.kept} for bound in judged],
         "counts": dict(sorted(run.counts.items())),
         "samples": {
             name: json.dumps([round(value, 2) for value in values[::step]])

@@ -22,7 +22,7 @@ def lost_frames() -> int:
     """Frames that the kernel has dropped because a process did not read them in time."""
     rows = Path("/proc/net/udp").read_text(encoding="ascii").splitlines()[1:]
     fields = [row.split() for row in rows]
-    return sum(int(each[-1]) for each in fields if int(each[1].split(":")[1], 16) == PORT)
+    return sum(int(field[-1]) for field in fields if int(field[1].split(":")[1], 16) == PORT)
 
 
 @contextmanager

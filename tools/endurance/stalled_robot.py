@@ -13,7 +13,7 @@ import numpy as np
 
 from robotd.arrays import FloatArray
 from robotd.clock import MonotonicClock
-from robotd.control.trajectory_execution import TrajectoryExecution
+from robotd.control.sources.trajectory_execution import TrajectoryExecution
 from robotd.descriptor import load_robot_descriptor
 from robotd.device.process_image import ProcessImage
 from robotd.errors import RobotdError
@@ -22,7 +22,7 @@ from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
 from robotd_cia402.simulated import Motors
 from robotd_servo_model.servo import Servo
-from robotd_servo_model.world import World
+from robotd_servo_model.world import ServoWorld
 from robotd_sim.device import SimDevice
 
 SWING_RAD = 0.8
@@ -43,7 +43,7 @@ class MotorRecorder:
         positions, commands: (n_axes,) each.
     """
 
-    def __init__(self, world: World, ahead_ns: Callable[[], int] = lambda: 0) -> None:
+    def __init__(self, world: ServoWorld, ahead_ns: Callable[[], int] = lambda: 0) -> None:
         self.times_ns: list[int] = []
         self.positions: list[FloatArray] = []
         self.commands: list[FloatArray] = []
@@ -86,7 +86,7 @@ class PathRecorder:
     """Path of the first joint, at 1 ms, and times of goals that failed.
 
     Called with the image of each control period, it notes the trajectory time of ``execution``,
-    which stands while a device holds its position in a stall.
+    which is at rest while a device holds its position in a stall.
     """
 
     def __init__(self) -> None:

@@ -32,7 +32,7 @@ REVERSAL_SHARE = 0.02  # of the velocity limit
 MOVING = 1e-3  # of the velocity limit; a slower path counts as ended
 GAP_S = (0.05, 0.2)  # between two stalls
 LEAVING_NS = 300_000_000  # after a goal that failed
-HELD_NS = 120_000_000  # after a stall; a device that holds has noted it by then, and stops dead
+HELD_NS = 120_000_000  # after a stall; a device that holds has seen it by then, and stops dead
 STALLED_PERIODS = 1.5  # between two values; the computer stalls by itself, too
 SILENT_PERIODS = 3  # without values while the robot's process runs: the device stalls
 TICK_S = 0.001
@@ -76,8 +76,6 @@ def judge(
     longest_s: float,
     robot: RobotDescriptor,
     data: dict[str, np.ndarray],
-    *,
-    holds: bool,
 ) -> Verdict:
     """Compare the motors' ticks in ``data`` with the path, joint 1 standing for all."""
     joint = robot.joints[0]
@@ -88,8 +86,8 @@ def judge(
     padded = np.concatenate([np.zeros(window), path, np.zeros(5)])
     seen = sliding_window_view(padded, window + 6)
     low, high = seen.min(1)[: len(path)], seen.max(1)[: len(path)]
-    if holds:  # such a device stops dead in a stall, and is judged by how it goes on
-        low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
+    # A device stops dead in a stall, and is judged by how it goes on.
+    low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
     beyond = np.maximum(velocity - high, low - velocity) / joint.velocity
     against = np.where(low >= 0.0, -velocity, np.where(high <= 0.0, velocity, 0.0))
     against[np.abs(path) <= MOVING * joint.velocity] = 0.0  # a joint beyond the end returns to it
@@ -99,9 +97,8 @@ def judge(
     periods = round(period_s / TICK_S)
     before, after = velocity[:-periods], velocity[periods:]
     change = np.abs(after - before) / (periods * TICK_S)
-    if holds:
-        stopped = between(times_ns[:-periods], all_stalls_ns(data, period_s), HELD_NS)
-        change[stopped & (np.abs(after) < np.abs(before))] = 0.0
+    stopped = between(times_ns[:-periods], all_stalls_ns(data, period_s), HELD_NS)
+    change[stopped & (np.abs(after) < np.abs(before))] = 0.0
     silences_ns = all_silences_ns(data, period_s)
     silent = between(times_ns, silences_ns, LEAVING_NS)
     beyond[silent] = against[silent] = change[silent[periods:]] = 0.0
@@ -230,9 +227,7 @@ def run(
         data = {**np.load(out), "stalls_ns": stalls_ns, **(motors() if motors else {})}
         if save is not None:
             np.savez(save, **data)
-        return judge(
-            times, span_s[1], load_robot_descriptor(robot_file), data, holds=motors is not None
-        )
+        return judge(times, span_s[1], load_robot_descriptor(robot_file), data)
 
 
 @click.command()

@@ -2,8 +2,8 @@
 
 ``python -m tools.endurance.streams --minutes 60``: a simulated CR3A in real time. Every setpoint
 that the device gets is judged against the limits; the exit status is 1 when one exceeds them. A
-device that extrapolates carries joints on while the control loop stalls, also beyond their limits:
-the second after a gap is counted separately, with the largest excess of each kind.
+device that holds in a stall of the control loop stops without a ramp: the second after a gap is
+counted separately, with the largest excess of each kind.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, MonotonicClock
 from robotd.clock.simulated import SteppedClock
-from robotd.control.joint_stream import JointStream
+from robotd.control.groups.joint_stream import JointStream
 from robotd.errors import NotReady, RobotdError
 from robotd.log import configure_logging
 from robotd.motion import TrajectoryRequest

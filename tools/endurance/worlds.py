@@ -55,7 +55,7 @@ def ethercat_world() -> Iterator[World]:
     """Simulated EtherCAT slaves of the arm, on a virtual cable of this computer. Needs root."""
     watchdog_s, ends = 0.5, ("robotd-kill0", "robotd-kill1")
     options = f"simulated=false interface={ends[0]} watchdog_ms={1000 * watchdog_s:g}".split()
-    arguments = [word for each in options for word in ("--set", f"backends.ethercat.{each}")]
+    arguments = [word for option in options for word in ("--set", f"backends.ethercat.{option}")]
     _ip("link", "add", ends[0], "type", "veth", "peer", "name", ends[1])
     try:
         for end in ends:

@@ -10,7 +10,7 @@ from random import SystemRandom
 from tempfile import TemporaryDirectory
 
 import click
-from tools.fuzz.campaign import Finding, make_input, run, try_input
+from tools.fuzz.campaign import FuzzFailure, make_input, run, try_input
 from tools.fuzz.readers import READERS
 
 NAMES = [reader.name for reader in READERS]
@@ -40,7 +40,7 @@ def main(
     chosen = list(names) or NAMES
     click.echo(f"seed {seed}, readers {', '.join(chosen)}")
     begin_s = time.monotonic()
-    found: dict[str, Finding] = {}
+    found: dict[str, FuzzFailure] = {}
     counts: dict[str, int] = {}
     for item in _one(seed, index, chosen) if index is not None else run(seed, minutes * 60, chosen):
         if isinstance(item, dict):
@@ -52,16 +52,16 @@ def main(
     sys.exit(bool(found))
 
 
-def _one(seed: int, index: int, names: list[str]) -> Iterator[Finding | dict[str, int]]:
+def _one(seed: int, index: int, names: list[str]) -> Iterator[FuzzFailure | dict[str, int]]:
     with TemporaryDirectory(prefix="robotd-fuzz-") as folder:
         for reader in READERS:
             data = make_input(reader, seed, index)
             if reader.name in names and (text := try_input(reader, data, Path(folder))):
-                yield Finding(reader.name, index, text, data)
+                yield FuzzFailure(reader.name, index, text, data)
     yield dict.fromkeys(names, 1)
 
 
-def _keep(finding: Finding, seed: int, out: Path) -> None:
+def _keep(finding: FuzzFailure, seed: int, out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     path = out / f"{finding.reader}-{seed}-{finding.index}"
     path.write_bytes(finding.data)
@@ -69,13 +69,13 @@ def _keep(finding: Finding, seed: int, out: Path) -> None:
     click.echo(finding.text)
 
 
-def _summary(counts: dict[str, int], found: dict[str, Finding], begin_s: float) -> str:
+def _summary(counts: dict[str, int], found: dict[str, FuzzFailure], begin_s: float) -> str:
     each = ", ".join(f"{name} {count}" for name, count in counts.items())
     passed_s = time.monotonic() - begin_s
     return f"{passed_s:.0f} s, {sum(counts.values())} inputs ({each}), {len(found)} findings"
 
 
-def _progress(counts: dict[str, int], found: dict[str, Finding], begin_s: float) -> None:
+def _progress(counts: dict[str, int], found: dict[str, FuzzFailure], begin_s: float) -> None:
     if sys.stdout.isatty():
         click.echo(f"\r{_summary(counts, found, begin_s)}", nl=False)
 

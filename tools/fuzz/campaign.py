@@ -24,7 +24,7 @@ LONGEST = 40_000  # bytes of a seed that is changed byte by byte; a longer one l
 
 
 @dataclass(frozen=True)
-class Finding:
+class FuzzFailure:
     """An input that was not read as it should be; ``data`` is the whole of it."""
 
     reader: str
@@ -73,7 +73,7 @@ def try_input(reader: Reader, data: bytes, folder: Path) -> str | None:
     return f"{used_s:.1f} s of the processor" if text is None and used_s > CPU_S else text
 
 
-def run(seed: int, seconds: float, names: list[str]) -> Iterator[Finding | dict[str, int]]:
+def run(seed: int, seconds: float, names: list[str]) -> Iterator[FuzzFailure | dict[str, int]]:
     """Findings as they come, and now and then how many inputs each reader had."""
     first, end_s = 0, time.monotonic() + seconds
     counts = dict.fromkeys(names, 0)
@@ -88,7 +88,7 @@ def run(seed: int, seconds: float, names: list[str]) -> Iterator[Finding | dict[
         try:
             while time.monotonic() < end_s:
                 message = _receive(ours)
-                if isinstance(message, Finding):
+                if isinstance(message, FuzzFailure):
                     yield message
                     continue
                 name, first = message
@@ -99,8 +99,8 @@ def run(seed: int, seconds: float, names: list[str]) -> Iterator[Finding | dict[
             text = str(error) or f"the process died: {process.exitcode}"
             if not name:
                 raise RuntimeError(f"no reader of {names} got an input: {text}") from error
-            reader = next(each for each in READERS if each.name == name)
-            yield Finding(name, first, text, make_input(reader, seed, first))
+            reader = next(reader for reader in READERS if reader.name == name)
+            yield FuzzFailure(name, first, text, make_input(reader, seed, first))
             first += 1
         finally:
             process.kill()
@@ -108,11 +108,11 @@ def run(seed: int, seconds: float, names: list[str]) -> Iterator[Finding | dict[
     yield counts
 
 
-def _receive(connection: Connection) -> Finding | tuple[str, int]:
+def _receive(connection: Connection) -> FuzzFailure | tuple[str, int]:
     """The next message of a worker. Raises EOFError: it hangs, or is dead."""
     if not connection.poll(HANG_S):
         raise EOFError("hangs")
-    message: Finding | tuple[str, int] = connection.recv()
+    message: FuzzFailure | tuple[str, int] = connection.recv()
     return message
 
 
@@ -130,7 +130,7 @@ def _worker(connection: Connection, seed: int, first: int, names: list[str]) -> 
                 connection.send((reader.name, index))
                 data = make_input(reader, seed, index)
                 if text := try_input(reader, data, Path(folder)):
-                    connection.send(Finding(reader.name, index, text, data))
+                    connection.send(FuzzFailure(reader.name, index, text, data))
             index += 1
 
 

@@ -11,7 +11,7 @@ from tools.fuzz.mutations import NUMBERS
 
 from robotd.descriptor import RobotDescriptor
 from robotd_scenario import FAULTS
-from robotd_scenario.program import Check, Scenario, Step
+from robotd_scenario.program import Check, Scenario, ScenarioStep
 from robotd_wmx_parameters.element_table import AXIS_SECTIONS, GLOBAL_SECTIONS
 
 DEPTH = 5
@@ -22,7 +22,16 @@ def robot(random: Random) -> str:
 
 
 def scenario(random: Random) -> str:
-    keys = [*_keys(Scenario), *_keys(Step), *_keys(Check), *FAULTS, "axis", "at_s", "for_s", "when"]
+    keys = [
+        *_keys(Scenario),
+        *_keys(ScenarioStep),
+        *_keys(Check),
+        *FAULTS,
+        "axis",
+        "at_s",
+        "for_s",
+        "when",
+    ]
     return "schema: 1\n" + _yaml(random, keys)
 
 
@@ -132,8 +141,8 @@ def _keys(model: type[BaseModel]) -> list[str]:
         if isinstance(schema, dict):
             found.update(dict.fromkeys(schema.get("properties", {})))
             schema = list(schema.values())
-        for each in schema if isinstance(schema, list) else ():
-            visit(each)
+        for item in schema if isinstance(schema, list) else ():
+            visit(item)
 
     visit(model.model_json_schema())
     return list(found)

@@ -23,7 +23,7 @@ STRUCTURED = 0.5  # share of the changes that know the structure
 
 
 def main(name: str, options: list[str]) -> None:
-    reader = next(each for each in READERS if each.name == name)
+    reader = next(reader for reader in READERS if reader.name == name)
     texts = seed_texts(reader)
     logging.disable()
 

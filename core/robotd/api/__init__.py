@@ -34,8 +34,15 @@ if TYPE_CHECKING:
     from robotd.device.passive_joints import PassiveJoints
     from robotd.device.process_image import ProcessImage
     from robotd.device.profiled_axes import ProfiledAxes
-    from robotd.device.state import CommandMode, ConnectionState, Operation, Underrun
+    from robotd.device.state import (
+        EXTRAPOLATION_PERIODS,
+        CommandMode,
+        ConnectionState,
+        Operation,
+        Underrun,
+    )
     from robotd.device.world import Shape, World, WorldCamera, WorldObject
+    from robotd.entry_points import API_VERSION
     from robotd.errors import (
         ConnectError,
         DescriptorError,
@@ -65,7 +72,6 @@ if TYPE_CHECKING:
     from robotd.observation.frame_ring import Frames
     from robotd.plugin.code_table import CodeTable
     from robotd.plugin.hookspecs import (
-        API_VERSION,
         AxisKeys,
         BackendInfo,
         BackendOptions,
@@ -87,6 +93,7 @@ else:
 
 __all__ = [
     "API_VERSION",
+    "EXTRAPOLATION_PERIODS",
     "NANOSECONDS",
     "AxisDriver",
     "AxisKeys",

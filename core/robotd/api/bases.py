@@ -11,6 +11,7 @@ from robotd.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from robotd.descriptor import DriveSettings, OmnidirectionalDrive, SteeringAxis
+    from robotd.descriptor.base_kinds import base_kind
     from robotd.descriptor.section import Axis, Key, Name, Positive
     from robotd.descriptor.section import Problem as SectionProblem
     from robotd.motion.base_kinematics import BaseKinematics, SteeredKinematics, WheelFollower
@@ -31,4 +32,5 @@ __all__ = [
     "SteeredKinematics",
     "SteeringAxis",
     "WheelFollower",
+    "base_kind",
 ]

@@ -26,27 +26,37 @@ if TYPE_CHECKING:
         PORT,
         apply_log_options,
         as_json,
+        check_namespace,
         log_options,
         parse_names,
         robot_options,
         which_robot,
     )
-    from robotd.cli.plugin_commands import load_entry
     from robotd.cli.preflight import HAS_ROS_WHEELS, import_ros, realtime_permitted, sourced_ros
+    from robotd.cli.ros_variables import DEFAULT_MIDDLEWARE, domain_problem, middleware_problem
     from robotd.cli.time_scale import time_scale
+    from robotd.entry_points import (
+        KINDS,
+        PluginOrigin,
+        installed_names,
+        load_entry,
+        plugin_errors,
+        unreadable,
+    )
     from robotd.log import escaped
     from robotd.number_argument import IntegerRange, NumberRange, parse_integer, parse_number
     from robotd.open_files import MAX_OPEN_FILES
-    from robotd.plugin.code_table import GOAL_RESULTS, load_code_tables
+    from robotd.plugin.code_table import load_code_tables
     from robotd.stop_signals import Interrupt, stop_signals
 else:
     __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
+    "DEFAULT_MIDDLEWARE",
     "FILE",
     "FOLDER",
-    "GOAL_RESULTS",
     "HAS_ROS_WHEELS",
+    "KINDS",
     "MAX_OPEN_FILES",
     "PORT",
     "CheckReport",
@@ -54,28 +64,35 @@ __all__ = [
     "IntegerRange",
     "Interrupt",
     "NumberRange",
+    "PluginOrigin",
     "apply_log_options",
     "as_json",
     "check_backend_overrides",
+    "check_namespace",
     "check_robot",
     "columns",
+    "domain_problem",
     "escaped",
     "field",
     "heading",
     "import_ros",
+    "installed_names",
     "load_code_tables",
     "load_entry",
     "load_installed",
     "load_robot",
     "log_options",
+    "middleware_problem",
     "parse_integer",
     "parse_names",
     "parse_number",
+    "plugin_errors",
     "realtime_permitted",
     "robot_options",
     "sourced_ros",
     "stop_signals",
     "time_scale",
+    "unreadable",
     "warn",
     "warning",
     "which_robot",

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from robotd.lazy_names import lazy_names
 
 if TYPE_CHECKING:
+    from robotd.descriptor.reduced_speed_settings import ReducedSpeedSettings
     from robotd.descriptor.section import File, Name, NotNegative, Positive, Section
     from robotd.descriptor.section import Problem as SectionProblem
     from robotd.device.camera_picture import CameraPictures
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from robotd.observation.robot_identity import identity
     from robotd.observation.tap import Tap
     from robotd.realtime import request_niceness
+    from robotd.robot import requested_guards
 else:
     __getattr__, __dir__ = lazy_names(__name__)
 
@@ -68,6 +70,7 @@ __all__ = [
     "NotNegative",
     "Positive",
     "ProcessImage",
+    "ReducedSpeedSettings",
     "Sample",
     "Section",
     "SectionProblem",
@@ -80,6 +83,7 @@ __all__ = [
     "measured_joints",
     "period_writer",
     "request_niceness",
+    "requested_guards",
     "sent_by",
     "why_unwritable",
 ]

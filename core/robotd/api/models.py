@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from robotd.descriptor.group_settings import ALL_JOINTS
     from robotd.descriptor.problems import validate
     from robotd.descriptor.section import MAX_AXES, NAME
-    from robotd.descriptor.source import read_yaml
+    from robotd.descriptor.source import YamlNode, parse_yaml, read_yaml
     from robotd.descriptor.urdf import (
         JointFrames,
         UrdfJoint,
@@ -65,6 +65,7 @@ __all__ = [
     "UrdfJoint",
     "UrdfLink",
     "UrdfRobot",
+    "YamlNode",
     "beside",
     "default_action",
     "default_search_path",
@@ -80,6 +81,7 @@ __all__ = [
     "package_folders",
     "parse_override",
     "parse_urdf",
+    "parse_yaml",
     "read_limited",
     "read_urdf",
     "read_urdf_text",

@@ -12,23 +12,27 @@ from robotd.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from robotd.clock.simulated import PacedClock, SimulatedClock, SteppedClock
-    from robotd.control.axis_limits import axis_limits, joint_limits, twist_limits
-    from robotd.control.completion import Outcome
-    from robotd.control.interruptions import Interruption
-    from robotd.control.joint_group import JointGroup
-    from robotd.control.joint_stream import JointStream
-    from robotd.control.mobile_base import MobileBase
-    from robotd.control.problem import Problem, ProblemKind
-    from robotd.control.stream_setpoints import MovingReference, StreamMode
-    from robotd.control.trajectory_execution import TrajectoryExecution
+    from robotd.control.groups.axis_limits import axis_limits, joint_limits, twist_limits
+    from robotd.control.groups.joint_group import JointGroup
+    from robotd.control.groups.joint_stream import JointStream
+    from robotd.control.groups.mobile_base import MobileBase
+    from robotd.control.groups.problem import Problem, ProblemKind
+    from robotd.control.groups.reduced_speed import ReducedSpeed
+    from robotd.control.loop.rearming import Interruption
+    from robotd.control.loop.setpoint_source import Outcome
+    from robotd.control.sources.stream_source import MovingReference, StreamMode
+    from robotd.control.sources.trajectory_execution import TrajectoryExecution
     from robotd.device.axes import Jog, Move, each
     from robotd.device.gripper import Gripper
-    from robotd.device.motion_limits import MotionLimits
+    from robotd.device.motion_limits import Factors, MotionLimits, Solid
+    from robotd.device.servo_gripper import ServoGripper
     from robotd.device.tool_pose import tool_link
+    from robotd.entry_points import PluginOrigin
     from robotd.log import configure_logging
     from robotd.motion import (
         JointLimits,
         JointTolerance,
+        RateBounds,
         Trajectory,
         TrajectoryRejected,
         TrajectoryRequest,
@@ -38,7 +42,6 @@ if TYPE_CHECKING:
     from robotd.motion.stopping import stoppable_velocity
     from robotd.plugin.manager import (
         Backend,
-        PluginOrigin,
         discover,
         find_backend,
         load_backend,
@@ -51,6 +54,7 @@ else:
 __all__ = [
     "ZERO_TWIST",
     "Backend",
+    "Factors",
     "Gripper",
     "Interruption",
     "Jog",
@@ -68,8 +72,12 @@ __all__ = [
     "PluginOrigin",
     "Problem",
     "ProblemKind",
+    "RateBounds",
+    "ReducedSpeed",
     "Robot",
+    "ServoGripper",
     "SimulatedClock",
+    "Solid",
     "SteppedClock",
     "StreamMode",
     "Trajectory",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Any
 
 import click
@@ -11,16 +12,18 @@ from robotd.cli.check_report import CheckReport
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.installed import check_backend_overrides, load_installed
 from robotd.cli.options import log_options, robot_options
-from robotd.cli.plugin_commands import load_entry
 from robotd.cli.urdf_check import check_urdf, urdf_warnings
-from robotd.control.axis_limits import fit_device
-from robotd.control.joint_group import ON_DEVICE
+from robotd.clock import MonotonicClock
+from robotd.control.groups.axis_limits import fit_device
+from robotd.control.groups.joint_group import ON_DEVICE
 from robotd.descriptor import Override, RobotDescriptor, load_robot_descriptor
 from robotd.device.capabilities import Capability
-from robotd.entry_points import entry_points
-from robotd.errors import DescriptorError, PluginError, Unsupported
+from robotd.entry_points import PluginOrigin, installed_names, load_entry, plugin_errors
+from robotd.errors import PluginError, Unsupported
+from robotd.feature import feature_failures
 from robotd.plugin.hookspecs import DeviceContext
 from robotd.plugin.manager import Backend, load_backend
+from robotd.robot import Robot, requested_guards
 
 CHECKS = "robotd.checks"
 """Entry-point group of further checks: functions that take the descriptor.
@@ -43,8 +46,8 @@ def check_robot(
     """Check everything, print it line by line, and return the exit status."""
     report = CheckReport()
     installed = load_installed()
-    for origin, reason in installed.failures.items():
-        report.fail(f"plugin {origin.name}", PluginError(reason))
+    for reason in (*installed.problems(), *feature_failures().values()):
+        report.warn(reason)  # as 'run': the robot may do without it
     descriptor = report.run(
         f"robot {robot}",
         lambda: load_robot_descriptor(robot, variant, installed.search_path, overrides),
@@ -63,19 +66,30 @@ def check_robot(
 
 def _check_files(report: CheckReport, descriptor: RobotDescriptor) -> None:
     urdf = descriptor.urdf
-    for entry in entry_points(group=CHECKS):
+    names = installed_names(CHECKS)
+    for reason in names.refused.values():
+        report.warn(reason)
+    for origin, entry in names.entries.values():
         try:
-            further = load_entry(entry, f"check {entry.name!r}")
+            further = load_entry(origin, entry)
+            with plugin_errors(f"check {origin}", origin.module):
+                checks = [*further(descriptor)]
         except PluginError as error:
-            report.fail(f"check {entry.name}", error)
+            report.warn(str(error))
             continue
-        for what, check_one in further(descriptor):
-            for warning in report.run(what, check_one) or ():
+        for what, check_one in checks:
+            for warning in report.run(what, partial(_checked, origin, check_one)) or ():
                 report.warn(warning)
     if urdf is not None:
         model = report.run(f"urdf {urdf.name}", lambda: check_urdf(urdf, descriptor))
         for warning in urdf_warnings(model, urdf, descriptor) if model else ():
             report.warn(warning)
+
+
+def _checked(origin: PluginOrigin, check_one: Callable[[], Iterable[str] | None]) -> list[str]:
+    """Return the warnings of one further check. Raises RobotdError: it fails."""
+    with plugin_errors(f"check {origin}", origin.module):
+        return [*(check_one() or ())]
 
 
 def _check_backend(
@@ -94,11 +108,8 @@ def _check_backend(
         needs = {"gripper": "outputs", "outputs": "outputs", "stop_input": "inputs"}
         for key, kind in (needs | {"inputs": "inputs"}).items():
             if getattr(descriptor, key) and Capability.IO not in capabilities:
-                raise DescriptorError(
-                    f"needs digital {kind}, which the {name} backend does not have",
-                    path=descriptor.path,
-                    key=key,
-                )
+                text = f"needs digital {kind}, which the {name} backend does not have"
+                raise descriptor.problem(key, text)
         _check_groups(descriptor, backend)
         if descriptor.parameters_file and Capability.PARAMETERS_FILE not in capabilities:
             return "parameters_file is not used by this backend"
@@ -107,12 +118,26 @@ def _check_backend(
     context = report.run(f"options of {name}", options)
     report.run(f"features of {name}", features)
     if context is not None:
-        fit = report.run(
-            f"limits of {name}",
-            lambda: fit_device(descriptor, backend.drivers(context).axes, name),
-        )
-        for note in fit[1] if fit else ():
-            report.warn(f"{note}, which applies")
+        _check_driver(report, descriptor, backend, context)
+        if guards := requested_guards(descriptor):
+            report.run(
+                f"guards {', '.join(guards)}", lambda: Robot(descriptor, backend, MonotonicClock())
+            )
+
+
+def _check_driver(
+    report: CheckReport, descriptor: RobotDescriptor, backend: Backend, context: DeviceContext[Any]
+) -> None:
+    """Compare the limits with those of the driver, and warn of what its drives do not do."""
+
+    def notes() -> list[str]:
+        driver = backend.drivers(context).axes
+        limits = [f"{issue}, which applies" for issue in fit_device(descriptor, driver, name)[1]]
+        return [*limits, *driver.cautions]
+
+    name = backend.name
+    for note in report.run(f"limits of {name}", notes) or ():
+        report.warn(note)
 
 
 def _check_groups(descriptor: RobotDescriptor, backend: Backend) -> None:
@@ -121,9 +146,7 @@ def _check_groups(descriptor: RobotDescriptor, backend: Backend) -> None:
     Whether it does may depend on its options: the drivers are made for it, and nothing is opened.
     """
     able = Capability.TRAJECTORIES_ON_DEVICE in backend.capabilities
-    if not able or len(descriptor.groups) < 2 or descriptor.tree is None:
+    if not able or len(descriptor.groups) < 2:
         return
     if backend.drivers(backend.context(descriptor)).axes.follows_trajectories:
-        node = descriptor.tree.find(["groups"])
-        what = str(Unsupported(ON_DEVICE, backend.name))
-        raise DescriptorError(what, path=node.path, line=node.line, key="groups")
+        raise descriptor.problem("groups", str(Unsupported(ON_DEVICE, backend.name)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import IntEnum
 
 from robotd.errors import (
@@ -24,6 +25,15 @@ class Rejected(RobotdError):
     """A running robot rejected or aborted what a command asked of it."""
 
 
+class ServosNotOff(RobotdError):
+    """Drives have not confirmed to be off after the end of the robot: cut their power."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        super().__init__(
+            f"{', '.join(names)}: not confirmed to be off; cut the power of the drives"
+        )
+
+
 class ExitCode(IntEnum):
     """Exit status of ``robotd``."""
 
@@ -43,6 +53,9 @@ class ExitCode(IntEnum):
     """The device could not be opened or failed, or no running robot answered."""
     ROS = 6
     """ROS 2 is not installed or does not start."""
+    SERVOS_NOT_OFF = 7
+    """`robotd run` has ended in order, but drives have not confirmed to be off: cut their power. An
+    error that ended the run has its own status; the log names the drives then."""
     INTERRUPTED = 130
     """Ended by a second signal, or by Ctrl-C before anything was running."""
 
@@ -57,6 +70,7 @@ _PHASES: tuple[tuple[type[RobotdError], ExitCode], ...] = (
     (OperationError, ExitCode.DEVICE),
     (RosUnavailable, ExitCode.ROS),
     (Rejected, ExitCode.FAILED),
+    (ServosNotOff, ExitCode.SERVOS_NOT_OFF),
 )
 
 

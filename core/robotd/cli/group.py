@@ -15,14 +15,22 @@ import click
 from click.shell_completion import CompletionItem
 
 from robotd.cli.exit_codes import ExitCode, exit_code
-from robotd.cli.plugin_commands import plugin_command, plugin_commands
-from robotd.errors import RobotdError, did_you_mean
+from robotd.cli.plugin_commands import COMMANDS, plugin_command, plugin_commands
+from robotd.cli.shell_values import installed_robots
+from robotd.entry_points import installed_names
+from robotd.errors import PluginError, RobotdError, did_you_mean, plugin_failure
 from robotd.stop_signals import ended_by_interrupt
 
 ROS_ARGS = "--ros-args"
 STATUS = "exit status"  # in the ``meta`` of the context, for what is closed at the end
 DEFAULT = "run"
 LONGEST_SUMMARY = 400  # characters
+WORDS = {  # of other programs
+    "help": "robotd --help lists the commands, robotd COMMAND --help explains one",
+    "start": "robotd run --robot NAME serves a robot",
+    "launch": "robotd run --robot NAME serves a robot",
+    "ls": "robotd robots lists the robots that can be run, robotd list those that run",
+}
 UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EIO)  # full disk or quota, lost terminal
 
 
@@ -74,17 +82,24 @@ class RobotdGroup(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         if not ctx.resilient_parsing and self.get_command(ctx, args[0]) is None:
-            hint = did_you_mean(args[0], self.list_commands(ctx))
-            ctx.fail(f"No such command {args[0]!r}{hint or '.'}")
+            ctx.fail(f"No such command {args[0]!r}{self._hint(ctx, args[0]) or '.'}")
         return super().resolve_command(ctx, args)
+
+    def _hint(self, ctx: click.Context, word: str) -> str:
+        """Return what is meant by a word that is no command."""
+        if word in WORDS:
+            return f"; {WORDS[word]}"
+        if word in installed_robots():
+            return f"; it is a robot: robotd run --robot {word}"
+        return did_you_mean(word, self.list_commands(ctx))
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return [command.name for command in plugin_commands()]
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
         """Return commands and options; click would import the commands."""
-        listed = (each for each in plugin_commands() if each.name.startswith(incomplete))
-        commands = [CompletionItem(each.name, help=each.summary) for each in listed]
+        listed = (command for command in plugin_commands() if command.name.startswith(incomplete))
+        commands = [CompletionItem(command.name, help=command.summary) for command in listed]
         return [*commands, *click.Command.shell_complete(self, ctx, incomplete)]
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -103,8 +118,9 @@ class RobotdGroup(click.Group):
         except KeyboardInterrupt:
             status = ExitCode.INTERRUPTED
         except Exception as error:  # noqa: BLE001 - reported as one line, never as a traceback
-            _report(error, debug=ctx.meta.get("log_level") == "debug")
-            status = exit_code(error)
+            named = _named(ctx.invoked_subcommand or "", error)
+            _report(named, debug=ctx.meta.get("log_level") == "debug")
+            status = exit_code(named)
         if isinstance(status, ExitCode):
             ctx.meta[STATUS] = status
             ctx.exit(status)
@@ -159,14 +175,32 @@ def _drop_unwritable_output() -> None:
             os.close(nowhere)
 
 
+def _is_unwritable(error: Exception) -> bool:
+    """Return whether the output cannot be written: a full disk, or a lost terminal."""
+    return isinstance(error, OSError) and error.errno in UNWRITABLE and error.filename is None
+
+
+def _named(command: str, error: Exception) -> Exception:
+    """Return the error of a command, with the plugin that it belongs to."""
+    if isinstance(error, RobotdError) or _is_unwritable(error):
+        return error
+    found = installed_names(COMMANDS).entries.get(command)
+    if found is None or found[0].is_own:
+        return error
+    what = f"command {found[0]} failed: {plugin_failure(error, found[0].module)}"
+    named = PluginError(f"{what}\nplease report it to the authors of {found[0].release}")
+    named.__cause__ = error
+    return named
+
+
 def _report(error: Exception, *, debug: bool) -> None:
     if debug:
         click.echo("".join(traceback.format_exception(error)), err=True, nl=False)
     from robotd.log import escaped  # not for --help: it takes a third of a second
 
     text = escaped(str(error))
-    if isinstance(error, OSError) and error.errno in UNWRITABLE and error.filename is None:
-        text = f"the output cannot be written: {error.strerror}"
+    if _is_unwritable(error):
+        text = f"the output cannot be written: {getattr(error, 'strerror', '')}"
     elif not isinstance(error, RobotdError):
         text = f"internal error: {type(error).__name__}: {error}"
         if not debug:

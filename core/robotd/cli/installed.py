@@ -13,6 +13,7 @@ from robotd.descriptor import (
     default_search_path,
     load_robot_descriptor,
 )
+from robotd.entry_points import unreadable
 from robotd.errors import DescriptorError
 from robotd.plugin.manager import PluginOrigin, load_plugins, register_all
 from robotd.plugin.registry import NodeRegistry
@@ -34,15 +35,20 @@ class Installed:
 
     def warn(self) -> None:
         """Warn about plugins that failed; their robots and nodes are missing."""
-        for reason in self.failures.values():
+        for reason in self.problems():
             warn(reason)
+
+    def problems(self) -> list[str]:
+        """Return what is wrong with plugins, and with files of distributions."""
+        return [*unreadable().values(), *self.failures.values()]
 
 
 def load_installed() -> Installed:
-    """Load every plugin. Raises PluginError when two of them register the same node."""
+    """Load every plugin; one that fails is a failure, and hides no other. Raises nothing."""
     plugins, failures = load_plugins()
-    robots, nodes = register_all(plugins)
-    return Installed((*default_search_path(), *robots.folders), nodes, failures)
+    robots, nodes, missing = register_all(plugins)
+    search_path = (*default_search_path(), *robots.folders)
+    return Installed(search_path, nodes, failures | missing)
 
 
 def load_robot(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from functools import partial, wraps
 from pathlib import Path
@@ -10,13 +11,17 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from robotd import log
+from robotd.cli.group import ROS_ARGS
 from robotd.cli.shell_values import complete_backends, complete_robots
+from robotd.errors import InvalidArgument
 from robotd.number_argument import IntegerRange
 
 if TYPE_CHECKING:  # it needs NumPy and pydantic
     from robotd.descriptor import Override
 
 Command = Callable[..., Any]
+
+NAMESPACE = re.compile(r"/?([A-Za-z_][A-Za-z0-9_]*/)*([A-Za-z_][A-Za-z0-9_]*/?)?")
 
 FILE = click.Path(dir_okay=False, path_type=Path)
 FOLDER = click.Path(file_okay=False, path_type=Path)
@@ -100,6 +105,34 @@ def log_options(command: Command) -> Command:
         return command(*args, **options)
 
     return configured
+
+
+def namespace_option(command: Command) -> Command:
+    """Add ``--namespace``, short for the ROS arguments that give it to all nodes."""
+    return click.option(
+        "--namespace",
+        metavar="NAME",
+        callback=_keep_namespace,
+        expose_value=False,
+        help="ROS namespace of the robot; short for --ros-args -r __ns:=/NAME.",
+    )(command)
+
+
+def check_namespace(namespace: str) -> str:
+    """Return ``namespace`` with one slash before it. Raises InvalidArgument."""
+    if not NAMESPACE.fullmatch(namespace):
+        what = "names of letters, digits and '_' that begin with no digit, with '/' between them"
+        raise InvalidArgument(f"--namespace {namespace!r}: {what}")
+    return f"/{namespace.strip('/')}"
+
+
+def _keep_namespace(ctx: click.Context, option: click.Parameter, value: str | None) -> None:
+    if value is None:
+        return
+    given = ctx.meta[ROS_ARGS] or [ROS_ARGS]
+    if any("__ns:=" in word for word in given):
+        raise click.UsageError("--namespace and __ns:= give the same: leave one out")
+    ctx.meta[ROS_ARGS] = [given[0], "-r", f"__ns:={check_namespace(value)}", *given[1:]]
 
 
 as_json = click.option("--json", "as_json", is_flag=True, help="Print JSON, for programs.")

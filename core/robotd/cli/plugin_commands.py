@@ -8,19 +8,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from functools import cache
-from importlib.metadata import Distribution, EntryPoint
+from contextlib import suppress
+from importlib.metadata import EntryPoint
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import click
 
-from robotd.entry_points import entry_points
+from robotd.entry_points import PluginOrigin, installed_names, load_entry
 from robotd.errors import PluginError
 
 COMMANDS = "robotd.commands"
-OWN = "robotd"  # distribution
 HEADINGS = {
     "robotd": "Robots and backends",
     "robotd_inventory": "Robots and backends",
@@ -39,64 +38,40 @@ class ListedCommand(NamedTuple):
 
 def plugin_commands() -> list[ListedCommand]:
     """Return all commands, in the order in which they are shown; imports none of them."""
-    found = {(entry.name, _origin(entry)): entry for entry in entry_points(group=COMMANDS)}
-    own = {entry.name for entry in found.values() if _is_own(entry)}
     listed = [
-        ListedCommand(_heading(entry), entry.name, _summary(entry) or f"of {origin}")
-        for (_, origin), entry in sorted(found.items())
-        if _is_own(entry) or entry.name not in own
+        ListedCommand(_heading(origin, entry), origin.name, _shown(origin, entry))
+        for origin, entry in installed_names(COMMANDS).entries.values()
     ]
     order = [*HEADINGS.values(), FEATURES, PLUGINS]
     return sorted(listed, key=lambda command: order.index(command.heading))
 
 
 def plugin_command(name: str) -> click.Command | None:
-    """Return the command ``name``; None where no distribution has it. robotd's own go first.
+    """Return the command ``name``; None where no distribution has it.
 
-    Raises PluginError: two distributions bring it, it cannot be imported, or is no click command.
+    Raises PluginError: the name is taken, it cannot be imported, or is no click command.
     """
-    found = {_origin(entry): entry for entry in entry_points(group=COMMANDS, name=name)}
-    found = {origin: entry for origin, entry in found.items() if _is_own(entry)} or found
-    if not found:
+    found = installed_names(COMMANDS).require(name)
+    if found is None:
         return None
-    if len(found) > 1:
-        both = " and ".join(sorted(found))
-        raise PluginError(f"two plugins bring the command {name!r}: {both}; uninstall one")
-    [(origin, entry)] = found.items()
-    command = load_entry(entry, f"command {name!r} of {origin}")
+    command = load_entry(*found)
     if not isinstance(command, click.Command):
         what = type(command).__name__
-        raise PluginError(f"command {name!r} of {origin} is not a click command: {what}")
+        raise PluginError(f"command {found[0]} is not a click command: {what}")
     return command
 
 
-def load_entry(entry: EntryPoint, what: str) -> Any:
-    """Import the object of an entry point. Raises PluginError where that fails."""
-    try:
-        return entry.load()
-    except (Exception, SystemExit) as error:
-        raise PluginError(f"{what} cannot be imported: {type(error).__name__}: {error}") from error
-
-
-def _origin(entry: EntryPoint) -> str:
-    return " ".join(_name_and_version(entry.dist)) if entry.dist else entry.value
-
-
-def _is_own(entry: EntryPoint) -> bool:
-    return entry.dist is not None and _name_and_version(entry.dist)[0] == OWN
-
-
-@cache
-def _name_and_version(distribution: Distribution) -> tuple[str, str]:
-    # Each look at one of them parses the whole METADATA: half the time of `robotd --help`.
-    metadata = distribution.metadata
-    return metadata["Name"], metadata["Version"]
-
-
-def _heading(entry: EntryPoint) -> str:
-    if not _is_own(entry):
+def _heading(origin: PluginOrigin, entry: EntryPoint) -> str:
+    if not origin.is_own:
         return PLUGINS
     return HEADINGS.get(entry.module.partition(".")[0], FEATURES)
+
+
+def _shown(origin: PluginOrigin, entry: EntryPoint) -> str:
+    with suppress(Exception):  # the source of a third party may be anything
+        if summary := _summary(entry):
+            return summary
+    return f"of {origin.release}"
 
 
 def _summary(entry: EntryPoint) -> str:

@@ -13,6 +13,7 @@ from types import ModuleType
 
 from robotd.cli.exit_codes import RosUnavailable
 from robotd.cli.layout import warn
+from robotd.cli.ros_variables import domain_problem, middleware_problem
 from robotd.realtime import request_realtime
 
 ROS_DISTRO = "jazzy"
@@ -23,8 +24,8 @@ HAS_ROS_WHEELS = find_spec("ros_wheels_bootstrapper") is not None  # it comes wi
 def import_ros(name: str) -> ModuleType:
     """Import the module ``name``, and with it rclpy.
 
-    Raises RosUnavailable, with what to do about it, when a part of ROS is missing or broken, or
-    when there are two of them.
+    Raises RosUnavailable, with what to do about it, when a part of ROS is missing or broken, when
+    there are two of them, or when a variable that ROS reads is wrong.
     """
     distro = os.environ.get("ROS_DISTRO")
     if HAS_ROS_WHEELS and (source := sourced_ros()):
@@ -34,6 +35,8 @@ def import_ros(name: str) -> ModuleType:
         )
     if distro and distro != ROS_DISTRO:
         warn(f"ROS_DISTRO is {distro!r}, robotd is made for {ROS_DISTRO!r}: types may not match")
+    if problem := domain_problem() or middleware_problem():
+        raise RosUnavailable(problem)
     try:
         return import_module(name)
     except ImportError as error:

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from pkgutil import resolve_name
 from typing import Any
 
 import click
@@ -19,10 +18,12 @@ from robotd.cli.layout import warn
 from robotd.cli.options import (
     FILE,
     log_options,
+    namespace_option,
     parse_names,
     robot_options,
 )
 from robotd.cli.preflight import import_ros, process_age_s
+from robotd.cli.shell_values import installed_robots
 from robotd.cli.start_summary import SIMULATED, ServeReport, start_summary
 from robotd.cli.time_scale import time_scale
 from robotd.cli.timing_report import reserve_report, write_report
@@ -36,8 +37,8 @@ from robotd.descriptor import (
     parse_override,
 )
 from robotd.errors import InvalidArgument, OperationError, unknown_name
-from robotd.feature import FeatureOption, feature_failures, installed_features
-from robotd.feature_host import FeatureHost, open_features
+from robotd.feature import feature_failures, installed_features
+from robotd.feature_host import FeatureHost, call_each, open_features, prepared
 from robotd.log import lossy
 from robotd.number_argument import NumberRange
 from robotd.plugin.manager import Backend, PluginOrigin, load_backend
@@ -57,29 +58,20 @@ class RunCommand(click.Command):
     @ended_by_interrupt()
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse the options; features that cannot be used are told first."""
-        for name, reason in feature_failures().items():
-            warn(f"feature {name!r}: {reason}")
+        for reason in feature_failures().values():
+            warn(reason)
+        if args and not args[0].startswith("-") and args[0] in installed_robots():
+            raise click.UsageError(f"a robot is an option: --robot {args[0]}", ctx)
         return super().parse_args(ctx, args)
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         """Return the own options, then those of the features, then ``--help``."""
         *own, last = super().get_params(ctx)
-        options = [each for feature in installed_features().values() for each in feature.options]
-        return [*own, *map(_feature_option, options), last]
-
-
-def _feature_option(option: FeatureOption) -> click.Option:
-    optional = {} if option.omitted is None else {"is_flag": False, "flag_value": option.omitted}
-    return click.Option(
-        [option.flag],
-        metavar=option.metavar or None,
-        type=option.type,
-        default=None,
-        help=option.help,
-        expose_value=False,
-        callback=partial(_keep_override, option.key),
-        **optional,
-    )
+        options = [
+            option for feature in installed_features().values() for option in feature.options
+        ]
+        added = [option.parameter(partial(_keep_override, option.key)) for option in options]
+        return [*own, *added, last]
 
 
 def _keep_override(key: str, ctx: click.Context, option: click.Parameter, value: Any) -> None:
@@ -142,6 +134,7 @@ class RunOptions:
 @click.option(
     "--verbose", is_flag=True, help="Print joints, nodes, topics and actions at the start."
 )
+@namespace_option
 @time_scale
 @log_options
 def run(**options: Any) -> ExitCode:
@@ -205,12 +198,10 @@ def _serve(
         nonlocal is_served
         is_served = True
         _say(start_summary(robot, origin, report, verbose=options.verbose))
-        for each in features.on_served:
-            each()
+        call_each(features.on_served)
 
     def ready() -> None:
-        for each in features.on_ready:
-            each()
+        call_each(features.on_ready)
         _say(f"ready after {process_age_s():.1f} s, stop with Ctrl-C")
 
     def ended(error: Exception | None) -> ExitCode:
@@ -261,9 +252,7 @@ def _prepared(
     if scale is not None and SIMULATED not in backend.capabilities:
         text = f"the backend {backend.name} is not simulated"
         raise click.BadParameter(text, param_hint="'--time-scale'")
-    for feature in installed_features().values():
-        if feature.prepare:
-            descriptor = resolve_name(feature.prepare)(descriptor, backend)
+    descriptor = prepared(descriptor, backend)
     return descriptor, backend, MonotonicClock() if scale is None else PacedClock(scale)
 
 

@@ -21,17 +21,22 @@ def complete_robots(
     """Return the installed robots; files where the word is a path."""
     if "/" in incomplete or incomplete.startswith("."):
         return [CompletionItem(incomplete, type="file")]
+    return _beginning(incomplete, installed_robots())
+
+
+def installed_robots() -> list[str]:
+    """Return the names of the robots that can be run."""
     from robotd.cli.installed import load_installed
     from robotd.descriptor import list_robots
 
-    return _beginning(incomplete, [each.name for each in list_robots(load_installed().search_path)])
+    return [robot.name for robot in list_robots(load_installed().search_path)]
 
 
 def complete_backends(
     ctx: click.Context, parameter: click.Parameter, incomplete: str
 ) -> list[CompletionItem]:
     """Return the installed backends; imports none."""
-    return _beginning(incomplete, {each.name for each in entry_points(group="robotd.backends")})
+    return _beginning(incomplete, {entry.name for entry in entry_points(group="robotd.backends")})
 
 
 def joint_completion(suffix: str = "") -> Complete:

@@ -134,6 +134,8 @@ def _axes(robot: Robot) -> Iterator[str]:
     if gripper := descriptor.gripper:
         bit = f"output bit {gripper.output_byte}.{gripper.output_bit}"
         yield field("gripper", f"{bit} moves {', '.join(gripper.joints)}")
+    if servos := descriptor.servo_grippers:
+        yield field("grippers", [f"{name}: {gripper.joint}" for name, gripper in servos.items()])
 
 
 def _range(limits: AxisLimits) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from robotd.control.control_loop import ControlLoop
+from robotd.control.loop.control_loop import ControlLoop
 
 
 def reserve_report(path: Path) -> None:

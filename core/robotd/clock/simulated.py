@@ -98,7 +98,7 @@ class _Due:
     """Time of the next tick of one iterator."""
 
     time_ns: int
-    reached: threading.Event | None = None  # set when time stands at it
+    reached: threading.Event | None = None  # set when time is held at it
 
 
 class PacedClock:
@@ -140,7 +140,7 @@ class PacedClock:
     def ticks(self, event: threading.Event, period_ns: int) -> Iterator[Iterator[None]]:
         """Yield an iterator that ticks now and every ``period_ns`` until ``event`` is set.
 
-        Time stands from a tick until the next one is asked for, so however slow the computer
+        Time is held from a tick until the next one is asked for, so however slow the computer
         is, none is skipped. The event is one that the control loop sets, and seen at the end of
         the period. Nothing between two ticks may sleep on this clock.
         """
@@ -174,7 +174,7 @@ class PacedClock:
     def bounded(self, ahead_ns: int, reached: threading.Event) -> Iterator[Callable[[], None]]:
         """Let time advance by ``ahead_ns``, and again with each call of the function yielded.
 
-        Time stands after that, with ``reached`` set: an observer that is slower than the simulation
+        Time is held then, with ``reached`` set: an observer that is slower than the simulation
         misses nothing. Unlike a tick it wakes no thread in each period. What is between two calls
         may not sleep on this clock.
         """
@@ -294,7 +294,7 @@ SimulatedClock = SteppedClock | PacedClock
 def ticks(event: threading.Event, period_ns: int, clock: Clock) -> Iterator[Iterator[None]]:
     """Yield an iterator that ticks now and every ``period_ns`` on ``clock`` until ``event`` is set.
 
-    Where time is simulated, it stands from a tick until the next one is asked for.
+    Where time is simulated, it is held from a tick until the next one is asked for.
     """
     if isinstance(clock, PacedClock):
         with clock.ticks(event, period_ns) as paced:

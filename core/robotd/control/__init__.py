@@ -1,1 +1,1 @@
-"""The one thread that reads the device and streams setpoints to it."""
+"""Control of the axes in three storeys, which import only downwards: groups, sources, loop."""

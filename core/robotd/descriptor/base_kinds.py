@@ -6,50 +6,54 @@ chooses it.
 
 from __future__ import annotations
 
+import re
+import sys
 from collections.abc import Iterator
 from contextlib import suppress
-from functools import cache
-from importlib.metadata import EntryPoint
+from functools import lru_cache
 from typing import Annotated, Any
 
-from pydantic import GetJsonSchemaHandler
+from pydantic import GetJsonSchemaHandler, ValidationError
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
 from robotd.descriptor.drive_settings import DriveSettings
 from robotd.descriptor.section import validation_error
-from robotd.entry_points import entry_points
-from robotd.errors import PluginError
+from robotd.entry_points import installed_names, load_entry, owner_of, plugin_errors
+from robotd.errors import PluginError, unknown_name
 
 GROUP = "robotd.bases"
+_TARGET = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_][\w.]*")
 DEFAULT = "differential"  # of a section without ``kind``
 
 
 def base_kinds() -> list[str]:
     """Return the names of all kinds, sorted. Any thread."""
-    return sorted(_entries())
+    names = installed_names(GROUP)
+    return sorted({*names.entries, *(origin.name for origin in names.refused)})
 
 
-@cache
 def base_kind(name: str) -> type[DriveSettings]:
     """Return the model of a kind that is in ``base_kinds``. Any thread.
 
     Raises PluginError: the kind cannot be used, because its name is taken, it cannot be imported,
     or it is no subclass of ``DriveSettings`` that names its kinematics.
     """
-    [entry, *others] = _entries()[name]
-    if others:
-        all_of_them = ", ".join(each.value for each in (entry, *others))
-        raise PluginError(f"kind of base {name!r} exists more than once: {all_of_them}")
-    try:
-        kind = entry.load()
-    except (Exception, SystemExit) as error:  # of a third party
-        what = f"kind of base {name!r} cannot be imported: {type(error).__name__}: {error}"
-        raise PluginError(what) from error
-    if not (isinstance(kind, type) and issubclass(kind, DriveSettings) and kind.KINEMATICS):
-        raise PluginError(
-            f"kind of base {name!r}: {entry.value} is no DriveSettings with KINEMATICS"
-        )
+    return _load(tuple(sys.path), name)
+
+
+@lru_cache(maxsize=64)
+def _load(path: tuple[str, ...], name: str) -> type[DriveSettings]:
+    del path
+    found = installed_names(GROUP).require(name)
+    if found is None:
+        raise PluginError(unknown_name("kind of base", name, base_kinds()))
+    kind = load_entry(*found)
+    if not (isinstance(kind, type) and issubclass(kind, DriveSettings)):
+        raise PluginError(f"kind of base {found[0]}: must be a subclass of DriveSettings")
+    if not _TARGET.fullmatch(str(kind.KINEMATICS)):
+        what = f"KINEMATICS must be package.module:function (value {kind.KINEMATICS!r:.60})"
+        raise PluginError(f"kind of base {found[0]}: {what}")
     return kind
 
 
@@ -58,14 +62,6 @@ def base_models() -> Iterator[type[DriveSettings]]:
     for name in base_kinds():
         with suppress(PluginError):
             yield base_kind(name)
-
-
-@cache
-def _entries() -> dict[str, list[EntryPoint]]:
-    found: dict[str, list[EntryPoint]] = {}
-    for entry in entry_points(group=GROUP):
-        found.setdefault(entry.name, []).append(entry)
-    return found
 
 
 def _by_kind(value: Any) -> DriveSettings:
@@ -77,7 +73,10 @@ def _by_kind(value: Any) -> DriveSettings:
         return value
     kind = value.get("kind", DEFAULT) if isinstance(value, dict) else DEFAULT
     if isinstance(kind, str) and kind in base_kinds():
-        return base_kind(kind).model_validate(value)
+        model = base_kind(kind)
+        what = f"kind of base {kind!r} of {owner_of(model.__module__)}"
+        with plugin_errors(what, model.__module__, unchanged=(ValidationError,)):
+            return model.model_validate(value)
     what = f"unknown kind of base (available: {', '.join(base_kinds()) or 'none'})"
     raise validation_error("drive", [(("kind",), what, kind)])
 
@@ -97,7 +96,7 @@ class AnyKind:
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
         return handler(
-            core_schema.union_schema([each.__pydantic_core_schema__ for each in base_models()])
+            core_schema.union_schema([model.__pydantic_core_schema__ for model in base_models()])
         )
 
 

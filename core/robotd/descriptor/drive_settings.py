@@ -85,7 +85,7 @@ class DriveSettings(Section):
     @property
     def steering_axes(self) -> tuple[int, ...]:
         """Axes of ``steering``."""
-        return tuple(each.axis for each in self.steering)
+        return tuple(wheel.axis for wheel in self.steering)
 
     @property
     def wheel_deceleration(self) -> float:

@@ -15,11 +15,12 @@ from robotd.descriptor.files import beside, is_file, is_folder
 from robotd.descriptor.model import RobotDescriptor
 from robotd.descriptor.overrides import FIXED_KEYS, Override, overridden
 from robotd.descriptor.problems import Model, join, problems_of, validate
-from robotd.descriptor.source import Node, merge, read_yaml
+from robotd.descriptor.source import YamlNode, merge, read_yaml
 from robotd.errors import DescriptorError, PluginError, unknown_name
-from robotd.feature import installed_features
+from robotd.feature import feature_errors, installed_features
 
 FILE_NAME = "robot.yaml"
+URDF_SUFFIXES = (".urdf", ".xacro")
 MAX_EXTENDS = 8
 MAX_VARIANTS = 32  # each is checked, whichever is asked for
 
@@ -106,7 +107,7 @@ def validate_section(descriptor: RobotDescriptor, section: str, model: type[Mode
     return validate(model, values, descriptor.tree, keys)
 
 
-def _variants(tree: Node) -> tuple[list[str], str | None]:
+def _variants(tree: YamlNode) -> tuple[list[str], str | None]:
     """Return the variants' names and the default one; the model checks the rest.
 
     Raises DescriptorError: more than ``MAX_VARIANTS``.
@@ -121,7 +122,7 @@ def _variants(tree: Node) -> tuple[list[str], str | None]:
 
 
 def _check(
-    tree: Node,
+    tree: YamlNode,
     variant: str | None,
     overrides: Sequence[Override],
     problems: list[DescriptorError],
@@ -141,21 +142,22 @@ def _check(
 
 
 def _feature_settings(
-    tree: Node, problems: list[DescriptorError]
+    tree: YamlNode, problems: list[DescriptorError]
 ) -> tuple[dict[type[BaseModel], BaseModel], dict[str, Any]]:
     """Return the settings of features by their models, and the other keys."""
     settings: dict[type[BaseModel], BaseModel] = {}
     own = tree.plain()
-    for feature in installed_features().values():
+    for name, feature in installed_features().items():
         values = {key: own.pop(key) for key in feature.keys if key in own}
         try:
-            settings[feature.settings] = feature.settings.model_validate(values)
+            with feature_errors(name, "settings", unchanged=(ValidationError,)):
+                settings[feature.settings] = feature.settings.model_validate(values)
         except ValidationError as error:
             problems.extend(problems_of(feature.settings, error, tree, ()))
     return settings, own
 
 
-def _overlaid(tree: Node, variant: str | None, problems: list[DescriptorError]) -> Node:
+def _overlaid(tree: YamlNode, variant: str | None, problems: list[DescriptorError]) -> YamlNode:
     overlay = tree.find(["variants", variant]) if variant is not None else None
     if overlay is None or not isinstance(overlay.value, dict):
         return tree  # a variant that is no mapping is found by the model
@@ -170,7 +172,7 @@ def _overlaid(tree: Node, variant: str | None, problems: list[DescriptorError]) 
     return replace(merged, path=tree.path, line=tree.line)
 
 
-def _with_files(tree: Node, problems: list[DescriptorError]) -> Node:
+def _with_files(tree: YamlNode, problems: list[DescriptorError]) -> YamlNode:
     """Return ``tree`` with absolute file paths, each resolved beside the file that names it."""
     children = dict(tree.value)
     for key in _FILE_KEYS:
@@ -185,7 +187,7 @@ def _with_files(tree: Node, problems: list[DescriptorError]) -> Node:
     return replace(tree, value=children)
 
 
-def _extended(path: Path, above: tuple[Path, ...], search_path: Sequence[Path] | None) -> Node:
+def _extended(path: Path, above: tuple[Path, ...], search_path: Sequence[Path] | None) -> YamlNode:
     """Return the tree of ``path``, merged over the one that it extends."""
     tree = read_yaml(path)
     node = tree.value.pop("extends", None)
@@ -208,7 +210,7 @@ def _extended(path: Path, above: tuple[Path, ...], search_path: Sequence[Path] |
     return replace(merged, path=path)
 
 
-def _base(path: Path, node: Node, search_path: Sequence[Path] | None) -> Path:
+def _base(path: Path, node: YamlNode, search_path: Sequence[Path] | None) -> Path:
     """Return the file that ``path`` extends, by path or by name of a robot."""
     if os.sep in node.value or node.value.endswith(".yaml"):
         return beside(path, node.value)
@@ -219,8 +221,11 @@ def _base(path: Path, node: Node, search_path: Sequence[Path] | None) -> Path:
 
 
 def _find(robot: str | Path, search_path: Sequence[Path] | None) -> Path:
+    path = Path(robot)
+    if path.suffix in URDF_SUFFIXES:
+        what = f"{robot} has no drives and limits of a robot: robotd new-robot NAME --urdf {robot}"
+        raise DescriptorError(f"{what} makes a robot of it")
     if isinstance(robot, Path) or os.sep in robot or robot.endswith(".yaml"):
-        path = Path(robot)
         return path / FILE_NAME if is_folder(path) else path
     robots = list(_robots(search_path))
     found = [path for name, path in robots if name == robot]

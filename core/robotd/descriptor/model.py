@@ -7,7 +7,7 @@ tables of the robots' README are made from them.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
@@ -34,7 +34,12 @@ from robotd.descriptor.section import (
     Section,
     twice,
 )
-from robotd.descriptor.source import Node, merge
+from robotd.descriptor.servo_gripper_settings import (
+    ServoGripperSettings,
+    servo_gripper_problems,
+)
+from robotd.descriptor.source import YamlNode, merge
+from robotd.errors import DescriptorError
 
 DEFAULT_RATE_HZ = 500.0
 
@@ -175,7 +180,8 @@ class RobotDescriptor(Section):
     cycle: CycleSettings = Field(CycleSettings(), description="Cycle of the control loop.")
     engine: EngineSettings = Field(EngineSettings(), description="Times of start-up and shut-down.")
     parameters_file: File | None = Field(
-        None, description="WMX parameter file, relative to this file; null loads none."
+        None,
+        description="File of parameters for the backend, relative to this file; null loads none.",
     )
     urdf: File | None = Field(None, description="URDF of the robot, relative to this file.")
     tool_link: str | None = Field(
@@ -205,7 +211,12 @@ class RobotDescriptor(Section):
         {}, description="Names of input bits: `part_present: 0.3` is byte 0, bit 3."
     )
     outputs: IoNames = Field({}, description="Names of output bits, as `inputs`.")
-    gripper: GripperSettings | None = Field(None, description="Gripper; null when there is none.")
+    gripper: GripperSettings | None = Field(
+        None, description="Gripper on an output bit; null when there is none."
+    )
+    servo_grippers: dict[Name, ServoGripperSettings] = Field(
+        {}, description="Grippers that are a joint, by name."
+    )
     stop_input: StopInputSettings | None = Field(
         None, description="Input that stops all motion until a reset; null when there is none."
     )
@@ -229,13 +240,14 @@ class RobotDescriptor(Section):
         {}, description="Changes to this file, by name of the deployment."
     )
 
-    _tree: Node | None = PrivateAttr(None)
+    _tree: YamlNode | None = PrivateAttr(None)
     _variant: str | None = PrivateAttr(None)
     _settings: Mapping[type[BaseModel], BaseModel] = PrivateAttr(default_factory=dict)
+    _read: set[type[BaseModel]] = PrivateAttr(default_factory=set)
 
     def of(
         self,
-        tree: Node,
+        tree: YamlNode,
         variant: str | None,
         settings: Mapping[type[BaseModel], BaseModel] | None = None,
     ) -> Self:
@@ -245,10 +257,31 @@ class RobotDescriptor(Section):
 
     def settings(self, model: type[Settings]) -> Settings:
         """Return the settings of a feature, by its model; the defaults where there are none."""
+        self._read.add(model)
         found = self._settings.get(model)
         return found if isinstance(found, model) else model()
 
-    def with_options(self, backend: str, options: Mapping[str, Any], origin: Node | None) -> Self:
+    @property
+    def unread_keys(self) -> tuple[str, ...]:
+        """Keys of features that the file sets and nothing in this process has read."""
+        given = self._tree.value if self._tree is not None else {}
+        unread = [
+            model
+            for model in self._settings
+            if model not in self._read and not getattr(model, "on_request", False)
+        ]
+        keys = [key for model in unread for key in model.model_fields]
+        return tuple(key for key in keys if key in given and given[key].value is not None)
+
+    def problem(self, key: str, text: str) -> DescriptorError:
+        """Return an error of a key, dotted, with the line of the file that it comes from."""
+        node = self._tree.find(key.split(".")) if self._tree is not None else None
+        path, line = (node.path, node.line) if node else (None, None)
+        return DescriptorError(text, path=path, line=line, key=key)
+
+    def with_options(
+        self, backend: str, options: Mapping[str, Any], origin: YamlNode | None
+    ) -> Self:
         """Return a copy with ``options`` laid over the section of a backend.
 
         ``origin``: their tree, which errors name; None for options of a program.
@@ -258,13 +291,13 @@ class RobotDescriptor(Section):
         if self._tree is not None and origin is not None:
             # Without lines: a value with a line is taken for one of a robot that this one extends.
             keys = {key: replace(node, line=None) for key, node in origin.value.items()}
-            backends = Node({backend: replace(origin, value=keys)}, origin.path, None)
-            merged = merge(self._tree, Node({"backends": backends}, origin.path, None))
+            backends = YamlNode({backend: replace(origin, value=keys)}, origin.path, None)
+            merged = merge(self._tree, YamlNode({"backends": backends}, origin.path, None))
             copy._tree = replace(self._tree, value=merged.value)  # noqa: SLF001 - of the same class
         return copy
 
     @property
-    def tree(self) -> Node | None:
+    def tree(self) -> YamlNode | None:
         """Origin of each key; None for a descriptor made in Python."""
         return self._tree
 
@@ -273,9 +306,16 @@ class RobotDescriptor(Section):
         """The file; None for a descriptor that was made in Python."""
         return None if self._tree is None else self._tree.path
 
+    def names_any(self, keys: Iterable[str]) -> bool:
+        """Return whether the file, or what replaces its values, has one of these top-level keys.
+
+        True for a descriptor that was made in Python: what it was given is not known.
+        """
+        return self._tree is None or any(key in self._tree.value for key in keys)
+
     @property
     def variant(self) -> str | None:
-        """The variant that was applied; None when the file stands as it is."""
+        """The variant that was applied; None when the file is used unchanged."""
         return self._variant
 
     @property
@@ -308,7 +348,7 @@ class RobotDescriptor(Section):
         ramps = {joint.axis: joint.acceleration for joint in self.joints}
         if self.drive:
             ramps |= dict.fromkeys(self.drive.axes, self.drive.wheel_deceleration)
-            ramps |= {each.axis: each.acceleration_rad_s2 for each in self.drive.steering}
+            ramps |= {wheel.axis: wheel.acceleration_rad_s2 for wheel in self.drive.steering}
         return tuple(ramps.get(axis) for axis in range(self.axes))
 
     def problems(self) -> Iterator[Problem]:
@@ -322,6 +362,7 @@ class RobotDescriptor(Section):
             if joint.axis >= self.axes:
                 what = f"must be less than axes ({self.axes})"
                 yield ("joints", index, "axis"), what, joint.axis
+        yield from servo_gripper_problems(self.servo_grippers, self.joints)
         yield from twice("joints", enumerate(self.joint_names), "name")
         yield from twice("joints", enumerate(joint.axis for joint in self.joints), "axis")
         yield from group_problems(self.groups, self.joint_names)
@@ -359,3 +400,9 @@ class RobotDescriptor(Section):
         for name, address in self.outputs.items():
             if address == valve:
                 yield ("outputs", name), "is the output of the gripper", str(address)
+
+
+def own_keys() -> frozenset[str]:
+    """Return the keys at the top level of a robot's file that no feature can have."""
+    fields = RobotDescriptor.model_fields.items()
+    return frozenset({"extends", *(field.alias or name for name, field in fields)})

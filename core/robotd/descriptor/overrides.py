@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from robotd.descriptor.source import Node, read_value
+from robotd.descriptor.source import YamlNode, read_value
 from robotd.errors import DescriptorError
 
 ORIGIN = Path("--set")
@@ -27,7 +27,7 @@ class Override:
     """
 
     keys: tuple[str, ...]
-    node: Node
+    node: YamlNode
     text: str
 
     @property
@@ -58,10 +58,10 @@ def parse_override(text: str) -> Override:
 def override(key: str, value: object) -> Override:
     """Return the override of a dotted key by a number, truth value, text or path."""
     plain = str(value) if isinstance(value, Path) else value
-    return Override(tuple(key.split(".")), Node(plain, ORIGIN, None), f"{key}={plain}")
+    return Override(tuple(key.split(".")), YamlNode(plain, ORIGIN, None), f"{key}={plain}")
 
 
-def overridden(tree: Node, overrides: Sequence[Override]) -> Node:
+def overridden(tree: YamlNode, overrides: Sequence[Override]) -> YamlNode:
     """Return ``tree`` with each override in place; ``tree`` itself is not changed.
 
     Missing sections are created; the models find unknown keys. Raises DescriptorError where a
@@ -73,14 +73,14 @@ def overridden(tree: Node, overrides: Sequence[Override]) -> Node:
     return tree
 
 
-def _placed(tree: Node | None, keys: Sequence[str], override: Override) -> Node:
+def _placed(tree: YamlNode | None, keys: Sequence[str], override: Override) -> YamlNode:
     if not keys:
         return override.node
     key, *rest = keys
     children = {} if tree is None or tree.value is None else tree.value
     if isinstance(children, dict):
         changed = children | {key: _placed(children.get(key), rest, override)}
-        return Node(changed, override.node.path, None)
+        return YamlNode(changed, override.node.path, None)
     if not isinstance(children, list):
         where = override.key.removesuffix("." + ".".join(keys))
         raise _error(f"{where} is {children!r}, not a section with keys", override.key)
@@ -89,7 +89,7 @@ def _placed(tree: Node | None, keys: Sequence[str], override: Override) -> Node:
     index = int(key)
     items = [*children]
     items[index] = _placed(items[index], rest, override)
-    return Node(items, override.node.path, None)
+    return YamlNode(items, override.node.path, None)
 
 
 def _error(message: str, key: str | None) -> DescriptorError:

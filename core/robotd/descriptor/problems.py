@@ -10,8 +10,9 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from robotd.descriptor.base_kinds import AnyKind, base_models
-from robotd.descriptor.source import Node
+from robotd.descriptor.source import YamlNode
 from robotd.errors import DescriptorError, did_you_mean
+from robotd.feature import feature_failures
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -33,7 +34,7 @@ _SHAPES = {"tuple_type": _LIST, "list_type": _LIST, "dict_type": _MAPPING, "mode
 
 
 def validate(
-    model: type[Model], value: Any, tree: Node | None, keys: Sequence[str | int] = ()
+    model: type[Model], value: Any, tree: YamlNode | None, keys: Sequence[str | int] = ()
 ) -> Model:
     """Validate ``value``, which ``tree`` holds at ``keys``.
 
@@ -46,7 +47,7 @@ def validate(
 
 
 def problems_of(
-    model: type[BaseModel], error: ValidationError, tree: Node | None, keys: Sequence[str | int]
+    model: type[BaseModel], error: ValidationError, tree: YamlNode | None, keys: Sequence[str | int]
 ) -> list[DescriptorError]:
     """Return one DescriptorError per finding of ``error``, at most ``_MAX_FINDINGS``."""
     findings = [found for found in error.errors() if found["type"] != _CONSEQUENCE]
@@ -61,24 +62,31 @@ def join(problems: Iterable[DescriptorError]) -> DescriptorError:
 
 
 def _problem(
-    model: type[BaseModel], found: ErrorDetails, tree: Node | None, prefix: Sequence[str | int]
+    model: type[BaseModel], found: ErrorDetails, tree: YamlNode | None, prefix: Sequence[str | int]
 ) -> DescriptorError:
     loc = tuple(key for key in found["loc"] if key != _KEY)
     keys = (*prefix, *loc)
     node = tree.find(keys) if tree else None
+    is_feature = len(keys) == 1 and found["type"] == "extra_forbidden"
     return DescriptorError(
-        _text(model, found, loc) + _extension(tree, node),
+        _text(model, found, loc) + _extension(tree, node) + (_unusable() if is_feature else ""),
         path=node.path if node else None,
         line=node.line if node else None,
         key=".".join(str(key) for key in keys) or None,
     )
 
 
-def _extension(tree: Node | None, node: Node | None) -> str:
+def _extension(tree: YamlNode | None, node: YamlNode | None) -> str:
     """Return which file extends the one with the problem; "" where it is the same."""
     if tree is None or node is None or node.line is None or node.path == tree.path:
         return ""
     return f"; extended by {tree.path}"
+
+
+def _unusable() -> str:
+    """Return which features cannot be used, and why: the key may be one of theirs."""
+    failures = "; ".join(feature_failures().values())
+    return f"; features that cannot be used: {failures}" if failures else ""
 
 
 def _text(model: type[BaseModel], found: ErrorDetails, loc: Sequence[str | int]) -> str:
@@ -112,9 +120,9 @@ def _keys_at(model: type[BaseModel], loc: Sequence[str | int]) -> list[str]:
     """Return the keys of the model at ``loc`` below ``model``; empty without one."""
     current: list[Any] = [model]
     for key in loc:
-        current = [item for each in current for item in _below(each, str(key))]
-    fields = [each.model_fields.items() for each in current if _is_model(each)]
-    return list(dict.fromkeys(field.alias or name for each in fields for name, field in each))
+        current = [item for model in current for item in _below(model, str(key))]
+    fields = [model.model_fields.items() for model in current if _is_model(model)]
+    return list(dict.fromkeys(field.alias or name for named in fields for name, field in named))
 
 
 def _below(annotation: Any, key: str) -> list[Any]:
@@ -130,7 +138,7 @@ def _alternatives(annotation: Any) -> list[Any]:
     """Return the members of a union, without None; other types alone."""
     if get_origin(annotation) is Annotated:
         inner, *others = get_args(annotation)
-        if any(isinstance(each, AnyKind) for each in others):
+        if any(isinstance(model, AnyKind) for model in others):
             return [*base_models()]
         return _alternatives(inner)
     if get_origin(annotation) not in (Union, types.UnionType):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
@@ -28,9 +28,15 @@ File = Annotated[Path, Field(strict=False)]
 
 
 class Section(BaseModel):
-    """Base of every section: frozen, no unknown key, no conversion, no infinity."""
+    """Base of every section: frozen, no unknown key, no conversion, no infinity.
+
+    Attributes:
+        on_request: keys of a feature that are read when a program asks for it, and missed by no
+            program that does not.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+    on_request: ClassVar[bool] = False
 
     def problems(self) -> Iterator[Problem]:
         """Yield cross-field validation errors."""

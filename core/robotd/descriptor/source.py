@@ -36,7 +36,7 @@ _NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?
 
 
 @dataclass(frozen=True, slots=True)
-class Node:
+class YamlNode:
     """A value of a YAML tree.
 
     Attributes:
@@ -57,7 +57,7 @@ class Node:
             return [child.plain() for child in self.value]
         return self.value
 
-    def find(self, keys: Sequence[str | int]) -> Node:
+    def find(self, keys: Sequence[str | int]) -> YamlNode:
         """Return the node at ``keys``, or its deepest existing ancestor."""
         node = self
         for key in keys:
@@ -70,7 +70,7 @@ class Node:
         return node
 
 
-def merge(base: Node, overlay: Node) -> Node:
+def merge(base: YamlNode, overlay: YamlNode) -> YamlNode:
     """Return ``base`` overridden by ``overlay``; neither is changed.
 
     Mappings merge key by key; scalars and lists replace what was there. A null deletes the key,
@@ -87,10 +87,10 @@ def merge(base: Node, overlay: Node) -> Node:
             del children[key]
         else:
             children[key] = merge(children[key], node)
-    return Node(children, overlay.path, overlay.line)
+    return YamlNode(children, overlay.path, overlay.line)
 
 
-def read_yaml(path: Path) -> Node:
+def read_yaml(path: Path) -> YamlNode:
     """Read a file whose top level is a mapping. Raises DescriptorError."""
     data = read_limited(path, MAX_BYTES)
     try:
@@ -98,13 +98,23 @@ def read_yaml(path: Path) -> Node:
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise DescriptorError(f"not UTF-8 text ({error.reason})", path=path, line=line) from None
+    return parse_yaml(text, path)
+
+
+def parse_yaml(text: str, path: Path) -> YamlNode:
+    """Read the text of a file whose top level is a mapping.
+
+    ``path``: of the file, for errors; it is not opened. Raises DescriptorError.
+    """
+    if len(text) > MAX_BYTES:
+        raise DescriptorError(f"longer than {MAX_BYTES:_} characters", path=path)
     root = _build(text, path)
     if not isinstance(root.value, dict):
         raise DescriptorError("must be a mapping of keys to values", path=path, line=1)
     return root
 
 
-def read_value(text: str, origin: Path) -> Node:
+def read_value(text: str, origin: Path) -> YamlNode:
     """Read one value, without lines, in the syntax of a file: scalar, list or mapping.
 
     Raises DescriptorError for text that is no YAML, with ``origin`` as the file.
@@ -112,7 +122,7 @@ def read_value(text: str, origin: Path) -> Node:
     return _build(text, origin, has_lines=False)
 
 
-def _build(text: str, path: Path, *, has_lines: bool = True) -> Node:
+def _build(text: str, path: Path, *, has_lines: bool = True) -> YamlNode:
     builder = _Builder(path, has_lines=has_lines)
     try:
         root = builder.document(iter(yaml.parse(text, Loader=_LOADER)))
@@ -132,7 +142,9 @@ def _syntax_error(text: str, error: Any, path: Path) -> DescriptorError:
     mark, start = getattr(error, "problem_mark", None), getattr(error, "context_mark", None)
     # Without a mark it is a character that no text has, by its byte.
     line = 1 + (mark.line if mark else text.encode().count(b"\n", 0, error.position))
-    if any(each.lstrip(" ").startswith("\t") for each in text.splitlines()[line - 1 : line]):
+    if any(
+        text_line.lstrip(" ").startswith("\t") for text_line in text.splitlines()[line - 1 : line]
+    ):
         what = "the line is indented by a tab: use spaces"
     elif start is not None and start.line + 1 != line:  # such as the quote that is not closed
         what += f", {error.context} from line {start.line + 1}"
@@ -147,8 +159,8 @@ class _Builder:
         self._values = 0
         self.problems: list[DescriptorError] = []
 
-    def document(self, events: Iterator[Any]) -> Node:
-        root: Node | None = None
+    def document(self, events: Iterator[Any]) -> YamlNode:
+        root: YamlNode | None = None
         event: Any
         for event in events:
             if not isinstance(event, yaml.NodeEvent):
@@ -156,9 +168,9 @@ class _Builder:
             if root is not None:
                 raise self._error("a second document; one file describes one robot", event)
             root = self._node(event, events, _line(event), depth=0)
-        return root or Node(None, self._path, 1)
+        return root or YamlNode(None, self._path, 1)
 
-    def _node(self, event: Any, events: Iterator[Any], line: int, depth: int) -> Node:
+    def _node(self, event: Any, events: Iterator[Any], line: int, depth: int) -> YamlNode:
         if depth > MAX_DEPTH:
             raise self._error(_TOO_DEEP, event)
         self._values += 1
@@ -166,7 +178,7 @@ class _Builder:
             raise self._error(f"more than {MAX_VALUES:_} values", event)
         if isinstance(event, yaml.AliasEvent):
             self._refuse(f"alias *{event.anchor}: use variants or extends instead", event)
-            return Node(None, self._path, line)
+            return YamlNode(None, self._path, line)
         if event.tag is not None:
             self._refuse(f"tag {event.tag!r} is not allowed", event)
         value: Any
@@ -176,10 +188,10 @@ class _Builder:
             value = self._sequence(events, depth)
         else:
             value = self._scalar(event)
-        return Node(value, self._path, line if self._has_lines else None)
+        return YamlNode(value, self._path, line if self._has_lines else None)
 
-    def _mapping(self, events: Iterator[Any], depth: int) -> dict[str, Node]:
-        children: dict[str, Node] = {}
+    def _mapping(self, events: Iterator[Any], depth: int) -> dict[str, YamlNode]:
+        children: dict[str, YamlNode] = {}
         key: Any
         for key in events:
             if isinstance(key, yaml.MappingEndEvent):
@@ -196,8 +208,8 @@ class _Builder:
             children[key.value] = child
         return children
 
-    def _sequence(self, events: Iterator[Any], depth: int) -> list[Node]:
-        children: list[Node] = []
+    def _sequence(self, events: Iterator[Any], depth: int) -> list[YamlNode]:
+        children: list[YamlNode] = []
         for event in events:
             if isinstance(event, yaml.SequenceEndEvent):
                 break

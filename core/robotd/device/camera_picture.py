@@ -44,8 +44,8 @@ def due_cameras(
         stop: ends it.
         clock: of the robot.
     """
-    due_ns = dict.fromkeys((each.name for each in cameras), 0)
-    period_ns = round(NANOSECONDS / max(each.rate_hz for each in cameras))
+    due_ns = dict.fromkeys((camera.name for camera in cameras), 0)
+    period_ns = round(NANOSECONDS / max(camera.rate_hz for camera in cameras))
     with ticks(stop, period_ns, clock) as moments:
         for _ in moments:
             now_ns = clock.now_ns()
@@ -64,7 +64,7 @@ class CameraPictures:
 
     def __init__(self, world: World) -> None:
         self._world = world
-        self._cameras = {each.name: each for each in world.cameras}
+        self._cameras = {camera.name: camera for camera in world.cameras}
         self._lock = threading.Lock()
         self._newest: dict[str, tuple[float, bytes]] = {}  # time and JPEG, by camera
 

@@ -20,6 +20,7 @@ class Capability(StrEnum):
       their own (``set_command_mode``). Without it ``jog`` is never called.
     - TORQUE_MODE: torque setpoints (``AxisDriver.stream_torque``), in a mode of their own
       (``set_command_mode``).
+    - HAND_GUIDING: a person can move the axes by hand (``AxisDriver.begin_guiding``).
     - HOMING: the present position can become zero (``home``).
     - SCALING: gear ratio and polarity change at run time (``set_gear_ratio``, ``set_polarity``).
     - PARAMETERS_FILE: the device takes a parameter file (``DeviceDriver.load_parameters``,
@@ -45,6 +46,7 @@ class Capability(StrEnum):
     FIELDBUS = "fieldbus"
     VELOCITY_MODE = "velocity_mode"
     TORQUE_MODE = "torque_mode"
+    HAND_GUIDING = "hand_guiding"
     HOMING = "homing"
     PARAMETERS_FILE = "parameters_file"
     SCALING = "scaling"

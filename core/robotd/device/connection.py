@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from robotd.clean_up import run_all
 from robotd.descriptor import EngineSettings
 from robotd.descriptor.files import is_file
 from robotd.device.drivers import DeviceDriver
@@ -245,19 +246,17 @@ class Connection:
     def close(self) -> None:
         """Stop communication and disconnect, from any state."""
         with self._lock:
-            try:
-                self.stop_communication()
-            finally:
-                try:
-                    self._driver.close()
-                    log.info("device closed")
-                finally:
-                    self.update_ready()
+            run_all(self.stop_communication, self._close_driver, self.update_ready)
+
+    def _close_driver(self) -> None:
+        self._driver.close()
+        log.info("device closed")
 
     def restore(self) -> None:
         """Open the device and start communication, as far as they are missing. One try.
 
-        Nothing moves, no servo is switched on. Raises as ``open`` and ``start_communication`` do.
+        Nothing moves, no servo is switched on. Raises the errors of ``open`` and
+        ``start_communication``.
         """
         with self._lock:
             try:
@@ -307,16 +306,16 @@ class Connection:
             try:
                 if self._driver.state() in COMMUNICATES:
                     self._stopping = True
-                    try:
-                        self.before_stop()
-                    finally:
-                        self.established = False
-                        self._driver.stop_communication(self.settings.communication_timeout_s)
+                    run_all(self.before_stop, self._end_exchange)
                     log.info("communication stopped")
             finally:
                 self.established, self._wanted, self._start_failure = False, False, ""
                 self.update_ready()
                 self._stopping = False
+
+    def _end_exchange(self) -> None:
+        self.established = False
+        self._driver.stop_communication(self.settings.communication_timeout_s)
 
     def scan_network(self) -> str:
         """Scan the fieldbus; return a one-line summary for people."""

@@ -127,6 +127,10 @@ class AxisDriver(ABC):
     servo goes on by itself. What is accepted is executed as it was commanded: a device that cannot
     rejects it, or names its limit in ``device_limits``. A command or a fault of one axis leaves the
     motion of others as it is, unless they share its servo switch or the controller's alarm.
+
+    The first setpoint that an axis can get after a silence of its drive is within its limits from
+    the last one that the drive has acknowledged. What could not be delivered is not executed later.
+    Stops and servo off need no fresh values: a drive gets them as soon as it can, or they raise.
     """
 
     @property
@@ -150,11 +154,29 @@ class AxisDriver(ABC):
         return 0.0
 
     @property
+    def response_s(self) -> float:
+        """Time from a command to the motion that it asks for, seconds; 0: within a period.
+
+        The core compares a measured value with the command of that much earlier, and waits so long
+        before it takes an axis that has just been commanded for one at rest.
+        """
+        return 0.0
+
+    @property
     def device_limits(self) -> Sequence[AxisLimits]:
         """Limits that the device itself clips or rejects by, one per axis; empty: not known.
 
         inf for a value without a limit, ``unit`` as of the axis. Read once, before the device is
         opened. Every command is checked against the smaller of these and those of the descriptor.
+        """
+        return ()
+
+    @property
+    def cautions(self) -> Sequence[str]:
+        """Dangers of the drives that a person beside them has to know, a text each.
+
+        As far as files tell it before the device is opened, and as the drives have shown it after
+        communication has started. Any worker.
         """
         return ()
 
@@ -205,6 +227,13 @@ class AxisDriver(ABC):
         enabled axis as it is, also in motion; disabling works in every state, also after a stop.
         """
 
+    def confirmed_off(self) -> Sequence[bool] | None:
+        """Return of each axis whether its drive has confirmed to be off; else it may be on.
+
+        Asked after communication has ended. None: not kept; the last image says it.
+        """
+        return None
+
     @abstractmethod
     def clear_alarm(self, axis: int, timeout_s: float) -> None:
         """Clear the alarm and wait until it is gone. Without an alarm: no effect."""
@@ -252,7 +281,9 @@ class AxisDriver(ABC):
         An axis in position mode passes through its position at its velocity; one in velocity
         mode changes evenly to its velocity, and its position is ignored. Only axes between
         ``begin_stream`` and ``end_stream`` obey; the others' entries are ignored. Ignored
-        entries may be NaN. After missing setpoints the next one continues where ``underrun``
+        entries may be NaN. An axis that ``ProcessImage.silent`` names gets no setpoint: until its
+        drive answers it keeps the command that it has, and then continues from
+        ``position_command``. After missing setpoints the next one continues where ``underrun``
         leads. The arrays are overwritten by the caller after the call.
 
         Args:
@@ -342,13 +373,43 @@ class AxisDriver(ABC):
         """
         raise Unsupported("velocity mode")
 
+    def begin_guiding(self, axes: Sequence[int], timeout_s: float) -> None:
+        """Let idle, enabled ``axes`` be moved by hand; wait until they can be (HAND_GUIDING).
+
+        Each is in ``Operation.GUIDING`` until something stops it. It gets no targets, and its
+        command is its measured position. A drive that has to be off for it is shown as off. Where
+        one of them cannot be guided, none is.
+
+        ``stop`` and ``quick_stop`` end it: the axis is held where it comes to rest, enabled. One
+        that cannot be held is off, with the reason in ``ProcessImage.reason``. Servo off ends it,
+        too, and so do an alarm and the end of communication.
+        """
+        raise Unsupported("hand guiding")
+
+    def homing_speed(self, axis: int) -> float:
+        """Return the highest speed of the axis' homing, rad/s or m/s; 0: it does not move.
+
+        Read at each homing, which ``search_home`` runs where it moves, else ``home``.
+        """
+        return 0.0
+
     def home(self, axis: int, timeout_s: float) -> None:
         """Make the present position zero, without moving; wait for it (HOMING).
 
         The command is zero then, too. Polarity and gear ratio stay. With the servo off: the same,
-        or OperationError.
+        or OperationError. Not called for an axis whose homing moves.
         """
         raise Unsupported("homing")
+
+    def search_home(self, axis: int, max_speed: float, timeout_s: float) -> None:
+        """Move to the home position and make it known; wait for it (HOMING).
+
+        Only an axis with a ``homing_speed`` is asked for it. It stops as a move does, and the
+        command is the position in the end.
+
+        ``max_speed``: bound of the speed, rad/s or m/s, at most ``homing_speed``.
+        """
+        raise Unsupported("homing that moves")
 
     def set_polarity(self, axis: int, polarity: int) -> None:
         """Set 1 or -1, servo off; the measured position changes sign (SCALING).
@@ -439,7 +500,7 @@ class FieldbusDriver(ABC):
 
     def start_hot_connect(self, bus: int) -> None:
         """Let newly attached nodes join (HOT_CONNECT)."""
-        raise Unsupported("start_hotconnect")
+        raise Unsupported("hot connect")
 
     def read_object(self, bus: int, node: int, index: int, subindex: int) -> bytes:
         """Return an object of a node as it is on the bus (OBJECTS).
@@ -453,7 +514,7 @@ class FieldbusDriver(ABC):
     def write_object(self, bus: int, node: int, index: int, subindex: int, data: bytes) -> None:
         """Write an object of a node; no axis of the device moves (OBJECTS).
 
-        What the driver remembers of objects that it writes itself is no longer valid. Raises as
-        ``read_object`` does.
+        What the driver remembers of objects that it writes itself is no longer valid. Raises the
+        errors of ``read_object``.
         """
         raise Unsupported("write_object")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
@@ -21,7 +22,7 @@ class Fieldbus:
 
     Args:
         driver: the backend's driver; None answers every call with ``Unsupported``.
-        events: where writes are noted; None: in a log of its own.
+        events: where writes are recorded; None: in a log of its own.
         kept_at_rest: lets no motion start in its block; raises NotReady while an axis moves.
             None: motion does not matter.
     """
@@ -41,15 +42,24 @@ class Fieldbus:
         self._connection = connection
         self._capabilities = capabilities
         self._backend = backend
+        self._newest: dict[int, tuple[float, BusStatus]] = {}  # with the time before it was read
 
     @property
     def buses(self) -> int:
         """Number of fieldbuses, numbered 0 … buses - 1; 0 where the backend has none."""
         return 0 if self._maybe_driver is None else self._maybe_driver.buses
 
-    def status(self, bus: int) -> BusStatus:
-        """Return the status of one bus and its nodes."""
-        return self._checked("network state", None, bus).status(bus)
+    def status(self, bus: int, max_age_s: float = 0.0) -> BusStatus:
+        """Return the status of one bus and its nodes.
+
+        ``max_age_s``: a status that was read within this time, of the computer's clock, will do.
+        """
+        driver, now_s = self._checked("network state", None, bus), time.monotonic()
+        read_s, status = self._newest.get(bus, (-math.inf, None))
+        if status is None or now_s - read_s >= max_age_s:
+            status = driver.status(bus)
+            self._newest[bus] = now_s, status
+        return status
 
     def read_register(self, bus: int, node: int, address: int, length: int) -> bytes:
         """Return raw register memory of a node; the range must lie inside its memory."""
@@ -83,7 +93,7 @@ class Fieldbus:
         """Write an object of a node while every axis is at rest.
 
         No motion starts meanwhile. The node does what the object means, whatever the limits of the
-        descriptor are. Raises as ``read_object`` does, and NotReady while an axis moves or is
+        descriptor are. Raises the errors of ``read_object``; NotReady while an axis moves or is
         claimed.
         """
         driver = self._checked("write_object", Capability.OBJECTS, bus)
@@ -100,7 +110,7 @@ class Fieldbus:
 
     def start_hot_connect(self, bus: int) -> None:
         """Let newly attached nodes join."""
-        self._checked("start_hotconnect", Capability.HOT_CONNECT, bus).start_hot_connect(bus)
+        self._checked("hot connect", Capability.HOT_CONNECT, bus).start_hot_connect(bus)
 
     def _checked(self, feature: str, needs: Capability | None, bus: int) -> FieldbusDriver:
         driver = self._maybe_driver

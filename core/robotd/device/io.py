@@ -17,7 +17,7 @@ class Io:
 
     Args:
         driver: the backend's driver; None answers every call with ``Unsupported``.
-        events: where commands are noted; None: in a log of its own.
+        events: where commands are recorded; None: in a log of its own.
 
     Attributes:
         inputs, outputs: addresses of the named bits.
@@ -128,9 +128,7 @@ def _missing(descriptor: RobotDescriptor, io: Io) -> Iterator[DescriptorError]:
             if address.byte >= size:
                 last = f"the last byte is {size - 1}" if size else f"the device has no {key}"
                 what = f"{address} is outside the image of {key}: {last}"
-                node = descriptor.tree.find((key, name)) if descriptor.tree else None
-                path, line = (node.path, node.line) if node else (None, None)
-                yield DescriptorError(what, path=path, line=line, key=f"{key}.{name}")
+                yield descriptor.problem(f"{key}.{name}", what)
 
 
 def _address(kind: str, name: str, known: Mapping[str, IoAddress]) -> IoAddress:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,6 +26,24 @@ Obstacle = Callable[[FloatArray, FloatArray], str]
 """Returns what joints run into from positions (m,) to those where they would stop; "": nothing."""
 
 
+class Solid(NamedTuple):
+    """A body that a joint group keeps away from, or carries; for pictures.
+
+    Attributes:
+        name: of the body.
+        shape: ``box``, ``cylinder``, ``sphere`` or ``plane``.
+        size_m: edges; radius and length along z; radius; nothing.
+        pose: (4, 4) of its middle in ``link``.
+        link: name of the link that the pose is in.
+    """
+
+    name: str
+    shape: str
+    size_m: tuple[float, ...]
+    pose: FloatArray
+    link: str
+
+
 class MotionLimits:
     """Limits of the motion of a joint group; none until a feature sets one. Any thread.
 
@@ -38,6 +57,7 @@ class MotionLimits:
         reason, remedy: of that limit, one line each for people; "" without one.
         check_path: of each trajectory before it begins; None: none.
         obstacle: of streams, for the control loop; None: none.
+        solids: what a feature that sets these checks for, beside the links.
     """
 
     def __init__(self, axes: Sequence[int] = ()) -> None:
@@ -46,6 +66,7 @@ class MotionLimits:
         self.reason = self.remedy = ""
         self.check_path: PathCheck | None = None
         self.obstacle: Obstacle | None = None
+        self.solids: tuple[Solid, ...] = ()
 
     def set_speed(self, factors: Factors, reason: str, remedy: str) -> None:
         """Limit the speed from the next period on."""
@@ -68,7 +89,8 @@ class MotionLimits:
         chosen = {axis for axis in self.axes if velocities.get(axis)}
         if factors is None or not chosen:
             return 1.0
-        others = {axis for axis in self.axes if image.operation[axis] not in STANDING}
+        operations = image.operation.tolist()
+        others = {axis for axis in self.axes if operations[axis] not in STANDING}
         if len(chosen | others - velocities.keys()) > 1:
             raise NotReady(f"{self.reason}; commands of single axes move one joint at a time")
         velocity = np.array([[velocities.get(axis, 0.0) for axis in self.axes]])

@@ -60,6 +60,9 @@ class ProcessImage:
         header, frame: room for a recorder's numbers, and with ``memory`` behind it in one piece.
         commands, measured: rows of ``values``: position and velocity as commanded; position,
             velocity and torque as measured.
+        silent: (n_axes,) the drive has not acknowledged its latest cyclic frames and is not lost
+            yet: the axis gets no setpoint, and will continue from ``position_command``. Written by
+            drivers that know what each drive has acknowledged; False elsewhere.
         reason: the device's own words for an alarm, for a drive that does not answer, or for a
             stop that was not commanded, until the next command; "" where it has none.
         controller_alarm, controller_reason: alarm number and text of the whole controller, see
@@ -107,6 +110,7 @@ class ProcessImage:
         for names, block in ((VALUES, self.values), (FLAGS, self.flags), (NUMBERS, self.numbers)):
             for name, row in zip(names, block, strict=True):
                 setattr(self, name, row)
+        self.silent: BoolArray = np.zeros(axes, bool)
         self.offline[:] = True
         self.mode[:] = CommandMode.POSITION
         self.operation[:] = Operation.IDLE
@@ -162,6 +166,7 @@ class ProcessImage:
         self.begin_write()
         blank = ProcessImage(self.axes)
         self.memory[:] = blank.memory
+        self.silent[:] = False
         self.reason[:] = blank.reason
         self.controller_alarm, self.controller_reason = 0, ""
         self.stamp_ns = self.fresh_ns = 0
@@ -176,6 +181,7 @@ class ProcessImage:
         for _ in range(COPY_TRIES):
             before = self._sequence
             twin.memory[:] = self.memory
+            twin.silent[:] = self.silent
             twin.reason[:] = self.reason
             twin.stamp_ns, twin.fresh_ns = self.stamp_ns, self.fresh_ns
             twin.controller_alarm = self.controller_alarm

@@ -13,7 +13,7 @@ from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, Clock
 from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage
-from robotd.device.state import CommandMode, Operation, Underrun
+from robotd.device.state import STREAMING, CommandMode, Operation, Underrun
 from robotd.errors import NotReady, Unsupported
 from robotd.motion.profile import (
     Profile,
@@ -26,7 +26,6 @@ from robotd.motion.profile import (
 MAX_STEP_PERIODS = 2  # periods; in a longer pause axes come to rest at their last target
 FEEDBACK_TIMEOUT_S = 0.2
 Plan = Callable[[float, float], list[Segment]]  # from position and velocity
-_STREAM = int(Operation.STREAM)
 _TAKES_MOVES = (Operation.IDLE, Operation.POSITION, Operation.VELOCITY)
 
 
@@ -36,9 +35,11 @@ class ProfiledAxes(AxisDriver):
     Moves, velocity commands and stops are computed here, by trapezoidal profiles, in the
     control-loop thread; streamed setpoints pass through. A subclass implements
     ``read_feedback``, ``send_targets``, ``servo`` and ``clear_alarm``. It may declare
-    VELOCITY_MODE. While the control loop pauses, axes hold their last target; from there profiles
-    begin anew, and streamed velocities are approached by ``stop_deceleration``. Axes that moved
-    when values were lost hold where they are found: nobody knows which targets arrived.
+    VELOCITY_MODE, and HAND_GUIDING where it implements ``let_go``, ``catch`` and ``is_let_go``.
+    While the control loop pauses, axes hold their last target; from there profiles begin anew, and
+    streamed velocities are approached by ``stop_deceleration``. The same holds for an axis that
+    ``ProcessImage.silent`` names. Axes that moved when values were lost hold where they are found:
+    nobody knows which targets arrived.
 
     Args:
         axes: number of axes.
@@ -84,6 +85,24 @@ class ProfiledAxes(AxisDriver):
         servo is off is its measured position, NaN where that is not known.
         """
 
+    def let_go(self, axes: Sequence[int], timeout_s: float) -> None:
+        """Let ``axes`` be moved by hand, all or none; wait until they can be (HAND_GUIDING).
+
+        From then on ``send_targets`` has their measured positions, as of axes that are off.
+        """
+        raise Unsupported("hand guiding")
+
+    def catch(self, axes: Sequence[int]) -> None:
+        """Begin to hold ``axes``, which were let go, where they come to rest. Returns at once.
+
+        Called once for each axis, by any thread.
+        """
+        raise Unsupported("hand guiding")
+
+    def is_let_go(self, axis: int) -> bool:
+        """Return whether ``axis`` was let go, and is not held or off yet. Control-loop thread."""
+        return False
+
     @property
     def underrun(self) -> Underrun:
         return Underrun.HOLD
@@ -103,14 +122,21 @@ class ProfiledAxes(AxisDriver):
                 enabled = bool(image.servo_on[axis] and not faulty)
                 if is_new:  # the controller may have kept the servo on, but no command
                     motion.enabled = False
+                if motion.guided and not self._goes_on_guiding(axis, motion, image, is_new):
+                    motion.end_guiding()
+                if motion.guided:
+                    continue
                 motion.track(float(image.position[axis]), enabled=enabled, lost=lost)
                 if motion.operation is Operation.STREAM and not self._streamed:
                     self._hold(motion)  # a setpoint is late: its target is held
                 if lost and motion.operation is not Operation.STOPPING:
                     motion.brake(self._quick_stop_deceleration)
-                motion.advance(step_s)
+                if image.silent[axis]:
+                    self._hold(motion)  # until its drive answers it keeps the command that it has
+                else:
+                    motion.advance(step_s)
                 self._show(axis, motion, image)
-        streams = (image.operation == _STREAM).any() and self._streamed
+        streams = (image.operation == STREAMING).any() and self._streamed
         self._streamed = False
         if image.servo_on.any() and not streams:
             self._send(now_ns)
@@ -132,6 +158,17 @@ class ProfiledAxes(AxisDriver):
         self._streamed = bool(followers)
         if followers:  # else ``read`` has sent the targets of this period
             self._send(now_ns)
+
+    def begin_guiding(self, axes: Sequence[int], timeout_s: float) -> None:
+        with self._lock:
+            for axis in axes:
+                if self._require(axis).operation is not Operation.IDLE:
+                    raise NotReady("it is not idle", axis=axis)
+        self.let_go(axes, timeout_s)
+        with self._lock:
+            for axis in axes:
+                self._motions[axis].begin(Operation.GUIDING)
+                self._motions[axis].guided = True
 
     def begin_stream(self, axes: Sequence[int]) -> None:
         with self._lock:
@@ -167,6 +204,7 @@ class ProfiledAxes(AxisDriver):
 
     def stop(self, axes: Sequence[int]) -> None:
         with self._lock:
+            self._catch(axes)
             for axis in axes:
                 motion = self._motions[axis]
                 if motion.operation is not Operation.STOPPING:
@@ -174,6 +212,7 @@ class ProfiledAxes(AxisDriver):
 
     def quick_stop(self, axes: Sequence[int]) -> None:
         with self._lock:
+            self._catch(axes)
             for axis in axes:
                 motion = self._motions[axis]
                 motion.brake(max(motion.deceleration, self._quick_stop_deceleration))
@@ -183,6 +222,24 @@ class ProfiledAxes(AxisDriver):
             raise Unsupported("torque mode")
         with self._lock:
             self._motions[axis].mode = mode
+
+    def _catch(self, axes: Sequence[int]) -> None:
+        """Begin to hold those of ``axes`` that are guided. Lock held."""
+        guided = [axis for axis in axes if self._motions[axis].operation is Operation.GUIDING]
+        if guided:
+            self.catch(guided)
+        for axis in guided:
+            self._motions[axis].operation = Operation.STOPPING
+
+    def _goes_on_guiding(
+        self, axis: int, motion: _AxisMotion, image: ProcessImage, is_new: bool
+    ) -> bool:
+        """Show an axis that was let go; return False once it is held, off or lost. Lock held."""
+        motion.position, motion.velocity = float(image.position[axis]), 0.0
+        if is_new or image.amp_alarm[axis] or image.offline[axis] or not self.is_let_go(axis):
+            return False
+        self._show(axis, motion, image)
+        return True
 
     def _send(self, now_ns: int) -> None:
         self._sent_ns = now_ns
@@ -239,6 +296,7 @@ class _AxisMotion:
         self.strayed = False  # values were lost in motion
         self.mode = CommandMode.POSITION
         self.operation = Operation.IDLE
+        self.guided = False  # it was let go, and is not held again yet
         self.complete = False
         self.deceleration = 0.0  # of the running command; 0: it has none
         self._plan: Plan | None = None
@@ -257,6 +315,11 @@ class _AxisMotion:
         self.deceleration, self._plan = deceleration, plan
         self._segments = plan(self.position, self.velocity) if plan else []
         self._elapsed_s = 0.0
+
+    def end_guiding(self) -> None:
+        """The axis is held where it is by now, or off: its command begins at the position."""
+        self.begin(Operation.IDLE)
+        self.guided = self.enabled = False
 
     def hold(self) -> None:
         """Continue from rest at the present target."""
@@ -296,7 +359,7 @@ class _AxisMotion:
             self.velocity, self.complete = 0.0, self.mode is CommandMode.POSITION
 
     def brake(self, deceleration: float) -> None:
-        if self.operation is not Operation.IDLE:
+        if self.operation is not Operation.IDLE and not self.guided:
             plan = partial(profile_to_rest, deceleration=deceleration)
             self.begin(Operation.STOPPING, plan, deceleration)
 

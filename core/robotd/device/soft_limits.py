@@ -1,9 +1,13 @@
-"""Soft-limit guard: stops a jog in time to stay inside the position limits."""
+"""Soft-limit guard: stops axes at their position limits, and what has left them."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
+import numpy as np
+
+from robotd.arrays import BoolArray
 from robotd.device.axes import Axes
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation
@@ -16,20 +20,31 @@ REACTION_PERIODS = 3.0  # values are a period old, a stop begins a period later;
 
 
 class SoftLimitGuard:
-    """Stops velocity commands so that their axes come to rest within the position limits."""
+    """Stops velocity commands so that their axes come to rest within the position limits.
 
-    def __init__(self, axes: Axes, period_s: float) -> None:
-        self._axes = axes
+    An axis that has left its limits all the same, in a command of its own, is stopped once: it may
+    come back. Joints in a stream or a trajectory are judged by their source.
+
+    ``streamed``: axes that are stopped in a stream, too.
+    """
+
+    def __init__(self, axes: Axes, period_s: float, streamed: Sequence[int] = ()) -> None:
+        self._axes, self._streamed = axes, frozenset(streamed)
+        self._lower, self._upper = np.array([limits.measured for limits in axes.limits]).T
+        self._outside: BoolArray = np.ones(len(axes), np.bool_)  # until they are seen inside
         self._reaction_s = REACTION_PERIODS * period_s + axes.feedback_period_s
         self._ended: set[int] = set()  # axes whose velocity command was ended, until it shows
 
     def look(self, image: ProcessImage) -> None:
         """Stop what has just room enough left. Control loop, once a period."""
         operations = image.operation.tolist()
+        self._stop_outside(image, operations)
         if Operation.VELOCITY not in operations:
             self._ended.clear()
             return
-        jogged = [axis for axis, each in enumerate(operations) if each == Operation.VELOCITY]
+        jogged = [
+            axis for axis, operation in enumerate(operations) if operation == Operation.VELOCITY
+        ]
         ended = [axis for axis in jogged if self._ends(axis)]
         if ended:
             self._axes.stops.request(ended)
@@ -37,6 +52,18 @@ class SoftLimitGuard:
         self._ended = set(ended)
         if new:
             log.warning("velocity command ended before the position limit", axes=new)
+
+    def _stop_outside(self, image: ProcessImage, operations: Sequence[int]) -> None:
+        outside = (image.position < self._lower) | (image.position > self._upper)
+        if outside.tobytes() == self._outside.tobytes():
+            return
+        for axis in np.flatnonzero(outside & ~self._outside).tolist():
+            streams = operations[axis] == Operation.STREAM and axis in self._streamed
+            if streams or operations[axis] in (Operation.POSITION, Operation.VELOCITY):
+                excess = self._axes.limits[axis].excess(float(image.position[axis]))
+                log.error("stopped outside its limits", axis=self._axes.names[axis], reason=excess)
+                self._axes.stops.request([axis])
+        self._outside = outside
 
     def _ends(self, axis: int) -> bool:
         axes, image = self._axes, self._axes.image

@@ -35,10 +35,22 @@ class Operation(IntEnum):
     STREAM = 3  # following setpoints or a trajectory
     HOMING = 4
     STOPPING = 5
+    GUIDING = 6  # moved by hand
+
+
+STREAMING, GUIDING = int(Operation.STREAM), int(Operation.GUIDING)
+"""For arrays: NumPy compares with an int in 1 µs, with a member of an enum in 8 (Python 3.11)."""
 
 
 class Underrun(Enum):
     """Behaviour of a streaming axis while its next setpoint is late."""
 
-    EXTRAPOLATE = "extrapolate"  # it continues with the velocity of the last setpoint
+    EXTRAPOLATE = "extrapolate"
+    """It continues with the velocity of the last setpoint for ``EXTRAPOLATION_PERIODS``, and then
+    holds. An axis in velocity mode keeps its velocity, until the device stops it."""
+
     HOLD = "hold"  # it stops at the last setpoint, and executes a late one when it comes
+
+
+EXTRAPOLATION_PERIODS = 1.5
+"""One missing setpoint, and the half period by which the one behind it may be late."""

@@ -8,6 +8,7 @@ from robotd.motion.interpolation import Interpolation
 from robotd.motion.joints import JointLimits, MotionState, TrajectoryRules
 from robotd.motion.limits import AxisLimits, check_jog, check_move
 from robotd.motion.planning import check_start_delay, plan
+from robotd.motion.rate_bounds import RateBounds
 from robotd.motion.rejection import RejectionCode, TrajectoryRejected
 from robotd.motion.request import TrajectoryRequest
 from robotd.motion.spline_points import spline_points
@@ -25,6 +26,7 @@ __all__ = [
     "JointLimits",
     "JointTolerance",
     "MotionState",
+    "RateBounds",
     "RejectionCode",
     "Sampler",
     "StopPlan",

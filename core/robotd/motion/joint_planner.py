@@ -38,9 +38,9 @@ class Bounds(NamedTuple):
     def symmetric(cls, velocity: Row, acceleration: Row, jerk: Row) -> Bounds:
         """Return the same limits in both directions."""
         return cls(
-            [-each for each in velocity],
+            [-limit for limit in velocity],
             velocity,
-            [-each for each in acceleration],
+            [-limit for limit in acceleration],
             acceleration,
             jerk,
         )
@@ -72,18 +72,20 @@ class JointPlanner:
         """
         parameters = self._input
         position, parameters.current_velocity, acceleration = state
-        anywhere = [each != each for each in target]  # noqa: PLR0124 - NaN
+        anywhere = [end != end for end in target]  # noqa: PLR0124 - NaN
         if anywhere != self._anywhere:
             self._anywhere, self._origin = anywhere, self._zeros
-            parameters.per_dof_control_interface = [_INTERFACES[each] for each in anywhere]
+            parameters.per_dof_control_interface = [
+                _INTERFACES[interface] for interface in anywhere
+            ]
         if True in anywhere:
             # ruckig counts the target of the plan before among the extrema of a way to anywhere,
             # 0 for the first: such a way is the first one of its trajectory, and begins at 0.
             self._trajectory = Trajectory(len(target))
             pairs = list(zip(position, anywhere, strict=True))
-            self._origin = [each if free else 0.0 for each, free in pairs]
-            position = [0.0 if free else each for each, free in pairs]
-            target = [0.0 if each != each else each for each in target]  # noqa: PLR0124
+            self._origin = [value if free else 0.0 for value, free in pairs]
+            position = [0.0 if free else value for value, free in pairs]
+            target = [0.0 if end != end else end for end in target]  # noqa: PLR0124
         parameters.current_position = position
         parameters.current_acceleration = acceleration
         parameters.target_position = target
@@ -102,7 +104,7 @@ class JointPlanner:
         parameters.max_acceleration = bounds.highest_acceleration
 
     def _calculate(self, jerk: Row, share: float) -> bool:
-        self._input.max_jerk = [each * share for each in jerk]
+        self._input.max_jerk = [limit * share for limit in jerk]
         try:
             self._ruckig.calculate(self._input, self._trajectory)
         except (RuckigError, ValueError):  # ValueError: a result that its enum does not have
@@ -122,10 +124,10 @@ class JointPlanner:
         extrema = self._trajectory.position_extrema
         joints = zip(self._origin, extrema, profiles, lower, upper, strict=True)
         return [
-            origin + each.min < low
-            or origin + each.max > high
+            origin + extremes.min < low
+            or origin + extremes.max > high
             or _turns_outside(profile, low - origin, high - origin)
-            for origin, each, profile, low, high in joints
+            for origin, extremes, profile, low, high in joints
         ]
 
 

@@ -51,20 +51,20 @@ class JointLimits:
         for name in ("device_velocity", "device_acceleration"):
             if not len(getattr(self, name)):
                 object.__setattr__(self, name, np.full(count, np.inf))
-        for each in fields(self):
-            if np.shape(getattr(self, each.name)) != (count,):
-                raise ValueError(f"{each.name} limits do not match {count} joints")
+        for limit in fields(self):
+            if np.shape(getattr(self, limit.name)) != (count,):
+                raise ValueError(f"{limit.name} limits do not match {count} joints")
         if not (self.lower < self.upper).all():
             raise ValueError("a lower position limit is not below its upper one")
-        if not all((each > 0).all() for each in (self.velocity, self.acceleration, self.jerk)):
+        if not all((limit > 0).all() for limit in (self.velocity, self.acceleration, self.jerk)):
             raise ValueError("velocity, acceleration and jerk limits must be positive")
 
     def of(self, columns: IntArray) -> JointLimits:
         """Return the limits of some of the joints; ``columns``: (k,) their indices."""
         arrays = {
-            each.name: getattr(self, each.name)[columns]
-            for each in fields(self)
-            if each.name not in ("names", "units")
+            field.name: getattr(self, field.name)[columns]
+            for field in fields(self)
+            if field.name not in ("names", "units")
         }
         names = tuple(self.names[column] for column in columns)
         return JointLimits(names, units=tuple(self.units[column] for column in columns), **arrays)
@@ -102,7 +102,7 @@ class TrajectoryRules:
         path_tolerance, goal_tolerance: (m,) of goals that have none of their own; inf: unchecked.
         goal_time_s: time after the end to get within ``goal_tolerance``; inf: without an end.
         start_tolerance: (m,) distance from the present position of a first point at time 0.
-        stopped_velocity: (m,) speed below which a joint stands.
+        stopped_velocity: (m,) speed below which a joint is at rest.
         max_points: of one trajectory.
         velocity_margin: part by which a path may exceed the velocity limits.
         acceleration_margin: the same of accelerations; None: by any.

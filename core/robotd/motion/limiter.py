@@ -77,7 +77,7 @@ class SetpointLimiter:
         the joint is already beyond its limit is planned with the ordinary acceleration, which adds
         the rest of its way to stop.
         """
-        self._strongest = [strongest * each for each in self._bounds.highest_acceleration]
+        self._strongest = [strongest * limit for limit in self._bounds.highest_acceleration]
         self.state[:] = state.position, state.velocity, state.acceleration
         self.stop()
 
@@ -161,7 +161,7 @@ class SetpointLimiter:
                 for joints that are not commanded.
             target: where the reference leads; a joint whose reference exceeds the limits moves
                 there by itself. Clipped to the limits. NaN: the joint slows to rest.
-            stands: targets that stand still and are not overshot.
+            stands: targets at rest and are not overshot.
             velocity_range: lowest and highest velocity, within the limits; None: the limits.
         """
         bounds = self._bounds
@@ -192,7 +192,7 @@ class SetpointLimiter:
                 upper[joint] = end + POSITION_ROUNDING
         state = self.state.tolist()
         unsafe = map(operator.or_, self._unstoppable(state, lower, upper), self._too_fast(state))
-        safe = [each and not cannot for each, cannot in zip(tracked, unsafe, strict=True)]
+        safe = [kept and not cannot for kept, cannot in zip(tracked, unsafe, strict=True)]
         if safe != tracked:
             self._advance_some(start, reference, deviation, target, safe)
         return self.state
@@ -212,14 +212,14 @@ class SetpointLimiter:
                 target, velocity = self._anywhere, self._rest
                 continue
             leaves = self._planner.leaves(lower, upper)
-            left = [leaving and not each for leaving, each in zip(leaves, velocity, strict=True)]
+            left = [leaving and not speed for leaving, speed in zip(leaves, velocity, strict=True)]
             if True not in left:
                 return
             bounds = self._strengthen(bounds, left)
 
     def _strengthen(self, bounds: Bounds, joints: list[bool]) -> Bounds:
         """Return ``bounds`` with which ``joints`` stop in a shorter way."""
-        factors = [BRAKE_ESCALATION if each else 1.0 for each in joints]
+        factors = [BRAKE_ESCALATION if brakes else 1.0 for brakes in joints]
         highest = map(operator.mul, bounds.highest_acceleration, factors)
         return Bounds.symmetric(
             bounds.highest_velocity,
@@ -268,7 +268,7 @@ class SetpointLimiter:
     ) -> None:
         """Advance from ``start``: ``tracked`` joints to the reference, the others to target."""
         if False in tracked:
-            target = [0.0 if each else end for each, end in zip(tracked, target, strict=True)]
+            target = [0.0 if held else end for held, end in zip(tracked, target, strict=True)]
             reference = np.where(tracked, reference, 0.0)
             deviation = np.where(tracked, deviation, start)
         else:
@@ -311,8 +311,8 @@ class SetpointLimiter:
         if all(map(operator.le, map(abs, acceleration), strongest)):
             return jerk
         return [
-            each * max(1.0, (a / limit) ** 2)
-            for a, limit, each in zip(acceleration, strongest, jerk, strict=True)
+            value * max(1.0, (a / limit) ** 2)
+            for a, limit, value in zip(acceleration, strongest, jerk, strict=True)
         ]
 
     def _too_fast(self, state: Sequence[Row]) -> list[bool]:
@@ -358,12 +358,12 @@ class SetpointLimiter:
         """Return the allowed positions: unlimited where a joint is beyond its limit."""
         return (
             [
-                low - POSITION_ROUNDING if each >= low - POSITION_ROUNDING else -math.inf
-                for each, low in zip(position, self._lower, strict=True)
+                low - POSITION_ROUNDING if place >= low - POSITION_ROUNDING else -math.inf
+                for place, low in zip(position, self._lower, strict=True)
             ],
             [
-                high + POSITION_ROUNDING if each <= high + POSITION_ROUNDING else math.inf
-                for each, high in zip(position, self._upper, strict=True)
+                high + POSITION_ROUNDING if place <= high + POSITION_ROUNDING else math.inf
+                for place, high in zip(position, self._upper, strict=True)
             ],
         )
 

@@ -55,12 +55,18 @@ class AxisLimits:
 
     def excess(self, position: float) -> str:
         """Return how a measured position is outside the limits; "" where it is not."""
-        unit, beyond = self.unit, max(self.lower - position, position - self.upper)
-        if not beyond > MEASURED_MARGIN[unit]:  # NaN: not known
+        unit, (lowest, highest) = self.unit, self.measured
+        if not (position < lowest or position > highest):  # NaN: not known
             return ""
         return (
             f"at {position:.4g} {unit}, outside its limits {self.lower:g} to {self.upper:g} {unit}"
         )
+
+    @property
+    def measured(self) -> tuple[float, float]:
+        """Lowest and highest measured position that counts as inside."""
+        margin = MEASURED_MARGIN[self.unit]
+        return self.lower - margin, self.upper + margin
 
     @classmethod
     def unlimited(cls, unit: str = "rad") -> AxisLimits:

@@ -111,7 +111,7 @@ def check_path_limits(
 ) -> None:
     """Reject a path that leaves the position limits or exceeds velocity or acceleration limits.
 
-    A joint that stands outside its limits may come back but go no further out: its range
+    A joint outside its limits may come back but go no further out: its range
     reaches to ``start``. Every joint at fault is named, with its worst point. With
     ``rules.acceleration_margin`` None accelerations are checked against the device's limits
     only. The margins do not extend those.

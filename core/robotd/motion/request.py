@@ -11,6 +11,7 @@ import numpy as np
 from robotd.arrays import FloatArray
 from robotd.errors import unknown_name
 from robotd.motion.joints import JointLimits, MotionState, TrajectoryRules
+from robotd.motion.rate_bounds import RateBounds
 from robotd.motion.rejection import distinct, reject, reject_joints
 
 # Range of a ROS duration. Also keeps the powers of a time difference finite.
@@ -33,6 +34,7 @@ class TrajectoryRequest:
         positions: (n, m) rad or m.
         velocities, accelerations: (n, m), None where the client gave none.
         notes: sentences for the result's text, on values that are ignored.
+        rate_bounds: of what the joints move, for changes of speed on the way; None: the joints'.
     """
 
     joint_names: tuple[str, ...]
@@ -41,6 +43,7 @@ class TrajectoryRequest:
     velocities: FloatArray | None = None
     accelerations: FloatArray | None = None
     notes: tuple[str, ...] = ()
+    rate_bounds: RateBounds | None = None
 
     @classmethod
     def from_rows(

@@ -1,1 +1,1 @@
-"""Observation of a robot from inside its process: tap and recorder."""
+"""Observation of a robot from inside its process: the tap, and the frames that it keeps."""

@@ -27,7 +27,7 @@ HEADER = (
     "late_ns",  # wake-up after the deadline
     "execution_ns",  # work of the period
     "missed",  # deadlines missed since the start
-    "due_ns",  # time at which the last setpoint that was sent is due; 0: none was sent
+    "due_ns",  # time at which the last setpoint that was sent is due; 0: no setpoint yet
     "ready",  # 1: the device takes commands
     "closed_ppm",  # Gripper.closed in millionths; 0 without a gripper
 )
@@ -130,7 +130,7 @@ class FrameMemory:
         if end == cursor:
             return None
         first = max(cursor, end - self.capacity + 1)
-        late_ns = max(self._late_ns[each % self.capacity] for each in range(first, end))
+        late_ns = max(self._late_ns[number % self.capacity] for number in range(first, end))
         last = (end - 1) % self.capacity
         values = self._values[last].tobytes()
         return Newest(end, self._starts_ns[last], late_ns, values)

@@ -20,6 +20,7 @@ from robotd.descriptor.urdf import read_urdf_text
 from robotd.device.bus_status import BusState, BusStatus
 from robotd.device.state import ConnectionState
 from robotd.device.world import POSE_VALUES
+from robotd.entry_points import module_of, owner_of
 from robotd.errors import DescriptorError, RobotdError
 from robotd.events import MAX_BYTES, BoundedLog, EventKind, EventLog, Level
 from robotd.log import get_logger
@@ -111,7 +112,7 @@ class Tap:
     def nbytes(self) -> int:
         """Memory in use; at most ``MAX_MEMORY_BYTES``."""
         held = (self.frames, self.events, self.samples)
-        return sum(each.nbytes for each in held) + QUEUE_BYTES
+        return sum(array.nbytes for array in held) + QUEUE_BYTES
 
     def __enter__(self) -> Self:
         robot_log.add_listener(self._log_line)
@@ -153,7 +154,8 @@ class Tap:
                 self._failing.discard(step)
             except Exception:
                 if step not in self._failing:
-                    log.exception("the tap failed", step=getattr(step, "__qualname__", step))
+                    name, plugin = getattr(step, "__qualname__", step), owner_of(module_of(step))
+                    log.exception("the tap failed", plugin=plugin, step=name)
                 self._failing.add(step)
 
     def _find_changes(self) -> None:
@@ -168,8 +170,8 @@ class Tap:
     def _sample_objects(self) -> None:
         if (world := self.robot.world) is not None and world.objects:
             poses = {
-                each.name: dict(zip(POSE_VALUES, pose, strict=True))
-                for each, pose in zip(world.objects, world.poses().tolist(), strict=True)
+                item.name: dict(zip(POSE_VALUES, pose, strict=True))
+                for item, pose in zip(world.objects, world.poses().tolist(), strict=True)
             }
             size = SAMPLE_OVERHEAD_BYTES + len(poses) * len(POSE_VALUES) * VALUE_BYTES
             self.samples.append((self.robot.clock.now_ns(), OBJECTS, poses), size)

@@ -7,15 +7,16 @@ imported for that command and the live page, so it must not need hardware or a d
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
-from robotd.entry_points import entry_points
+from pydantic.dataclasses import dataclass
+
+from robotd.entry_points import PluginOrigin, installed_names, load_entry
 from robotd.errors import PluginError
 
 GROUP = "robotd.codes"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config={"extra": "forbid"})
 class CodeTable:
     """Codes of one kind, such as the emergency codes of CANopen.
 
@@ -45,44 +46,22 @@ class CodeTable:
         return self.remedy(code) if self.remedy else ""
 
 
-def load_code_tables(package: str = "") -> tuple[list[CodeTable], dict[str, str]]:
-    """Return the tables of all plugins, and why others failed, by entry point.
+def load_code_tables(package: str = "") -> tuple[list[CodeTable], dict[PluginOrigin, str]]:
+    """Return the tables of all plugins, and why others failed.
 
     ``package``: only those of this top-level package; "": all.
     """
-    tables, failures = [], {}
-    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
+    names = installed_names(GROUP)
+    tables, failures = [], {} if package else dict(names.refused)
+    for origin, entry in names.entries.values():
         if package and entry.module.partition(".")[0] != package:
             continue
         try:
-            table = entry.load()
+            table = load_entry(origin, entry)
             if not isinstance(table, CodeTable):
-                raise PluginError(f"{entry.value} is no CodeTable")  # noqa: TRY301
+                what = f"must be a CodeTable, is {type(table).__name__}"
+                raise PluginError(f"code table {origin}: {what}")  # noqa: TRY301
             tables.append(table)
-        except Exception as error:  # noqa: BLE001 - of a plugin
-            failures[entry.name] = f"{type(error).__name__}: {error}"
+        except PluginError as error:
+            failures[origin] = str(error)
     return tables, failures
-
-
-_REMEDIES = {
-    -1: "Read the text of the result: it names joint, value and limit, or what stopped the goal",
-    -2: "Compare the names with `robotd status` or the topic joint_states",
-    -3: "Set header.stamp to 0 (now) or to a time to come, and compare the clocks of the computers",
-    -4: "Look for a blocked or overloaded joint; drive slower, or set another path tolerance",
-    -5: "Look for a blocked joint; set goal_time_s or the goal tolerance to what the drive reaches",
-}
-
-# control_msgs/action/FollowJointTrajectory, with what robotd means by each.
-GOAL_RESULTS = CodeTable(
-    "result of a trajectory goal",
-    {
-        0: "SUCCESSFUL: the goal was reached, or canceled by its client",
-        -1: "INVALID_GOAL: rejected, preempted, stopped or ended by a fault; the text says which",
-        -2: "INVALID_JOINTS: names of joints are unknown, missing or doubled",
-        -3: "OLD_HEADER_TIMESTAMP: the start time is over",
-        -4: "PATH_TOLERANCE_VIOLATED: a joint left its path; the text names joint and error",
-        -5: "GOAL_TOLERANCE_VIOLATED: a joint was not at the goal within goal_time_s",
-    },
-    digits=0,
-    remedy=lambda code: _REMEDIES.get(code, ""),
-)

@@ -16,6 +16,7 @@ from robotd.plugin.fault_isolation import isolated
 _METHODS: dict[Capability, tuple[tuple[type, str], ...]] = {
     Capability.VELOCITY_MODE: ((AxisDriver, "jog"), (AxisDriver, "set_command_mode")),
     Capability.TORQUE_MODE: ((AxisDriver, "set_command_mode"), (AxisDriver, "stream_torque")),
+    Capability.HAND_GUIDING: ((AxisDriver, "begin_guiding"),),
     Capability.HOMING: ((AxisDriver, "home"),),
     Capability.SCALING: ((AxisDriver, "set_polarity"), (AxisDriver, "set_gear_ratio")),
     Capability.TRAJECTORIES_ON_DEVICE: ((AxisDriver, "follow"),),
@@ -118,7 +119,7 @@ class Drivers:
 
     def _driver(self, contract: type) -> object | None:
         drivers = (self.device, self.axes, self.io, self.fieldbus)
-        driver = next((each for each in drivers if isinstance(each, contract)), None)
+        driver = next((driver for driver in drivers if isinstance(driver, contract)), None)
         return getattr(driver, "wrapped", driver)  # an isolated driver has every method
 
     def _has(self, contract: type, name: str) -> bool:

@@ -38,20 +38,29 @@ def signature_problems(driver: object, contract: type) -> Iterator[str]:
 
 def _mismatch(taken: list[inspect.Parameter], given: list[str]) -> str:
     """Return what is wrong with a method that takes ``taken`` and is given ``given``; or ""."""
-    places = [each for each in taken if each.kind in _BY_POSITION]
-    takes_all = any(each.kind is inspect.Parameter.VAR_POSITIONAL for each in taken)
+    places = [parameter for parameter in taken if parameter.kind in _BY_POSITION]
+    takes_all = any(parameter.kind is inspect.Parameter.VAR_POSITIONAL for parameter in taken)
     for argument, place in zip(given, places, strict=False):
         # An unused argument may begin with an underscore.
         if place.name.strip("_") != argument:
             return f"takes {place.name!r} where it is given {argument!r}"
     if len(given) > len(places) and not takes_all:
         lacking = ", ".join(map(repr, given[len(places) :]))
-        by_name = [each.name for each in taken if each.kind is inspect.Parameter.KEYWORD_ONLY]
+        by_name = [
+            parameter.name
+            for parameter in taken
+            if parameter.kind is inspect.Parameter.KEYWORD_ONLY
+        ]
         how = " by position" if set(by_name) & set(given) else ""
         return f"does not take {lacking}{how}"
-    further = [each for each in taken if each not in places[: len(given)]]
+    further = [parameter for parameter in taken if parameter not in places[: len(given)]]
     variable = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD
-    needed = [each for each in further if each.default is each.empty and each.kind not in variable]
+    needed = [
+        parameter
+        for parameter in further
+        if parameter.default is parameter.empty and parameter.kind not in variable
+    ]
     if needed:
-        return f"needs {', '.join(repr(each.name) for each in needed)}, which it is not given"
+        names = ", ".join(repr(parameter.name) for parameter in needed)
+        return f"needs {names}, which it is not given"
     return ""

@@ -17,6 +17,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Generic, TypeVar, cast
 
+from robotd.call_timeout import CallTimeout, call_with_timeout
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
 from robotd.device.passive_joints import PassiveJoints
 from robotd.device.state import ConnectionState
@@ -28,7 +29,6 @@ from robotd.errors import (
     Unsupported,
     plugin_failure,
 )
-from robotd.plugin.call_timeout import CallTimeout, call_with_timeout
 from robotd.realtime import is_control_loop
 
 CALL_BUDGET_S = 30.0  # of calls without a time-out of their own: connecting, scanning, files
@@ -107,8 +107,9 @@ def _guarded(
                 budget_s = timeout_s + GRACE_S
             name = f"robotd-{call.__name__}"
             return call_with_timeout(budget_s, partial(call, *given, **named), name)
-        except CallTimeout:
-            raise DeviceTimeout(f"{what} did not return within {budget_s:g} s") from None
+        except CallTimeout as late:
+            text = f"{what} did not return within {budget_s:g} s{late.note}"
+            raise DeviceTimeout(text) from None
         except Unsupported as error:
             if error.backend:
                 raise

@@ -20,6 +20,7 @@ from typing import Any, Generic, TypeVar
 
 import pluggy
 from pydantic import BaseModel, ConfigDict
+from pydantic.dataclasses import dataclass as pydantic_dataclass
 
 from robotd.clock import Clock, MonotonicClock
 from robotd.descriptor import RobotDescriptor
@@ -29,8 +30,6 @@ from robotd.device.fault_injector import FaultInjector
 from robotd.device.passive_joints import PassiveJoints
 from robotd.device.world import World
 from robotd.plugin.registry import NodeRegistry, RobotRegistry
-
-API_VERSION = 1
 
 hookspec = pluggy.HookspecMarker("robotd")
 hookimpl = pluggy.HookimplMarker("robotd")
@@ -83,7 +82,7 @@ class AxisKeys:
     stated_scales: StatedScales | None = None
 
 
-@dataclass(frozen=True)
+@pydantic_dataclass(frozen=True, config={"extra": "forbid"})
 class BackendInfo:
     """Description of a backend. Its name is the one of its entry point.
 

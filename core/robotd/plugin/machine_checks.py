@@ -3,8 +3,8 @@
 Two entry-point groups: ``robotd.doctors`` has generators of findings, called as ``function(context:
 MachineContext)``; ``robotd.scans`` has functions that list what is on a bus, called as
 ``function(options)`` with a mapping of texts, whose result ``robotd new-robot --bus`` reads. The
-entry's name is the backend's. A doctor may be of use before its backend is installed, and a second
-distribution may add findings under the same name.
+entry's name is the backend's. A doctor may be of use before its backend is installed; a second
+distribution adds findings under ``BACKEND-WORD``.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from robotd.descriptor import RobotDescriptor
-from robotd.entry_points import entry_points
+from robotd.entry_points import installed_names, load_entry, plugin_errors
 from robotd.errors import PluginError, RobotdError
 
 DOCTORS, SCANS = "robotd.doctors", "robotd.scans"
@@ -63,29 +63,40 @@ Scan = Callable[[Mapping[str, str]], Mapping[str, Any]]
 
 def doctors() -> tuple[str, ...]:
     """Return the names of all doctors, sorted; imports none of them."""
-    return tuple(sorted({entry.name for entry in entry_points(group=DOCTORS)}))
+    return tuple(sorted({*map(_backend_of, installed_names(DOCTORS).entries)}))
 
 
 def diagnose(name: str, context: MachineContext) -> Iterator[Finding]:
     """Yield the findings of a doctor; one that fails is a finding, too."""
+    names = installed_names(DOCTORS)
+    for origin, reason in names.refused.items():
+        if _backend_of(origin.name) == name:
+            yield Finding("failed", reason, f"uninstall {origin.distribution}, or update it")
+    own = [entry for entry in names.entries.values() if _backend_of(entry[0].name) == name]
     # robotd's own first: it says what is missing for the others.
-    entries = sorted(
-        entry_points(group=DOCTORS, name=name),
-        key=lambda entry: (entry.dist is None or entry.dist.name != "robotd", entry.value),
-    )
-    for entry in entries:
+    for origin, entry in sorted(own, key=lambda pair: (not pair[0].is_own, pair[0])):
         try:
-            doctor: Doctor = entry.load()
-        except Exception as error:  # noqa: BLE001 - of a third party
-            origin = entry.dist.name if entry.dist else entry.value
-            what = f"{name}: {origin} does not load: {error}"
-            advice = f"a library that it needs is missing or has moved: install {origin} again"
-            yield Finding("failed", what, advice)
+            doctor: Doctor = load_entry(origin, entry)
+        except PluginError as error:
+            advice = "a library that it needs is missing or has moved: install "
+            yield Finding("failed", str(error), f"{advice}{origin.distribution} again")
             continue
         try:
-            yield from doctor(context)
+            with plugin_errors(f"doctor {origin}", origin.module):
+                yield from map(_checked, doctor(context))
         except (RobotdError, OSError, ValueError) as error:
             yield Finding("failed", f"{name}: {error}")
+
+
+def _backend_of(name: str) -> str:
+    """Return ``acme`` for the doctors ``acme`` and ``acme-device``."""
+    return name.partition("-")[0]
+
+
+def _checked(finding: object) -> Finding:
+    if not isinstance(finding, Finding):
+        raise TypeError(f"yields {type(finding).__name__}, not a Finding")
+    return finding
 
 
 def scan_network(name: str, options: Mapping[str, str], install: str) -> Mapping[str, Any]:
@@ -98,11 +109,9 @@ def scan_network(name: str, options: Mapping[str, str], install: str) -> Mapping
 
     Raises PluginError: it is not installed or does not load. ConnectError: the scan fails.
     """
-    for entry in entry_points(group=SCANS, name=name):
-        try:
-            scan: Scan = entry.load()
-        except ImportError as error:
-            raise PluginError(f"the scan of {name} does not load: {error}") from error
-        return scan(options)
+    if found := installed_names(SCANS).require(name):
+        scan: Scan = load_entry(*found)
+        with plugin_errors(f"scan {found[0]}", found[0].module):
+            return scan(options)
     text = f"the backend robotd-{name} is not installed: {install}"
     raise PluginError(f"{text}; 'robotd {name} doctor' shows what is missing on this machine")

@@ -9,13 +9,13 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from functools import cached_property, partial
 from importlib.metadata import EntryPoint
 from typing import Any, TypeVar
 
 import pluggy
 
+from robotd.call_timeout import CallTimeout, call_with_timeout
 from robotd.clock import Clock, MonotonicClock
 from robotd.descriptor import RobotDescriptor, validate_section
 from robotd.device.capabilities import DERIVED, Capability
@@ -23,7 +23,7 @@ from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDr
 from robotd.device.fault_injector import FaultInjector
 from robotd.device.passive_joints import PassiveJoints
 from robotd.device.world import World
-from robotd.entry_points import entry_points
+from robotd.entry_points import API_VERSION, PluginOrigin, installed_names, load_entry
 from robotd.errors import (
     PluginError,
     RobotdError,
@@ -31,13 +31,10 @@ from robotd.errors import (
     plugin_failure,
     unknown_name,
 )
-from robotd.plugin.call_timeout import CallTimeout, call_with_timeout
 from robotd.plugin.code_table import CodeTable, load_code_tables
 from robotd.plugin.driver_set import Drivers
 from robotd.plugin.hookspecs import (
-    API_VERSION,
     BackendInfo,
-    BackendOptions,
     DeviceContext,
     RobotdHooks,
 )
@@ -45,34 +42,11 @@ from robotd.plugin.registry import NodeRegistry, RobotRegistry
 
 BACKENDS = "robotd.backends"
 PLUGINS = "robotd.plugins"
-IMPORT_BUDGET_S = 30.0
 HOOK_BUDGET_S = 10.0
 
 _HOOK_OF = {Capability.IO: "robotd_io", Capability.FIELDBUS: "robotd_fieldbus"}
 
-_NOT_INSTALLED = {
-    "wmx": (
-        "backend 'wmx' (WMX3 motion engine with its EtherCAT master) is not installed:"
-        " pip install ./plugins/wmx, on the machine that has the WMX3 SDK (robotd docs how-to/wmx);"
-        " 'robotd wmx doctor' shows what is missing on this machine"
-    )
-}
-"""Backends that are distributed separately, for those who do not have them installed."""
-
 Answer = TypeVar("Answer")
-
-
-@dataclass(frozen=True)
-class PluginOrigin:
-    """Origin of a plugin: entry point ``name`` of a distribution, and its module."""
-
-    name: str
-    module: str
-    distribution: str
-    version: str
-
-    def __str__(self) -> str:
-        return f"{self.name!r} ({self.module} of {self.distribution} {self.version})"
 
 
 class PluginManager(pluggy.PluginManager):
@@ -110,13 +84,8 @@ MANAGER = PluginManager()
 
 
 def discover(group: str = BACKENDS) -> list[tuple[PluginOrigin, EntryPoint]]:
-    """Return all entry points of ``group``, sorted by name; imports nothing."""
-    found = []
-    for entry in entry_points(group=group):
-        dist = entry.dist
-        name, version = (dist.name, dist.version) if dist else ("unknown", "?")
-        found.append((PluginOrigin(entry.name, entry.value, name, version), entry))
-    return sorted(set(found), key=lambda item: (item[0].name, item[0].distribution))
+    """Return the entry points of ``group`` that can be used, by name; imports nothing."""
+    return [*installed_names(group).entries.values()]
 
 
 class Plugin:
@@ -133,6 +102,9 @@ class Plugin:
             if unknown := re.match(r"unknown hook '(\w+)'", what):
                 what = unknown[0] + did_you_mean(unknown[1], dir(RobotdHooks))
             raise PluginError(f"plugin {origin}: {what}") from error
+        except Exception as error:  # its attributes cannot be read
+            failure = plugin_failure(error, origin.module)
+            raise PluginError(f"plugin {origin} cannot be examined: {failure}") from error
         if not MANAGER.hooks_of(module):
             raise PluginError(
                 f"plugin {origin} has no robotd hook; mark them with robotd.api.hookimpl"
@@ -152,11 +124,13 @@ class Plugin:
             return call_with_timeout(HOOK_BUDGET_S, call, hook)
         except RobotdError:
             raise
-        except CallTimeout:
+        except CallTimeout as late:
             raise PluginError(
-                f"plugin {self.origin}: {hook} did not return within {HOOK_BUDGET_S:g} s"
+                f"plugin {self.origin}: {hook} did not return within {HOOK_BUDGET_S:g} s{late.note}"
             ) from None
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # of a third party, which may raise anything
             failure = plugin_failure(error, self.origin.module)
             raise PluginError(f"plugin {self.origin}: {hook} failed: {failure}") from error
 
@@ -175,9 +149,6 @@ class Backend(Plugin):
         super().__init__(origin, module)
         self.info: BackendInfo = self._one("robotd_backend", BackendInfo)
         self._require_version(self.info.api_version)
-        options: Any = self.info.options
-        if not (isinstance(options, type) and issubclass(options, BackendOptions)):
-            raise PluginError(f"plugin {origin}: its options do not derive from BackendOptions")
         if derived := sorted(self.info.capabilities & DERIVED):
             raise PluginError(
                 f"plugin {origin} declares {', '.join(derived)}: these are derived from its hooks"
@@ -185,7 +156,7 @@ class Backend(Plugin):
         hooks = MANAGER.hooks_of(module)
         derived_from = {capability for capability, hook in _HOOK_OF.items() if hook in hooks}
         self.capabilities = self.info.capabilities | derived_from | {Capability.AXES}
-        self.nodes = NodeRegistry()
+        self.nodes = NodeRegistry(owner=str(origin))
         self.call("robotd_register_nodes", registry=self.nodes)
 
     @cached_property
@@ -278,17 +249,16 @@ def find_backend(name: str) -> tuple[PluginOrigin, EntryPoint]:
 
     Raises PluginError: unknown name (with the known ones), or two distributions with that name.
     """
-    found = discover()
-    matches = [(origin, entry) for origin, entry in found if origin.name == name]
-    if not matches:
-        if text := _NOT_INSTALLED.get(name):
-            raise PluginError(text)
-        known = sorted({origin.name for origin, _ in found})
-        raise PluginError(unknown_name("backend", name, known))
-    if len(matches) > 1:
-        both = " and ".join(str(origin) for origin, _ in matches)
-        raise PluginError(f"two plugins offer the backend {name!r}: {both}; uninstall one")
-    return matches[0]
+    names = installed_names(BACKENDS)
+    if found := names.require(name):
+        return found
+    # One that is distributed separately: its command is installed without it.
+    if all(
+        name in installed_names(group).entries for group in ("robotd.commands", "robotd.doctors")
+    ):
+        text = f"backend {name!r} is not installed; 'robotd {name} doctor' shows what is missing"
+        raise PluginError(f"{text} on this machine, and how to install it")
+    raise PluginError(unknown_name("backend", name, names.entries))
 
 
 def load_backend(name: str) -> Backend:
@@ -301,8 +271,9 @@ def load_backend(name: str) -> Backend:
 
 def load_plugins() -> tuple[list[Plugin], dict[PluginOrigin, str]]:
     """Return every plugin of the group ``robotd.plugins``, and why others failed."""
-    plugins, failures = [], {}
-    for origin, entry in discover(PLUGINS):
+    names = installed_names(PLUGINS)
+    plugins, failures = [], dict(names.refused)
+    for origin, entry in names.entries.values():
         try:
             plugins.append(_load(Plugin, origin, entry))
         except PluginError as error:
@@ -310,13 +281,29 @@ def load_plugins() -> tuple[list[Plugin], dict[PluginOrigin, str]]:
     return plugins, failures
 
 
-def register_all(plugins: Iterable[Plugin]) -> tuple[RobotRegistry, NodeRegistry]:
-    """Collect robots and nodes of ``plugins``, robotd's own first."""
-    robots, nodes = RobotRegistry(), NodeRegistry()
-    for plugin in sorted(plugins, key=lambda plugin: plugin.origin.distribution != "robotd"):
-        plugin.call("robotd_register_robots", registry=robots)
-        plugin.call("robotd_register_nodes", registry=nodes)
-    return robots, nodes
+def register_all(
+    plugins: Iterable[Plugin],
+) -> tuple[RobotRegistry, NodeRegistry, dict[PluginOrigin, str]]:
+    """Collect robots and nodes of ``plugins``, and why those of some are missing.
+
+    A plugin whose hook fails adds nothing; a node whose name is taken is left out.
+    """
+    robots, failures = RobotRegistry(), dict[PluginOrigin, str]()
+    made: dict[PluginOrigin, NodeRegistry] = {}
+    for plugin in sorted(plugins, key=lambda plugin: not plugin.origin.is_own):
+        own_robots, own_nodes = RobotRegistry(), NodeRegistry(owner=str(plugin.origin))
+        try:
+            plugin.call("robotd_register_robots", registry=own_robots)
+            plugin.call("robotd_register_nodes", registry=own_nodes)
+        except RobotdError as error:
+            text = str(error)
+            is_named = str(plugin.origin) in text
+            failures[plugin.origin] = text if is_named else f"plugin {plugin.origin}: {text}"
+        else:
+            robots.folders += own_robots.folders
+            made[plugin.origin] = own_nodes
+    nodes = NodeRegistry.joined(made, failures)
+    return robots, nodes, failures
 
 
 Loaded = TypeVar("Loaded", bound=Plugin)
@@ -325,22 +312,4 @@ Loaded = TypeVar("Loaded", bound=Plugin)
 def _load(
     kind: Callable[[PluginOrigin, object], Loaded], origin: PluginOrigin, entry: EntryPoint
 ) -> Loaded:
-    try:
-        module = call_with_timeout(IMPORT_BUDGET_S, entry.load, f"import {origin.module}")
-    except CallTimeout:
-        raise PluginError(
-            f"plugin {origin} cannot be imported: not done within {IMPORT_BUDGET_S:g} s"
-        ) from None
-    except (Exception, SystemExit) as error:
-        raise PluginError(
-            f"plugin {origin} cannot be imported: {plugin_failure(error, origin.module)}"
-            f"{_version_hint(error)}"
-        ) from error
-    return kind(origin, module)
-
-
-def _version_hint(error: BaseException) -> str:
-    """A plugin of another API version imports names that this one does not have."""
-    if isinstance(error, ImportError) and (error.name or "").partition(".")[0] == "robotd":
-        return f"; is it written for another plugin API? This is API {API_VERSION}"
-    return ""
+    return kind(origin, load_entry(origin, entry))

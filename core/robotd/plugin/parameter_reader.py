@@ -48,7 +48,7 @@ def no_parameters(reader: ParameterReader, descriptor: RobotDescriptor) -> None:
 class ParameterReader:
     """Reads the parameters of one node from the robot's descriptor, without ROS.
 
-    A parameter that is wrong is noted, and read as its default; ``done`` raises.
+    A parameter that is wrong is recorded, and read as its default; ``done`` raises.
 
     ``descriptor``: its section ``ros_parameters.<node>`` holds the defaults that differ.
     """

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from pkgutil import resolve_name
 
+from pydantic.dataclasses import dataclass as pydantic_dataclass
+
 from robotd.descriptor import RobotDescriptor
-from robotd.errors import DescriptorError, PluginError, RobotdError, unknown_name
+from robotd.entry_points import OWNER, PluginOrigin, plugin_errors, rivals
+from robotd.errors import DescriptorError, PluginError, unknown_name
+from robotd.feature import OptionalTarget, Target
 from robotd.plugin.parameter_reader import ParameterReader
 
-_BUILT_IN = "robotd_ros."  # begins the factories of built-in nodes
+_NODE_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
 @dataclass
@@ -22,12 +27,14 @@ class RobotRegistry:
 
     def add_folder(self, folder: Path) -> None:
         """Search ``folder`` too. Raises PluginError when it is not a folder."""
+        if not isinstance(folder, Path):
+            raise PluginError(f"robot folder must be a Path (value {folder!r:.60})")
         if not folder.is_dir():
             raise PluginError(f"robot folder {folder} does not exist")
         self.folders.append(folder)
 
 
-@dataclass(frozen=True)
+@pydantic_dataclass(frozen=True)
 class NodeInfo:
     """A ROS node that a descriptor can name.
 
@@ -41,13 +48,15 @@ class NodeInfo:
         parameters: ``package.module:name`` of a function that reads the node's parameters, called
             as ``read(reader, descriptor)`` with a ``ParameterReader``; ``robotd check`` imports
             it without ROS. "": the parameters are not checked.
+        owner: plugin that has registered it, for texts.
     """
 
-    factory: str
+    factory: Target
     summary: str
     enables_servos: bool = False
     keeps_failed_start: bool = False
-    parameters: str = ""
+    parameters: OptionalTarget = ""
+    owner: str = ""
 
 
 @dataclass
@@ -58,16 +67,22 @@ class NodeRegistry:
         nodes: by name.
         server: ``package.module:function`` that serves a robot's nodes until the process is told
             to stop, as ``robotd_ros.serve:serve``; "" where no plugin does.
+        served: names of nodes that the server makes beside those of the robot.
+        owner: plugin that registers its nodes here, for texts.
+        refused: why nodes are left out, by name.
     """
 
     nodes: dict[str, NodeInfo] = field(default_factory=dict)
     server: str = ""
+    served: tuple[str, ...] = ()
+    owner: str = ""
+    refused: dict[str, str] = field(default_factory=dict)
 
-    def serve_with(self, function: str) -> None:
-        """Set ``server``. Raises PluginError when another plugin has set it."""
+    def serve_with(self, function: str, names: Iterable[str] = ()) -> None:
+        """Set ``server`` and ``served``. Raises PluginError when another one is set."""
         if self.server not in ("", function):
             raise PluginError(f"nodes are served by {self.server} and by {function}")
-        self.server = function
+        self.server, self.served = function, tuple(names)
 
     def add(
         self,
@@ -81,17 +96,48 @@ class NodeRegistry:
     ) -> None:
         """Register a node. The arguments are those of ``NodeInfo``.
 
-        An empty summary becomes the module's name. Raises PluginError when the name is taken.
+        An empty summary becomes the module's name. Raises PluginError: the name is none, or taken
+        in this registry; ValidationError: another argument is wrong.
         """
+        if not _NODE_NAME.fullmatch(str(name)):
+            what = "letters, digits and _, no digit first"
+            raise PluginError(f"the name of a node must be {what} (value {name!r:.60})")
         if known := self.nodes.get(name):
-            others = [made for made in (known.factory, factory) if not made.startswith(_BUILT_IN)]
-            if len(others) == 1:
-                raise PluginError(f"node {name!r} of {others[0]} has the name of a built-in node")
             raise PluginError(f"node {name!r} is registered twice: {known.factory} and {factory}")
-        summary = summary or f"by {factory.partition(':')[0]}"
+        summary = summary or f"by {str(factory).partition(':')[0]}"
         self.nodes[name] = NodeInfo(
-            factory, summary, enables_servos, keeps_failed_start, parameters
+            factory, summary, enables_servos, keeps_failed_start, parameters, self.owner
         )
+
+    @classmethod
+    def joined(
+        cls, made: Mapping[PluginOrigin, NodeRegistry], failures: dict[PluginOrigin, str]
+    ) -> NodeRegistry:
+        """Return the nodes of several plugins, by the rule of ``rivals``.
+
+        ``failures``: gets why plugins lack nodes, in addition to what is in it.
+        """
+        joined = cls()
+        for origin, registered in made.items():
+            if registered.server:
+                try:
+                    joined.serve_with(registered.server, registered.served)
+                except PluginError as error:
+                    failures[origin] = f"plugin {origin}: {error}"
+        claims = [(name, OWNER) for name in joined.served]
+        claims += [
+            (name, origin) for origin, registered in made.items() for name in registered.nodes
+        ]
+        taken = rivals(claims)
+        for origin, registered in made.items():
+            joined.nodes |= {
+                name: info for name, info in registered.nodes.items() if (name, origin) not in taken
+            }
+        for (name, origin), other in taken.items():
+            text = f"plugin {origin}: node {name!r} is taken by {other}"
+            joined.refused[name] = text
+            failures[origin] = "\n".join(filter(None, (failures.get(origin), text)))
+        return joined
 
     def select(self, names: Iterable[str]) -> dict[str, NodeInfo]:
         """Return the nodes with these names, in this order.
@@ -100,7 +146,9 @@ class NodeRegistry:
         """
         names = list(names)
         problems = [
-            DescriptorError(unknown_name("node", name, self.nodes), key="nodes")
+            DescriptorError(
+                self.refused.get(name) or unknown_name("node", name, self.nodes), key="nodes"
+            )
             for name in names
             if name not in self.nodes
         ]
@@ -109,12 +157,13 @@ class NodeRegistry:
         return {name: self.nodes[name] for name in names}
 
     def with_backend(self, others: NodeRegistry) -> NodeRegistry:
-        """Return these nodes and those of a backend. Raises PluginError as ``add``."""
-        both = NodeRegistry(dict(self.nodes), self.server)
+        """Return these nodes and those of a backend. Raises PluginError: a name is taken."""
+        both = replace(self, nodes=dict(self.nodes))
         for name, info in others.nodes.items():
-            if both.nodes.get(name) == info:  # the backend is a plugin, too
-                continue
-            both.add(name, **vars(info))
+            known = both.nodes.get(name)
+            if known and known.factory != info.factory:  # else the backend is a plugin, too
+                raise PluginError(f"node {name!r} of plugin {info.owner} is taken by {known.owner}")
+            both.nodes.setdefault(name, info)
         return both
 
     def check_parameters(self, descriptor: RobotDescriptor) -> None:
@@ -130,15 +179,12 @@ class NodeRegistry:
             if info is None or not info.parameters:
                 continue
             reader = ParameterReader(name, descriptor)
+            what = f"parameters of node {name!r} of plugin {info.owner}: {info.parameters}"
             try:
-                resolve_name(info.parameters)(reader, descriptor)
+                with plugin_errors(what, info.parameters):
+                    resolve_name(info.parameters)(reader, descriptor)
             except DescriptorError as error:
                 problems.append(error)
-            except RobotdError:
-                raise
-            except Exception as error:
-                what = f"parameters of node {name!r} cannot be read by {info.parameters}"
-                raise PluginError(f"{what}: {type(error).__name__}: {error}") from error
             problems += reader.problems()
         if problems:
             raise DescriptorError.join(problems)

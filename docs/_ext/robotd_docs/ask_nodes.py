@@ -64,7 +64,9 @@ def describe(node: Node) -> dict[str, Any]:
     }
     types = dict(node.get_service_names_and_types())
     own = (node.get_name(), node.get_namespace())
-    kinds = {name: each[0] for name, each in get_action_server_names_and_types_by_node(node, *own)}
+    kinds = {
+        name: types[0] for name, types in get_action_server_names_and_types_by_node(node, *own)
+    }
     topics = {topic.name: topic.type for topic in report.topics}
 
     def entity(name: str, kind: str, qos: str = "") -> dict[str, Any]:
@@ -117,14 +119,14 @@ def qos_words(profile: Any) -> str:
 def merge(into: dict[str, Any], node: dict[str, Any], robot: str) -> None:
     """Add what a node offers with one robot to what it offers with the others."""
     for kind in ("services", "published", "subscribed", "actions"):
-        known = {each["name"] for each in into[kind]}
-        into[kind] += [each for each in node[kind] if each["name"] not in known]
-    known = {each["name"]: each for each in into["parameters"]}
-    for each in node["parameters"]:
-        values = known[each["name"]]["values"] if each["name"] in known else {}
-        values.setdefault(each.pop("value"), []).append(robot)
-        if each["name"] not in known:
-            into["parameters"].append(each | {"values": values})
+        known = {item["name"] for item in into[kind]}
+        into[kind] += [item for item in node[kind] if item["name"] not in known]
+    known = {item["name"]: item for item in into["parameters"]}
+    for parameter in node["parameters"]:
+        values = known[parameter["name"]]["values"] if parameter["name"] in known else {}
+        values.setdefault(parameter.pop("value"), []).append(robot)
+        if parameter["name"] not in known:
+            into["parameters"].append(parameter | {"values": values})
 
 
 def main() -> None:
@@ -143,9 +145,9 @@ def main() -> None:
                     found["parameters"] = []
                 merge(into, found, f"{robot} {variant}" if variant else robot)
     for node in surface.values():
-        for each in node["parameters"]:
-            values = each["values"].items()
-            each["values"] = [
+        for parameter in node["parameters"]:
+            values = parameter["values"].items()
+            parameter["values"] = [
                 (value, "" if len(values) == 1 else ", ".join(robots)) for value, robots in values
             ]
     json.dump(surface, sys.stdout, indent=1)

@@ -1,6 +1,6 @@
 """The ``command`` directive: usage, arguments and options of a click command.
 
-The text of the page stands around it, so that a command is described in one place. A command
+The text of the page is around it, so that a command is described in one place. A command
 that no page documents is a warning.
 """
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from docutils import nodes
 from sphinx.util.docutils import SphinxDirective
 
 import robotd_conformance.checks
+from robotd_conformance.checks import aspects
 from robotd_conformance.checks.clauses import Clause, load
 from robotd_doctor.model_tables import table
 
@@ -42,7 +43,9 @@ class ClausesDirective(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         """Return a sentence, then headings and tables by member of the contract."""
         clauses, _, _ = load()
-        mutants = [each for path in sorted(MUTANTS.glob("*_mutants.py")) for each in _mutants(path)]
+        mutants = [
+            mutant for path in sorted(MUTANTS.glob("*_mutants.py")) for mutant in _mutants(path)
+        ]
         if not mutants:
             raise self.error(f"no mutants in {MUTANTS}")
         cells = [(clause.id, fault) for clause in clauses.values() for fault in clause.faults]
@@ -66,6 +69,47 @@ class ClausesDirective(SphinxDirective):
         return self.parse_text_to_nodes("\n\n".join(parts), allow_section_headings=True)
 
 
+class AspectsDirective(SphinxDirective):
+    """Render the matrix of clauses and aspects, after the reasons of cells without a check."""
+
+    def run(self) -> list[nodes.Node]:
+        """Return a sentence and two tables."""
+        names, reasons = aspects.load()
+        themes = {
+            node.name: path.name
+            for path in FOLDER.glob("test_*.py")
+            for node in ast.parse(path.read_text(encoding="utf-8")).body
+            if isinstance(node, ast.FunctionDef)
+        }
+
+        def whole(checks: Iterable[str]) -> list[str]:
+            return [f"{themes[f'test_{name}']}::test_{name}" for name in checks]
+
+        mutants = [
+            mutant for path in sorted(MUTANTS.glob("*_mutants.py")) for mutant in _mutants(path)
+        ]
+        found = [(clause, fault, whole(checks)) for clause, fault, _, checks in mutants]
+        bearing = {clause: whole(checks) for clause, checks in _bearing().items()}
+        rows = aspects.cells(found, bearing)
+        cells = [cell for row in rows.values() for cell in row.values()]
+        checked, still_open = sum(map(str.isdigit, cells)), cells.count(aspects.OPEN)
+        summary = (
+            f"Of {len(cells)} cells {checked} have checks (their number),"
+            f" {len(cells) - checked - still_open} a reason why there is none (its letter), and"
+            f" {still_open} are open (·)."
+        )
+        body = [
+            (f"`{clause}`", *("·" if cell == aspects.OPEN else cell for cell in row.values()))
+            for clause, row in rows.items()
+        ]
+        parts = [
+            summary,
+            table(("letter", "why there is no check"), sorted(reasons.items())),
+            table(("clause", *names), body),
+        ]
+        return self.parse_text_to_nodes("\n\n".join(parts), allow_section_headings=True)
+
+
 NAMES = ("breaks", "found_by")
 Cell = tuple[str, str, str, tuple[str, ...]]
 
@@ -77,7 +121,7 @@ def _clause_rows(
     checks = ", ".join(f"`{name}`" for name in bearing.get(clause.id, ()))
     yield f"`{clause.id.partition('/')[2]}`", f"*{clause.says}*", "", checks or "no check"
     for fault in clause.faults:
-        own = [each for each in mutants if each[:2] == (clause.id, fault)]
+        own = [mutant for mutant in mutants if mutant[:2] == (clause.id, fault)]
         names = ", ".join(_words(name) for _, _, name, _ in own)
         found = dict.fromkeys(check for *_, checks in own for check in checks)
         yield "", fault, names or "—", ", ".join(f"`{name}`" for name in found) or "—"
@@ -110,9 +154,9 @@ def _assigned(body: list[ast.stmt], constants: dict[str, Any]) -> dict[str, Any]
         return node.value if isinstance(node, ast.Constant) else None
 
     return {
-        each.targets[0].id: value(each.value)
-        for each in body
-        if isinstance(each, ast.Assign) and isinstance(each.targets[0], ast.Name)
+        statement.targets[0].id: value(statement.value)
+        for statement in body
+        if isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name)
     }
 
 
@@ -123,7 +167,11 @@ def _bearing() -> dict[str, list[str]]:
         for node in ast.parse(path.read_text(encoding="utf-8")).body:
             if not isinstance(node, ast.FunctionDef):
                 continue
-            marks = [each for each in node.decorator_list if "mark.clause" in ast.unparse(each)]
+            marks = [
+                decorator
+                for decorator in node.decorator_list
+                if "mark.clause" in ast.unparse(decorator)
+            ]
             for name in (ast.literal_eval(arg) for mark in marks for arg in mark.args):  # type: ignore[attr-defined]
                 found.setdefault(name, []).append(node.name.removeprefix("test_"))
     return found
@@ -150,7 +198,9 @@ def _needs(check: ast.FunctionDef, tree: ast.Module) -> str:
     marks = [mark for mark in marks if "mark.needs(" in mark] or whole
     capabilities = re.findall(r"Capability\.(\w+)", " ".join(marks))
     needs = [f"`{name.lower()}`" for name in capabilities]
-    arguments = {each.arg: ast.unparse(each.annotation or each) for each in check.args.args}
+    arguments = {
+        argument.arg: ast.unparse(argument.annotation or argument) for argument in check.args.args
+    }
     if JOINTS in arguments:
         needs.append("joints")
     if INJECTOR in arguments.values() or USES_INJECTOR.search(ast.unparse(check)):
@@ -166,3 +216,4 @@ def setup(app: Any) -> None:
     """Register the directive."""
     app.add_directive("conformance-checks", ChecksDirective)
     app.add_directive("conformance-clauses", ClausesDirective)
+    app.add_directive("conformance-aspects", AspectsDirective)

@@ -173,6 +173,20 @@ def test_a_cut_connection_ends_the_motion_at_the_last_target(
     assert_moves(robot, -0.1)
 
 
+def test_targets_that_the_controller_has_not_read_are_not_executed_late(
+    robot: Robot, faults: FakeFaultInjector
+) -> None:
+    """It reads none for a second: the connection is reset, and with it what waits is gone."""
+    assert_fault_in_motion(robot, lambda: faults.send("busy", 1), "connection lost (targets cannot")
+    wait_until(lambda: stand(faults, 0.2), "the motors reach the last target that was read")
+    at_rest = positions(faults)
+    faults.send("busy", 0)
+    assert stand(faults, 1.0)
+    assert positions(faults) == at_rest
+    robot.recover()
+    assert_moves(robot, -0.1)
+
+
 def test_a_controller_that_dies_in_motion_ends_it(robot: Robot, faults: FakeFaultInjector) -> None:
     assert_fault_in_motion(robot, faults.stop_engine, "connection lost")
     robot.recover()  # the stand-in is started anew

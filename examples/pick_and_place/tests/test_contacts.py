@@ -20,7 +20,7 @@ def place_of(robot: RobotUnderTest, name: str) -> list[float]:
     """Return x and y of an object, m."""
     world = robot.robot.world
     assert world is not None
-    names = [each.name for each in world.objects]
+    names = [item.name for item in world.objects]
     return world.poses()[names.index(name)][:2].tolist()
 
 

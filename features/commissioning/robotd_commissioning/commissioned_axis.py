@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 
-from robotd.api import BusNode, OperationError, ProcessImage, RobotdError, wait_until
+from robotd.api import (
+    BusNode,
+    OperationError,
+    ProcessImage,
+    RobotdError,
+    get_logger,
+    wait_until,
+)
 from robotd.api.models import JointSettings
 from robotd.api.robots import JointStream, Robot
 from robotd_commissioning.findings import in_words
+
+log = get_logger("commissioning")
 
 SILENCE_S = 0.2  # without a command of the held key the axis slows to rest
 JAMMED = {"rad": 0.0087, "m": 0.5e-3}  # following error of a slow motion, rad or m
@@ -19,7 +28,7 @@ ONLINE_TIMEOUT_S = 3.0  # for the first values of the drive
 OWNER = "commissioning"
 
 
-class HeldMotion:
+class HeldJog:
     """Motion of the axis while a key is held. One thread.
 
     Attributes:
@@ -95,6 +104,11 @@ class CommissionedAxis:
         return int.from_bytes(self._robot.fieldbus.read_object(0, node, index, subindex), "little")
 
     @property
+    def cautions(self) -> Sequence[str]:
+        """Dangers of the drives that the operator has to know."""
+        return self._robot.cautions
+
+    @property
     def can_home(self) -> bool:
         """The backend supports homing."""
         return "homing" in self._robot.capabilities
@@ -116,14 +130,25 @@ class CommissionedAxis:
         axes.servo(self.number, True)
         try:
             yield
-        finally:
+        except BaseException:
+            try:
+                self._switch_off()
+            except RobotdError as failure:
+                log.error("servo off failed", axis=self.joint.name, reason=str(failure))
+            raise
+        self._switch_off()
+
+    def _switch_off(self) -> None:
+        axes = self._robot.axes
+        try:
             with suppress(RobotdError):
                 axes.stop_and_wait([self.number], 2.0)
+        finally:
             axes.servo(self.number, False)
 
     @contextmanager
-    def held_motion(self) -> Iterator[HeldMotion]:
+    def held_motion(self) -> Iterator[HeldJog]:
         """Stream to the powered axis for the block; it is at rest at the end."""
         streams = self._robot.groups.of([self.joint.name]).stream
         with streams([self.joint.name], timeout_s=SILENCE_S, owner=OWNER) as stream:
-            yield HeldMotion(stream, self)
+            yield HeldJog(stream, self)

@@ -42,7 +42,7 @@ class Change:
 
 
 @dataclass(frozen=True)
-class Finding:
+class StepFinding:
     """Result of one step.
 
     Attributes:
@@ -60,7 +60,7 @@ def in_words(value: float, unit: str) -> str:
     return f"{round(shown, 2) + 0.0:+.2f}{name}"  # + 0.0: no minus before a zero
 
 
-def judge_identity(node: BusNode, expected: Mapping[str, Any], key: str) -> Finding:
+def judge_identity(node: BusNode, expected: Mapping[str, Any], key: str) -> StepFinding:
     """Compare the identity of a drive with the descriptor's, or propose it.
 
     Args:
@@ -72,7 +72,7 @@ def judge_identity(node: BusNode, expected: Mapping[str, Any], key: str) -> Find
     if node.offline:
         raise OperationError(f"node {node.id} is offline: {node.fault or 'no answer'}")
     if not node.vendor_id:
-        return Finding(f"node {node.id} states no identity; nothing to compare")
+        return StepFinding(f"node {node.id} states no identity; nothing to compare")
     known = {name: value for name, value in expected.items() if value is not None}
     wrong = [name for name in found if name in known and known[name] != found[name]]
     if wrong:
@@ -82,13 +82,13 @@ def judge_identity(node: BusNode, expected: Mapping[str, Any], key: str) -> Find
             " descriptor is that of another machine"
         )
     if known:
-        return Finding(f"{name}, as in the descriptor")
-    return Finding(name, (Change(Place.DRIVE, key, found),))
+        return StepFinding(f"{name}, as in the descriptor")
+    return StepFinding(name, (Change(Place.DRIVE, key, found),))
 
 
 def judge_direction(
     reported: float, *, positive: bool, polarity: int, key: str, unit: str
-) -> Finding:
+) -> StepFinding:
     """Compare the reported motion with the true direction.
 
     Args:
@@ -103,8 +103,10 @@ def judge_direction(
             " it did move, another drive belongs to it, or the scale is far too small"
         )
     if (reported > 0.0) is positive:
-        return Finding(f"the position changed by {in_words(reported, unit)}: direction is right")
-    return Finding(
+        return StepFinding(
+            f"the position changed by {in_words(reported, unit)}: direction is right"
+        )
+    return StepFinding(
         f"the position changed by {in_words(reported, unit)}: the drive counts the other way,"
         f" {key} {polarity} becomes {-polarity}",
         (Change(Place.DRIVE, key, -polarity),),
@@ -118,7 +120,7 @@ def judge_scale(
     key: str,
     unit: str,
     stated: Mapping[str, float] = MappingProxyType({}),
-) -> Finding:
+) -> StepFinding:
     """Compare the reported motion with a known one.
 
     Counts are reported · scale, so the right scale is that divided by ``true``. A scale that is
@@ -144,11 +146,11 @@ def judge_scale(
     ratio = reported / true
     what = f"{in_words(true, unit)} is reported as {in_words(reported, unit)}"
     if abs(ratio - 1.0) < SAME_SCALE:
-        return Finding(f"{what}: {key} {scale:.10g} is right, within {SAME_SCALE:.0%}")
+        return StepFinding(f"{what}: {key} {scale:.10g} is right, within {SAME_SCALE:.0%}")
     for name, turn in stated.items():
         new = float(f"{turn / math.tau:.10g}")
         if abs(scale * ratio / new - 1.0) < SAME_SCALE:
-            return Finding(
+            return StepFinding(
                 f"{what}: {key} {scale:.10g} becomes {new:.10g} (the drive's {name})",
                 (Change(Place.DRIVE, key, new),),
             )
@@ -158,12 +160,12 @@ def judge_scale(
     why = (
         f"wrong by a factor of {_factor_text(ratio)}" if is_whole else f"{ratio:.4f} times as many"
     )
-    return Finding(
+    return StepFinding(
         f"{what}: {key} {scale:.10g} becomes {new:.10g} ({why})", (Change(Place.DRIVE, key, new),)
     )
 
 
-def judge_limits(lower: float, upper: float, joint: JointSettings) -> Finding:
+def judge_limits(lower: float, upper: float, joint: JointSettings) -> StepFinding:
     """Compare the ends of the free travel (rad or m) with the joint's limits."""
     unit, (low, high) = joint.unit, sorted((lower, upper))
     if high - low < MIN_SCALE_MOVE[unit]:
@@ -175,13 +177,13 @@ def judge_limits(lower: float, upper: float, joint: JointSettings) -> Finding:
             changes.append(Change(Place.JOINT, joint.key(key), inward / 1e4))
     travel = f"the travel is {in_words(low, unit)} to {in_words(high, unit)}"
     if not changes:
-        return Finding(f"{travel}, as in the descriptor")
-    return Finding(f"{travel}; new limits", tuple(changes))
+        return StepFinding(f"{travel}, as in the descriptor")
+    return StepFinding(f"{travel}; new limits", tuple(changes))
 
 
 def judge_following_error(
     lag_s: float, joint: JointSettings, scale: float, window_object: str
-) -> Finding:
+) -> StepFinding:
     """Propose a following-error window from the measured lag.
 
     A position loop without feed-forward follows with a constant lag, so the error at the joint's
@@ -200,18 +202,18 @@ def judge_following_error(
         f" following-error window {in_words(window, joint.unit)}"
     )
     if not window_object:
-        return Finding(f"{text}: set it in the drive")
-    return Finding(text, (Change(Place.DRIVE, window_object, round(window * scale)),))
+        return StepFinding(f"{text}: set it in the drive")
+    return StepFinding(text, (Change(Place.DRIVE, window_object, round(window * scale)),))
 
 
-def judge_brake(sag: float, unit: str) -> Finding:
+def judge_brake(sag: float, unit: str) -> StepFinding:
     """Judge how far the axis moved when its servo went off, rad or m."""
     if abs(sag) > MAX_SAG[unit]:
         raise OperationError(
             f"the axis moved by {in_words(sag, unit)} when its servo went off: the brake does not"
             f" hold (limit {in_words(MAX_SAG[unit], unit)}); support the load before you go on"
         )
-    return Finding(f"the axis moved by {in_words(sag, unit)} when its servo went off: it holds")
+    return StepFinding(f"the axis moved by {in_words(sag, unit)} when its servo went off: it holds")
 
 
 def _whole_factor(ratio: float) -> float | None:

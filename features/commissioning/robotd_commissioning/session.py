@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError
-from ruamel.yaml import YAML
-from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.comments import CommentedSeq
 
 from robotd.api import (
     AxisKeys,
@@ -24,6 +23,7 @@ from robotd.api import (
     unknown_name,
 )
 from robotd.api.commands import stop_signals
+from robotd.api.features import requested_guards
 from robotd.api.models import (
     JointSettings,
     RobotDescriptor,
@@ -33,11 +33,11 @@ from robotd.api.models import (
 )
 from robotd.api.robots import Backend, Robot
 from robotd_commissioning.commissioned_axis import CommissionedAxis
-from robotd_commissioning.findings import Change, Finding, Place
+from robotd_commissioning.findings import Change, Place, StepFinding
 from robotd_commissioning.steps import STEPS, Bench, Operator
+from robotd_shared.commented_yaml import commented_yaml, on_one_line
 
 MAX_BYTES = 1_000_000
-MAX_LINE = 10_000  # flow mappings stay on their line
 
 
 class DescriptorEdit:
@@ -59,7 +59,7 @@ class DescriptorEdit:
         self.path = robot.path
         self._variant, self._backend, self._keys, self._joint = robot.variant, backend, keys, joint
         self.before = self.path.read_text(encoding="utf-8")
-        self._tree = _yaml().load(self.before)
+        self._tree = commented_yaml().load(self.before)
         self._joint_item = self._find(["joints"], "name", joint.name)
         self._drive_item = self._find(["backends", backend, keys.items], "axis", joint.axis)
 
@@ -70,9 +70,9 @@ class DescriptorEdit:
             if change.key == self._keys.window_object:
                 _set_startup(item, change.key, change.value)
             else:
-                item[change.key] = _flow(change.value)
+                item[change.key] = on_one_line(change.value)
         text = io.StringIO()
-        _yaml().dump(self._tree, text)
+        commented_yaml().dump(self._tree, text)
         return text.getvalue()
 
     def difference(self, text: str) -> str:
@@ -143,26 +143,7 @@ def _set_startup(item: Any, name: str, value: int) -> None:
         if str(write.get("object")).lower() == name.lower():
             write["value"] = value
             return
-    startup.append(_flow({"object": name, "value": value}))
-
-
-def _flow(value: Any) -> Any:
-    """Return ``value`` for YAML; a mapping on one line."""
-    if not isinstance(value, Mapping):
-        return value
-    mapping = CommentedMap(value)
-    mapping.fa.set_flow_style()
-    return mapping
-
-
-def _yaml() -> YAML:
-    yaml = YAML()
-    yaml.width, yaml.preserve_quotes = MAX_LINE, True
-    yaml.indent(mapping=2, sequence=4, offset=2)
-    yaml.representer.add_representer(
-        type(None), lambda dumper, _: dumper.represent_scalar("tag:yaml.org,2002:null", "null")
-    )
-    return yaml
+    startup.append(on_one_line({"object": name, "value": value}))
 
 
 class _Content(BaseModel):
@@ -225,6 +206,7 @@ class Commissioning:
     Raises:
         PluginError: the backend has no keys that commissioning could write.
         InvalidArgument: there is no such joint.
+        DescriptorError: the robot's file asks for guards, which need all joints.
     """
 
     def __init__(
@@ -245,7 +227,14 @@ class Commissioning:
             )
         self._load, self._backend, self._keys = load, backend, keys
         self._joint, self._record, self._make_operator = joint, record, make_operator
-        _joint_of(load(None), joint)
+        descriptor = load(None)
+        _joint_of(descriptor, joint)
+        text = f"needs all joints, and {joint} is commissioned alone; to do without, give"
+        without = "and keep its way free"
+        if guards := requested_guards(descriptor):
+            raise DescriptorError.join(
+                descriptor.problem(key, f"{text} --set {key}=null, {without}") for key in guards
+            )
 
     @property
     def open_steps(self) -> list[str]:
@@ -259,8 +248,12 @@ class Commissioning:
             OperationError: a measured value cannot be right; the step stays open.
             ConnectError: the robot does not start, for example because of another identity.
         """
+        warned = False
         while self.open_steps:
             with self._opened() as (bench, edit):
+                for caution in () if warned else bench.axis.cautions:
+                    bench.operator.say(f"CAUTION: {caution}")
+                warned = True
                 for step in self.open_steps:
                     operator = bench.operator
                     operator.say(f"\n{self._joint}: {step}")
@@ -273,7 +266,7 @@ class Commissioning:
                         break
         return True
 
-    def _write(self, edit: DescriptorEdit, finding: Finding, operator: Operator) -> bool:
+    def _write(self, edit: DescriptorEdit, finding: StepFinding, operator: Operator) -> bool:
         text = edit.changed(finding.changes)
         if not operator.accepts(edit.difference(text)):
             return False

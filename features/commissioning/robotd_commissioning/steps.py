@@ -11,7 +11,7 @@ from typing import Any, Protocol
 from robotd.api import AxisKeys, OperationError
 from robotd_commissioning.commissioned_axis import CommissionedAxis
 from robotd_commissioning.findings import (
-    Finding,
+    StepFinding,
     in_words,
     judge_brake,
     judge_direction,
@@ -95,7 +95,7 @@ class Bench:
         return self.axis.position() - start
 
 
-def identity(bench: Bench) -> Finding:
+def identity(bench: Bench) -> StepFinding:
     """Compare the identity of the drive."""
     number = int(bench.drive[bench.keys.node])
     node = bench.axis.node(number)
@@ -104,7 +104,7 @@ def identity(bench: Bench) -> Finding:
     return judge_identity(node, bench.drive.get(bench.keys.identity) or {}, bench.keys.identity)
 
 
-def direction(bench: Bench) -> Finding:
+def direction(bench: Bench) -> StepFinding:
     """Find the direction by hand, or by a jog of 1° (1 mm)."""
     operator, name = bench.operator, bench.axis.joint.name
     polarity = int(bench.drive.get(bench.keys.polarity, 1))
@@ -128,7 +128,7 @@ def direction(bench: Bench) -> Finding:
     )
 
 
-def scaling(bench: Bench) -> Finding:
+def scaling(bench: Bench) -> StepFinding:
     """Find the counts per rad (or m) by a known motion."""
     operator, joint, unit = bench.operator, bench.axis.joint, bench.unit
     stated = bench.stated_scales()
@@ -151,24 +151,24 @@ def scaling(bench: Bench) -> Finding:
     return judge_scale(reported, true, scale, bench.keys.scale, unit, stated)
 
 
-def homing(bench: Bench) -> Finding:
+def homing(bench: Bench) -> StepFinding:
     """Home the axis while a key is held."""
     if not bench.axis.can_home:
-        return Finding("the backend has no homing: the zero of the encoder counts")
+        return StepFinding("the backend has no homing: the zero of the encoder counts")
     if not bench.operator.agrees("Home the axis now (it may search a switch)?"):
-        return Finding("not homed: the zero of the encoder counts")
+        return StepFinding("not homed: the zero of the encoder counts")
     bench.operator.home()
-    return Finding(f"homed, position {in_words(bench.axis.position(), bench.unit)}")
+    return StepFinding(f"homed, position {in_words(bench.axis.position(), bench.unit)}")
 
 
-def limits(bench: Bench) -> Finding:
+def limits(bench: Bench) -> StepFinding:
     """Find the ends of the free travel."""
     joint, operator = bench.axis.joint, bench.operator
     if joint.type == "continuous":
-        return Finding("a continuous joint has no limits")
+        return StepFinding("a continuous joint has no limits")
     travel = f"{in_words(joint.lower, joint.unit)} to {in_words(joint.upper, joint.unit)}"
     if operator.agrees(f"Are the limits {travel} known to be right?"):
-        return Finding(f"limits {travel}, confirmed by the operator")
+        return StepFinding(f"limits {travel}, confirmed by the operator")
     ends = []
     for which in ("LOWER", "UPPER"):
         operator.say(f"Move to the {which} end of the free travel, with a margin to the stop.")
@@ -180,7 +180,7 @@ def limits(bench: Bench) -> Finding:
     return judge_limits(ends[0], ends[1], joint)
 
 
-def following_error(bench: Bench) -> Finding:
+def following_error(bench: Bench) -> StepFinding:
     """Measure the lag of the axis in motion."""
     bench.operator.say("Hold → and ← in turn, some degrees each; + and - change the speed.")
     lag_s = bench.operator.jog(FASTER[bench.unit])
@@ -190,13 +190,13 @@ def following_error(bench: Bench) -> Finding:
     return judge_following_error(lag_s, bench.axis.joint, scale, bench.keys.window_object)
 
 
-def brake(bench: Bench) -> Finding:
+def brake(bench: Bench) -> StepFinding:
     """Measure how far the axis moves when its servo goes off."""
     bench.operator.proceed("The servo is switched on, then off. Support the load")
     return judge_brake(bench.operator.settle(), bench.unit)
 
 
-STEPS: Mapping[str, Callable[[Bench], Finding]] = {
+STEPS: Mapping[str, Callable[[Bench], StepFinding]] = {
     "identity": identity,
     "direction": direction,
     "scaling": scaling,

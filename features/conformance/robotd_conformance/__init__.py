@@ -1,1 +1,1 @@
-"""Conformance kit for backends, and ``robotd new-backend``."""
+"""Conformance kit for backends, ``robotd new-backend`` and ``robotd new-plugin``."""

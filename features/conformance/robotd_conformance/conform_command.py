@@ -15,9 +15,11 @@ from robotd.api.commands import FILE, ExitCode, load_robot, log_options
 from robotd.api.features import why_unwritable
 from robotd.api.models import parse_override
 from robotd.api.robots import find_backend, load_backend
+from robotd_conformance.watch import source_files, wait_for_change
 from robotd_shared.foreign_process import death_of, is_foreign, probe_backend, run_noted
 
 PACKAGE = "robotd_conformance.checks"
+MISPLACED = 13  # exit status of pytest, see checks/conftest.py
 GRACE_S = 30.0  # for axes to come to rest and the device to be closed, after Ctrl-C
 
 
@@ -50,6 +52,8 @@ GRACE_S = 30.0  # for axes to come to rest and the device to be closed, after Ct
     multiple=True,
     help="Positions that floor, table or cables leave an axis, rad or m. May be repeated.",
 )
+@click.option("--quick", is_flag=True, help="Only the checks that find most faults, in 20 s.")
+@click.option("--watch", is_flag=True, help="Run them again whenever the backend's code changes.")
 @click.option("--thorough", is_flag=True, help="Also what only time reveals; minutes longer.")
 @click.option(
     "--resume",
@@ -68,6 +72,8 @@ def conform(
     overrides: Sequence[str],
     max_excursion: float | None,
     ranges: Sequence[str],
+    quick: bool,
+    watch: bool,
     thorough: bool,
     resume: Path | None,
     pytest_arguments: Sequence[str],
@@ -84,7 +90,9 @@ def conform(
     if foreign:
         probe_backend(backend)
     if robot is not None:
-        descriptor = load_robot(robot, overrides=[parse_override(each) for each in overrides])
+        descriptor = load_robot(
+            robot, overrides=[parse_override(override) for override in overrides]
+        )
         if not foreign:  # whose code runs in a process of its own only
             load_backend(backend).context(descriptor)
     arguments = [
@@ -92,7 +100,8 @@ def conform(
         *([f"--robotd-robot={robot}"] if robot else []),
         *(f"--robotd-set={override}" for override in overrides),
         *([] if max_excursion is None else [f"--robotd-max-excursion={max_excursion}"]),
-        *(f"--robotd-range={each}" for each in ranges),
+        *(f"--robotd-range={range_text}" for range_text in ranges),
+        *(["--robotd-quick"] if quick else []),
         *(["--robotd-thorough"] if thorough else []),
         *([f"--robotd-resume={resume.absolute()}"] if resume else []),
         "--robotd-progress",
@@ -100,12 +109,21 @@ def conform(
         *(["-k", expression] if expression else []),
         *pytest_arguments,
     ]
-    status, _, step = run_noted(
-        [*pytest_command(), *arguments], _environment(), capture=False, grace_s=GRACE_S
-    )
-    if step != "done":
-        raise death_of(backend, status, step)
-    return ExitCode.OK if status == 0 else ExitCode.PLUGIN
+    while True:
+        files = source_files(backend)
+        status, _, step = run_noted(
+            [*pytest_command(), *arguments], _environment(), capture=False, grace_s=GRACE_S
+        )
+        if step != "done":
+            error = death_of(backend, status, step)
+            if not watch:
+                raise error
+            click.echo(str(error))
+        elif not watch:
+            return {0: ExitCode.OK, MISPLACED: ExitCode.CONFIGURATION}.get(status, ExitCode.PLUGIN)
+        click.echo(f"waiting for a change of the code of {backend}; Ctrl-C ends")
+        changed = wait_for_change(backend, files)
+        click.echo(f"changed: {', '.join(path.name for path in changed)}")
 
 
 def pytest_command() -> list[str]:

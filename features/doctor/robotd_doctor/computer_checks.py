@@ -139,7 +139,7 @@ def _space() -> Iterator[Finding]:
     from robotd_recording.recording_folder import default_folder
 
     folder = default_folder()
-    place = next(each for each in (folder, *folder.parents) if each.exists())
+    place = next(candidate for candidate in (folder, *folder.parents) if candidate.exists())
     free = shutil.disk_usage(place).free
     if free < RECORDINGS_BYTES:
         advice = "remove old recordings, or set recorder.folder to another disk"

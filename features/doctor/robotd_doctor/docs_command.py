@@ -30,7 +30,7 @@ def pages() -> dict[str, Path]:
     if (CLONE / "conf.py").is_file():
         found = [path for part in PARTS for path in (CLONE / part).glob("*.md")]
     else:
-        installed = (Path(str(each.locate())) for each in files("robotd") or ())
+        installed = (Path(str(file.locate())) for file in files("robotd") or ())
         found = [path.resolve() for path in installed if path.match("share/doc/robotd/*/*.md")]
     found.sort(key=lambda path: (PARTS.index(path.parent.name), path.stem))
     return {f"{path.parent.name}/{path.stem}": path for path in found}

@@ -46,7 +46,7 @@ def doctor(
         if name not in known:
             raise InvalidArgument(unknown_name("doctor", name, known))
     descriptors = tuple(map(load_robot, robots))
-    used = [each.backend for each in descriptors if each.backend in known]
+    used = [descriptor.backend for descriptor in descriptors if descriptor.backend in known]
     context = MachineContext(descriptors, asks_devices=devices)
     found: dict[str, list[Finding]] = {}
     for name in dict.fromkeys((*OWN, *used, *backends)):
@@ -57,9 +57,11 @@ def doctor(
                 click.echo(finding.text)
     if as_json:
         click.echo(
-            json.dumps({name: [*map(asdict, each)] for name, each in found.items()}, indent=2)
+            json.dumps({name: [*map(asdict, checks)] for name, checks in found.items()}, indent=2)
         )
     elif left_out := [name for name in known if name not in found]:
         click.echo(f"\nbackends with checks of their own: --backend {' | '.join(left_out)}")
-    has_failed = any(each.verdict == "failed" for findings in found.values() for each in findings)
+    has_failed = any(
+        finding.verdict == "failed" for findings in found.values() for finding in findings
+    )
     return ExitCode.FAILED if has_failed else ExitCode.OK

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 
 from robotd.api import Finding, MachineContext, RobotdError
-from robotd.api.commands import HAS_ROS_WHEELS, import_ros, sourced_ros
+from robotd.api.commands import HAS_ROS_WHEELS, import_ros, load_installed, sourced_ros
 from robotd.api.features import feature_failures, installed_features
-from robotd.api.robots import discover, load_backend, load_plugins
+from robotd.api.robots import discover, load_backend
 
 SUPPORTED = ((3, 11), (3, 13))  # of the ROS wheels
 EXTRAS = {"page": "aiohttp", "metrics": "prometheus_client", "foxglove": "foxglove-sdk"}
@@ -21,11 +21,8 @@ def check_installation(context: MachineContext) -> Iterator[Finding]:
     yield Finding("ok", f"robotd {version('robotd')} in {sys.prefix}")
     yield _python()
     yield _ros()
-    _, failures = load_plugins()
-    for reason in failures.values():
-        yield Finding("warning", reason, "update or uninstall the plugin")
-    for name, reason in feature_failures().items():
-        yield Finding("warning", f"feature {name!r}: {reason}", "update or uninstall it")
+    for reason in (*load_installed().problems(), *feature_failures().values()):
+        yield Finding("warning", reason, "update or uninstall it; 'robotd plugins' shows more")
     yield from _backends()
     missing = [name for name, distribution in EXTRAS.items() if not _has(distribution)]
     advice = f"pip install 'robotd[{','.join(missing)}]'" if missing else ""

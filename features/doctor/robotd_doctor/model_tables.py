@@ -122,7 +122,11 @@ def _inside(item: Schema) -> Schema:
 def _choices(field: Schema) -> list[Schema]:
     """Return the members of a union, of unions inside it too; another field alone."""
     members = field.get("anyOf") or field.get("oneOf")
-    return [item for each in members for item in _choices(each)] if members else [field]
+    return (
+        [item for union_member in members for item in _choices(union_member)]
+        if members
+        else [field]
+    )
 
 
 def _default(field: Schema, holds_models: bool) -> str:

@@ -10,12 +10,18 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from robotd.api import Finding, MachineContext
+from robotd.api.commands import DEFAULT_MIDDLEWARE, domain_problem, middleware_problem
 from robotd_doctor.computer_checks import read, tool
+from robotd_doctor.zenoh_check import ZENOH, zenoh_router
 
 SYSCTL, SOCKETS = Path("/proc/sys/net"), Path("/proc/net")
 RECEIVE_BYTES = 2 * 2**20  # of a participant of an arm while a client of 500 Hz is discovered
 DISCOVERY_GROUP = "239.255.0.1"  # of RTPS
 MAX_DOMAIN = 101  # higher ones use the ephemeral ports of Linux
+_MIDDLEWARE_ADVICE = (
+    "unset RMW_IMPLEMENTATION; with an installed ROS also: sudo apt install ros-jazzy-{};"
+    " the ROS wheels have Fast DDS only"
+)
 RTPS_PORTS = range(7400, 32767)
 TCP_LISTEN = "0A"  # of linux/tcp_states.h
 # 127.0.0.0/8, as IPv6 too, and ::1; words in the order of this computer's bytes.
@@ -33,18 +39,14 @@ def check_network(context: MachineContext) -> Iterator[Finding]:
 
 def _variables() -> Iterator[Finding]:
     variables = os.environ
-    domain = variables.get("ROS_DOMAIN_ID", "0")
-    if not domain.isdecimal() or int(domain) > MAX_DOMAIN:
-        advice = f"export ROS_DOMAIN_ID=N with N from 0 to {MAX_DOMAIN}"
-        yield Finding("failed", f"ROS_DOMAIN_ID is {domain!r}", advice)
-    else:
-        yield Finding("ok", f"ROS domain {domain}")
-    middleware = variables.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp")
-    if middleware == "rmw_fastrtps_cpp":
-        yield Finding("ok", f"middleware {middleware}")
-    else:
-        advice = "robotd is measured and tested with rmw_fastrtps_cpp; all computers need the same"
-        yield Finding("warning", f"middleware {middleware}", advice)
+    yield _domain(variables.get("ROS_DOMAIN_ID") or "0")
+    middleware = variables.get("RMW_IMPLEMENTATION") or DEFAULT_MIDDLEWARE
+    found = _middleware(middleware)
+    yield found
+    if middleware == ZENOH:
+        if found.verdict != "failed":
+            yield zenoh_router(variables)
+        return  # it has no domain's ports, and other variables
     if server := variables.get("ROS_DISCOVERY_SERVER"):
         yield from _discovery_server(server)
         return
@@ -59,6 +61,24 @@ def _variables() -> Iterator[Finding]:
     for peer in filter(None, peers.split(";")):
         if not _resolves(peer):
             yield Finding("failed", f"static peer {peer!r} has no address", "correct its name")
+
+
+def _domain(domain: str) -> Finding:
+    problem = domain_problem()
+    if not problem and int(domain) <= MAX_DOMAIN:
+        return Finding("ok", f"ROS domain {domain}")
+    advice = f"export ROS_DOMAIN_ID=N with N from 0 to {MAX_DOMAIN}"
+    text = problem or f"ROS_DOMAIN_ID is {domain!r}: its ports are those that Linux gives to others"
+    return Finding("failed", text, advice)
+
+
+def _middleware(middleware: str) -> Finding:
+    if problem := middleware_problem():
+        return Finding("failed", problem, _MIDDLEWARE_ADVICE.format(middleware.replace("_", "-")))
+    if middleware == DEFAULT_MIDDLEWARE:
+        return Finding("ok", f"middleware {middleware}")
+    advice = f"robotd is measured and tested with {DEFAULT_MIDDLEWARE}; all computers need the same"
+    return Finding("warning", f"middleware {middleware}", advice)
 
 
 def _discovery_server(servers: str) -> Iterator[Finding]:

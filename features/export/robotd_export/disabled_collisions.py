@@ -48,8 +48,8 @@ def collision_covers(text: str, path: Path) -> dict[str, Cover]:
     """
     covers = {}
     for link in xml_root(text, path).iterfind("link"):
-        found = [_spheres(each, path) for each in link.iterfind("collision")]
-        known = [each for each in found if each is not None]
+        found = [_spheres(element, path) for element in link.iterfind("collision")]
+        known = [spheres for spheres in found if spheres is not None]
         if found:
             centers = np.concatenate([np.empty((0, 3)), *(centers for centers, _ in known)])
             radii = np.concatenate([np.empty(0), *(radii for _, radii in known)])

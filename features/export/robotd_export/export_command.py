@@ -10,12 +10,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from importlib.metadata import entry_points
 from pathlib import Path
 
 import click
 
-from robotd.api.commands import load_entry, load_installed, log_options, which_robot
+from robotd.api import PluginError, unknown_name
+from robotd.api.commands import (
+    installed_names,
+    load_entry,
+    load_installed,
+    log_options,
+    plugin_errors,
+    which_robot,
+)
 from robotd.api.models import Override, load_robot_descriptor
 from robotd_export.export_input import ExportInput
 from robotd_shared.package_templates import write_folder
@@ -27,14 +34,31 @@ Export = Callable[[ExportInput], str | Mapping[str, str]]
 
 def export_targets() -> list[str]:
     """Return the names of all targets; imports none."""
-    return sorted({entry.name for entry in entry_points(group=EXPORTS)})
+    return [*installed_names(EXPORTS).entries]
 
 
 def export_function(target: str) -> Export:
-    """Import the function of a target. Raises PluginError where it cannot be imported."""
-    entry = next(iter(entry_points(group=EXPORTS, name=target)))
-    function: Export = load_entry(entry, f"export {target!r}")
-    return function
+    """Import the function of a target. What it raises beside RobotdError is PluginError.
+
+    Raises PluginError: no distribution has it, or it cannot be imported.
+    """
+    found = installed_names(EXPORTS).require(target)
+    if found is None:
+        raise PluginError(unknown_name("export", target, export_targets()))
+    function: Export = load_entry(*found)
+
+    def export_with(given: ExportInput) -> str | Mapping[str, str]:
+        with plugin_errors(f"export {found[0]}", found[0].module):
+            made: object = function(given)
+            if isinstance(made, Mapping) and all(
+                isinstance(result, str) for result in made.values()
+            ):
+                return dict(made)
+            if not isinstance(made, str):
+                raise TypeError(f"returned {type(made).__name__}, no text and no texts by path")
+        return made
+
+    return export_with
 
 
 def namespace(ctx: click.Context, option: click.Parameter, value: str) -> str:

@@ -22,6 +22,7 @@ from robotd_export.disabled_collisions import collision_covers, disabled_collisi
 from robotd_export.export_input import ExportInput
 from robotd_export.moveit import move_group_content
 from robotd_shared.mesh_files import moved_mesh_names, with_mesh_names
+from robotd_shared.pose_file import file_of, read_poses
 
 PLANNER = "RRTConnectkConfigDefault"
 OMPL = {
@@ -87,14 +88,7 @@ def semantic_description(
             etree.SubElement(group, "chain", base_link=joints[0].parent, tip_link=tip)
         else:
             _add_all(group, "joint", [joint.name for joint in joints])
-    limits = {joint.name: joint for joint in descriptor.joints}  # may be tighter than the URDF's
-    for name, (joints, _) in groups.items():
-        state = etree.SubElement(root, "group_state", name=HOME, group=name)
-        for joint in joints:
-            ours = limits[joint.name]
-            value = min(max(0.0, joint.lower, ours.lower), joint.upper, ours.upper)
-            # Not rounded, which could be beyond the limit.
-            etree.SubElement(state, "joint", name=joint.name, value=repr(value))
+    _add_states(root, descriptor, {name: joints for name, (joints, _) in groups.items()})
     fingers = descriptor.gripper.joints if descriptor.gripper else ()
     if fingers:
         _add_gripper(root, urdf, fingers, groups)
@@ -106,6 +100,35 @@ def semantic_description(
         etree.SubElement(root, "disable_collisions", link1=first, link2=second, reason=reason)
     data: bytes = etree.tostring(root, pretty_print=True, xml_declaration=True, encoding="UTF-8")
     return data.decode()
+
+
+def _add_states(
+    root: Any, descriptor: RobotDescriptor, groups: dict[str, tuple[UrdfJoint, ...]]
+) -> None:
+    """Add the taught poses of each group, and ``HOME`` where it is not taught."""
+    ours = {joint.name: joint for joint in descriptor.joints}  # may be tighter than the URDF's
+    poses = read_poses(file_of(descriptor))
+    for group, joints in groups.items():
+        limits = {
+            joint.name: (
+                max(joint.lower, ours[joint.name].lower),
+                min(joint.upper, ours[joint.name].upper),
+            )
+            for joint in joints
+        }
+        home = {joint: min(max(0.0, lower), upper) for joint, (lower, upper) in limits.items()}
+        taught = {name: pose for name, pose in poses.items() if pose.keys() == limits.keys()}
+        for name, pose in ({HOME: home} | taught).items():
+            beyond = [
+                joint for joint, (low, high) in limits.items() if not low <= pose[joint] <= high
+            ]
+            if beyond:
+                text = f" The pose {name} of {group} is beyond the limits of {', '.join(beyond)}. "
+                root.append(etree.Comment(text.replace("--", "- -")))  # would end the comment
+                continue
+            state = etree.SubElement(root, "group_state", name=name, group=group)
+            for joint in limits:  # not rounded, which could be beyond the limit
+                etree.SubElement(state, "joint", name=joint, value=repr(pose[joint]))
 
 
 def _add_all(parent: Any, tag: str, names: list[str]) -> None:
@@ -237,7 +260,7 @@ def _setup_assistant(name: str) -> dict[str, Any]:
 
 
 def _package_xml(name: str) -> str:
-    depends = "".join(f"  <exec_depend>{each}</exec_depend>\n" for each in DEPENDENCIES)
+    depends = "".join(f"  <exec_depend>{dependency}</exec_depend>\n" for dependency in DEPENDENCIES)
     return f"""<?xml version="1.0"?>
 <package format="3">
   <name>{package_name(name)}</name>

@@ -26,7 +26,7 @@ from robotd_messages.message_encoders import (
     string_message,
 )
 from robotd_shared.mesh_files import drawable_meshes
-from robotd_shared.robot_state import Goals, state_of
+from robotd_shared.robot_state import SHARED_S, Goals, state_of
 
 log = get_logger("foxglove")
 
@@ -216,7 +216,7 @@ class FoxgloveServer:
 
     def _send_state(self) -> None:
         if self._state.has_sinks():
-            self._state.log(state_of(self._tap, self._goals.running(), 0))
+            self._state.log(state_of(self._tap, self._goals.running(), 0, SHARED_S))
         if self._undescribed.is_set():
             self._undescribed.clear()
             self._description.log(string_message(self._tap.urdf))
@@ -261,7 +261,7 @@ def _transforms(frames: JointFrames, positions: FloatArray, time_ns: int) -> Fra
     moving = zip(frames.moving, frames.transforms(positions).tolist(), strict=True)
     still = zip(frames.still, frames.still_transforms().tolist(), strict=True)
     return FrameTransforms(
-        transforms=[_transform(*each, stamp=stamp) for pairs in (moving, still) for each in pairs]
+        transforms=[_transform(*pair, stamp=stamp) for pairs in (moving, still) for pair in pairs]
     )
 
 

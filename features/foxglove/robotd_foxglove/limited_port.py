@@ -90,8 +90,8 @@ class LimitedPort:
         try:
             await asyncio.wait(copies, return_when=asyncio.FIRST_COMPLETED)
         finally:
-            for each in copies:
-                each.cancel()
+            for copy in copies:
+                copy.cancel()
             back.transport.abort()
 
 

@@ -12,7 +12,14 @@ from typing import Any, TypeVar
 import click
 
 from robotd.api import API_VERSION, Capability, ConnectionState, DeviceContext, PluginError
-from robotd.api.commands import CheckReport, ExitCode, as_json, load_robot, log_options
+from robotd.api.commands import (
+    CheckReport,
+    ExitCode,
+    as_json,
+    installed_names,
+    load_robot,
+    log_options,
+)
 from robotd.api.models import parse_override
 from robotd.api.robots import Backend, discover, load_backend
 from robotd_inventory.listing import Row, print_rows
@@ -57,7 +64,8 @@ def backends(
     if checked is not None:
         return check_backend(checked, robot, overrides)
     rows = []
-    for origin, _ in discover():
+    names = installed_names("robotd.backends")
+    for origin in sorted([*names.refused, *(origin for origin, _ in names.entries.values())]):
         row: Row = {
             "name": origin.name,
             "summary": "",
@@ -67,6 +75,9 @@ def backends(
             "version": origin.version,
             "problem": None,
         }
+        if origin in names.refused:
+            rows.append(row | {"problem": names.refused[origin]})
+            continue
         # A foreign one in a process of its own, which it may end.
         describe = probe_backend if is_foreign(origin) else BackendSummary.of
         try:
@@ -157,7 +168,7 @@ def _idle(backend: Backend, state: ConnectionState) -> str:
 
 def _arguments(backend: Backend, problems: Sequence[str]) -> None:
     if problems:
-        lines = (f"plugin {backend.origin}: {each}" for each in problems)
+        lines = (f"plugin {backend.origin}: {problem}" for problem in problems)
         raise PluginError("\n".join(lines))
 
 

@@ -20,12 +20,14 @@ def features(*, as_json: bool) -> None:
             "summary": feature.summary,
             "keys": list(feature.keys),
             "options": [option.flag for option in feature.options],
+            "guards": list(feature.guards),
             "problem": None,
         }
         for name, feature in installed_features().items()
     ]
+    lists = ("keys", "options", "guards")
     rows += [
-        {"name": name, "summary": "", "keys": [], "options": [], "problem": reason}
-        for name, reason in feature_failures().items()
+        {"name": origin.name, "summary": "", **{key: [] for key in lists}, "problem": reason}
+        for origin, reason in feature_failures().items()
     ]
-    print_rows(rows, ("keys", "options"), as_json=as_json)
+    print_rows(rows, lists, as_json=as_json)

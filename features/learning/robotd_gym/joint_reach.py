@@ -102,9 +102,10 @@ class JointReach(gymnasium.Env[Observation, FloatArray]):
         return self._observe(), {"is_success": False}
 
     def step(self, action: FloatArray) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Send the changed positions and let one period pass. Raises as ``SteppedRobot.step``.
+        """Send the changed positions and let one period pass.
 
-        InvalidArgument: the action is not one finite number for each joint.
+        Raises the errors of ``SteppedRobot.step``; InvalidArgument: the action is not one finite
+        number for each joint.
         """
         action = finite_numbers(action, len(self.joint_names), "action")
         change = np.clip(action, -1.0, 1.0) * self._largest_change

@@ -18,7 +18,8 @@ from robotd_gym.stepped_robot import SteppedRobot, finite_numbers, positive_numb
 AREA_M = ((0.30, 0.45), (-0.25, 0.25))  # x and y of random places, in the frame of the world
 APART_M = 0.1  # between object and goal, at least
 FAR_M = 100.0  # bound of positions in observations
-LIFTED_M = 0.005  # above its height at the start, at which an object has been put down
+LIFTED_M = 0.005  # above its height at the start: below it an object lies, above it is carried
+REST_M_S = 0.01  # of an object that lies
 
 
 class PickAndPlace(gymnasium.Env[Observation, FloatArray]):
@@ -27,10 +28,11 @@ class PickAndPlace(gymnasium.Env[Observation, FloatArray]):
     The action (n + 1,) is the change of the commanded positions, -1 to 1 as in ``JointReach``, and
     the gripper: above 0 it closes. Observations are arrays: ``position``, ``velocity`` and
     ``command`` (n,) of the joints, ``gripper`` (1,) from 0 (open) to 1, ``tool`` (3,) and
-    ``object`` (7,) in the frame of the world, and ``goal`` (2,), x and y in m. The reward is the
+    ``object`` (7,) in the frame of the world, ``object_velocity`` (3,), its mean velocity in the
+    last step in m/s, and ``goal`` (2,), x and y in m. The reward is the
     negative distance from tool to object plus that from object to goal, in m. An episode
-    terminates when the open gripper has left the object on the table, within ``tolerance`` of the
-    goal; ``info["is_success"]`` is True then.
+    terminates when the object was lifted, and the open gripper has left it at rest on the table,
+    within ``tolerance`` of the goal; ``info["is_success"]`` is True then.
 
     The simulation is stepped: the same seed and actions give the same episode, bit for bit.
 
@@ -38,8 +40,9 @@ class PickAndPlace(gymnasium.Env[Observation, FloatArray]):
         robot, variant, rate_hz: as for ``SteppedRobot``.
         backend: one with a world.
         tolerance: of x and y of the object, m.
-        camera: its picture is ``image`` of the observation, and what ``render`` returns; "": none.
-        render_mode: ``rgb_array`` with a camera; None: ``render`` returns None.
+        camera: its picture is ``image`` of the observation; "": none.
+        render_mode: ``rgb_array``: ``render`` returns the picture of ``camera``, or of the first
+            one of the world; None: it returns None.
 
     Attributes:
         joint_names: of the robot.
@@ -64,8 +67,6 @@ class PickAndPlace(gymnasium.Env[Observation, FloatArray]):
     ) -> None:
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise InvalidArgument(f"render_mode is {render_mode!r} (available: rgb_array)")
-        if render_mode is not None and not camera:
-            raise InvalidArgument("render_mode needs a camera")
         self.render_mode = render_mode
         self.stepped = stepped = SteppedRobot(robot, variant, rate_hz, backend)
         self.joint_names = stepped.joint_names
@@ -74,7 +75,8 @@ class PickAndPlace(gymnasium.Env[Observation, FloatArray]):
         self._largest_change = SPEED * stepped.velocity_limits * stepped.period_s
         joints = len(self.joint_names)
         self._command, self._goal = np.zeros(joints), np.zeros(2)
-        self._start = np.zeros(7)
+        self._start, self._place = np.zeros(7), np.zeros(7)
+        self._was_lifted = False
         room = ROOM * (stepped.upper - stepped.lower)
         fast = FAST * stepped.velocity_limits
         self.action_space = Box(-1.0, 1.0, (joints + 1,), np.float64)
@@ -85,11 +87,14 @@ class PickAndPlace(gymnasium.Env[Observation, FloatArray]):
             "gripper": Box(-0.5, 1.5, (1,), np.float64),
             "tool": Box(-FAR_M, FAR_M, (3,), np.float64),
             "object": Box(-FAR_M, FAR_M, (7,), np.float64),
+            "object_velocity": Box(-FAR_M, FAR_M, (3,), np.float64),
             "goal": Box(-FAR_M, FAR_M, (2,), np.float64),
         }
         if camera:
             stepped.reset()
-            shapes = {each.name: (each.height, each.width, 3) for each in self._world.cameras}
+            shapes = {
+                camera.name: (camera.height, camera.width, 3) for camera in self._world.cameras
+            }
             if camera not in shapes:
                 known = ", ".join(shapes) or "none"
                 raise InvalidArgument(f"camera {camera!r} is unknown (available: {known})")
@@ -116,13 +121,15 @@ class PickAndPlace(gymnasium.Env[Observation, FloatArray]):
         self._start = self._pose()
         self._start[:2] = place
         self._world.place(self._object, self._start)
+        self._place, self._was_lifted = self._start.copy(), False
         self._command = self._within_limits(self.stepped.position)
         return self._observe(), {"is_success": False}
 
     def step(self, action: FloatArray) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Send the changed positions and the gripper, and let one period pass.
 
-        Raises as ``SteppedRobot.step``; InvalidArgument: the action is not n + 1 finite numbers.
+        Raises the errors of ``SteppedRobot.step``; InvalidArgument: the action is not n + 1
+        finite numbers.
         """
         action = finite_numbers(action, len(self.joint_names) + 1, "action")
         closes = bool(action[-1] > 0.0)
@@ -136,13 +143,24 @@ class PickAndPlace(gymnasium.Env[Observation, FloatArray]):
         to_object = float(np.linalg.norm(observation["tool"] - place[:3]))
         to_goal = float(np.linalg.norm(place[:2] - self._goal))
         is_down = abs(place[2] - self._start[2]) < LIFTED_M
+        self._was_lifted |= not is_down
+        rests = np.linalg.norm(observation["object_velocity"]) < REST_M_S
         is_left = not closes and observation["gripper"][0] < 0.1
-        success = to_goal < self._tolerance and bool(is_down and is_left)
+        is_put_down = self._was_lifted and is_down and rests and is_left
+        success = to_goal < self._tolerance and bool(is_put_down)
         return observation, -to_object - to_goal, success, False, {"is_success": success}
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Return the picture of the camera (height, width, 3); None without ``rgb_array``."""
-        return None if self.render_mode is None else self._world.image(self._camera)
+        """Return the picture of the camera (height, width, 3); None without ``rgb_array``.
+
+        Raises InvalidArgument: the world has no camera.
+        """
+        if self.render_mode is None:
+            return None
+        cameras = self._world.cameras
+        if not cameras:
+            raise InvalidArgument("render_mode rgb_array needs a camera in the world")
+        return self._world.image(self._camera or cameras[0].name)
 
     def close(self) -> None:
         """Shut the robot down."""
@@ -164,7 +182,7 @@ class PickAndPlace(gymnasium.Env[Observation, FloatArray]):
         return gripper
 
     def _pose(self) -> FloatArray:
-        names = [each.name for each in self._world.objects]
+        names = [item.name for item in self._world.objects]
         if self._object not in names:
             known = ", ".join(names) or "none"
             raise InvalidArgument(f"object {self._object!r} is unknown (available: {known})")
@@ -174,13 +192,15 @@ class PickAndPlace(gymnasium.Env[Observation, FloatArray]):
     def _observe(self) -> Observation:
         robot = self.stepped.robot
         tool = robot.tools[0].frame(robot.image)
+        before, self._place = self._place, self._pose()
         observation = {
             "position": self.stepped.position,
             "velocity": self.stepped.velocity,
             "command": self._command.copy(),
             "gripper": np.array([self._gripper.closed]),
             "tool": np.full(3, np.nan) if tool is None else tool[:3, 3].copy(),
-            "object": self._pose(),
+            "object": self._place.copy(),
+            "object_velocity": (self._place[:3] - before[:3]) / self.stepped.period_s,
             "goal": self._goal.copy(),
         }
         if self._camera:

@@ -134,11 +134,11 @@ class Metrics:
         groups = self._tap.fieldbus
         buses = {name: values for name, values in groups.items() if "/" not in name}
         for counter in BUS_COUNTERS:
-            values = {name: each[counter] for name, each in buses.items() if counter in each}
+            values = {name: bus[counter] for name, bus in buses.items() if counter in bus}
             text = f"Fieldbus: {counter.replace('_', ' ')}."
             yield _labelled(CounterMetricFamily, f"robotd_bus_{counter}", text, "bus", values)
-        nodes = {name: each for name, each in groups.items() if "/" in name}
-        offline = {name: each["offline"] for name, each in nodes.items()}
+        nodes = {name: group for name, group in groups.items() if "/" in name}
+        offline = {name: node["offline"] for name, node in nodes.items()}
         yield _labelled(
             GaugeMetricFamily,
             "robotd_bus_node_offline",
@@ -146,7 +146,7 @@ class Metrics:
             "node",
             offline,
         )
-        errors = {name: each["error_code"] for name, each in nodes.items()}
+        errors = {name: node["error_code"] for name, node in nodes.items()}
         yield _labelled(
             GaugeMetricFamily,
             "robotd_bus_node_error_code",
@@ -176,7 +176,9 @@ class _Histogram:
     """Cumulative histogram of durations."""
 
     def __init__(self) -> None:
-        self._edges = np.array([0, *(round(each * NANOSECONDS) for each in BUCKETS_S)], np.int64)
+        self._edges = np.array(
+            [0, *(round(bound_s * NANOSECONDS) for bound_s in BUCKETS_S)], np.int64
+        )
         self._counts = np.zeros(len(BUCKETS_S) + 1, np.int64)
         self._sum_ns = 0
 

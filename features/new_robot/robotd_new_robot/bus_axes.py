@@ -15,7 +15,7 @@ from robotd.api import DescriptorError
 from robotd.api.models import MAX_AXES, UrdfJoint, read_limited
 
 MAX_BYTES = 1_000_000
-DRIVE_NUMBERS = ("node", "slave")  # keys of a scanned axis that name its drive
+DRIVE_NUMBERS = ("node", "slave", "servo")  # keys of a scanned axis that name its drive
 HALF_TURN_RAD = 3.14
 SLOW_RAD_S = 0.2
 
@@ -66,7 +66,7 @@ def bus_joints(scan: BusScan, path: Path) -> tuple[UrdfJoint, ...]:
     for number, axis in enumerate(scan.axes):
         known = (f"{key}{axis[key]}" for key in DRIVE_NUMBERS if key in axis)
         name = next(known, f"joint{number + 1}")
-        count = 1 + sum(each.split("_")[0] == name for each in names)
+        count = 1 + sum(other.split("_")[0] == name for other in names)
         names.append(name if count == 1 else f"{name}_{count}")
     return tuple(map(_unknown_joint, names))
 
@@ -77,6 +77,13 @@ def _unknown_joint(name: str) -> UrdfJoint:
         lower=-HALF_TURN_RAD, upper=HALF_TURN_RAD, velocity=SLOW_RAD_S, effort=None, soft=None,
         mimic=None,
     )  # fmt: skip
+
+
+def bus_options(scan: BusScan) -> Iterator[str]:
+    """Yield the lines that give a robot the backend of a scan, and its options."""
+    yield f"backend: {scan.backend}"
+    yield "backends:"
+    yield f"  {scan.backend}: {_flow(scan.options)}"
 
 
 def bus_section(scan: BusScan, joints: Sequence[UrdfJoint], path: Path) -> Iterator[str]:

@@ -38,7 +38,7 @@ def propose_groups(
 
 def _chains(urdf: UrdfRobot, joints: Sequence[UrdfJoint]) -> list[list[UrdfJoint]]:
     carriers = {joint.name: carrier(urdf, joint, joints) for joint in joints}
-    carried = {each.name: [j for j in joints if carriers[j.name] is each] for each in joints}
+    carried = {joint.name: [j for j in joints if carriers[j.name] is joint] for joint in joints}
     chain_of: dict[str, list[UrdfJoint]] = {}
     chains: list[list[UrdfJoint]] = []
     for joint in joints:
@@ -97,7 +97,9 @@ def _legal(name: str, taken: set[str]) -> str:
 def _common_beginning(names: Sequence[str]) -> str:
     """Return the common beginning of the names, without ``joint`` and numbers; may be empty."""
     columns = zip(*names, strict=False)
-    common = "".join(column[0] for column in takewhile(lambda each: len({*each}) == 1, columns))
+    common = "".join(
+        column[0] for column in takewhile(lambda letters: len({*letters}) == 1, columns)
+    )
     if len(names) > 1 and "_" in common:
         common = common[: common.rindex("_")]
     return _GENERIC.sub("", common)

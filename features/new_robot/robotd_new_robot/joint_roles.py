@@ -67,7 +67,9 @@ class Choices:
             self,
             wheels=tuple(map(key, self.wheels)),
             passive=tuple(map(key, self.passive)),
-            known_groups={name: tuple(map(key, each)) for name, each in self.known_groups.items()},
+            known_groups={
+                name: tuple(map(key, members)) for name, members in self.known_groups.items()
+            },
             speeds={key(name): speed for name, speed in self.speeds.items()},
             limits={key(name): limits for name, limits in self.limits.items()},
         )
@@ -224,7 +226,7 @@ def _idle_wheels(urdf: UrdfRobot, free: Sequence[UrdfJoint]) -> list[tuple[UrdfJ
 
 def _carrier(urdf: UrdfRobot, joint: UrdfJoint) -> UrdfJoint | None:
     """Return the nearest moving joint that carries ``joint``."""
-    return carrier(urdf, joint, [each for each in urdf.joints if each.moves])
+    return carrier(urdf, joint, [joint for joint in urdf.joints if joint.moves])
 
 
 def _steers(urdf: UrdfRobot, joint: UrdfJoint) -> bool:
@@ -248,7 +250,7 @@ def _finger_groups(urdf: UrdfRobot, joints: Sequence[UrdfJoint]) -> list[Fingers
     found = []
     for group in [*mimicking, *_siblings(urdf, singles)]:
         names = {joint.name for joint in group}
-        carried = {each.name for joint in group for each in urdf.carries(joint)}
+        carried = {carried.name for joint in group for carried in urdf.carries(joint)}
         if carried <= names:
             group.sort(key=lambda joint: joint.mimic is not None)  # the leader first
             found.append(Fingers(tuple(group), tuple(urdf.leader(joint)[1] for joint in group)))

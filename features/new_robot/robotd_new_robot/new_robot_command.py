@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+import tempfile
 from collections.abc import Mapping, Sequence
 from math import isfinite
 from pathlib import Path
@@ -10,7 +12,7 @@ from typing import Any
 
 import click
 
-from robotd.api import InvalidArgument, RobotdError
+from robotd.api import InvalidArgument, RobotdError, scan_network
 from robotd.api.commands import (
     FOLDER,
     ExitCode,
@@ -23,10 +25,11 @@ from robotd.api.commands import (
 from robotd.api.models import is_xacro, read_urdf_text, urdf_text, xml_root
 from robotd_new_robot import Choices, bus_robot_files, robot_files
 from robotd_new_robot.answers import ALL
+from robotd_new_robot.bus_axes import bus_options, read_bus_scan
 from robotd_new_robot.joint_roles import GripperDrive
 from robotd_new_robot.mesh_places import place_meshes
 from robotd_new_robot.xacro_file import expand_xacro
-from robotd_ros.commands.robot_client import client_options, robot_client
+from robotd_ros.commands.robot_client import client_options, require_one_robot, robot_client
 from robotd_shared.package_templates import package_files, package_words, write_folder
 
 TEMPLATES = Path(__file__).parent / "templates" / "robot"
@@ -38,6 +41,8 @@ Examples:
   robotd canopen scan --channel can0 --json > bus.json
   robotd new-robot my_arm --urdf my_arm.urdf --bus bus.json
   robotd new-robot axes --bus bus.json   # without a URDF: a joint for each drive
+  robotd new-robot axes --bus feetech:/dev/ttyACM0   # scans the bus itself
+  robotd new-robot my_arm --extends so101 --bus feetech:/dev/ttyACM0
   robotd new-robot my_arm --urdf my_arm.urdf --srdf my_arm.srdf --copy-meshes
   robotd new-robot my_arm --urdf my_arm.urdf --package
   robotd new-robot cell7 --extends cr3a
@@ -111,10 +116,10 @@ def _xacro_arguments(
 @click.option("--copy-meshes", is_flag=True, help="Copy the meshes into the robot's folder.")
 @click.option(
     "--bus",
-    metavar="FILE",
-    type=click.Path(path_type=Path),
-    help="Drives of the robot: output of 'scan --json' of robotd canopen, ethercat or wmx."
-    " Without --urdf they are the robot: one joint for each drive.",
+    metavar="FILE|BACKEND:ADDRESS",
+    help="Drives of the robot: output of a backend's 'scan --json', or a bus to scan, such as"
+    " dynamixel:/dev/ttyUSB0 or canopen:can0. Without --urdf they are the robot: one joint for each"
+    " drive. With --extends it names backend and address.",
 )
 @click.option(
     "--extends",
@@ -208,19 +213,9 @@ def new_robot(*, name: str, into: Path, package: bool, **options: Any) -> ExitCo
         raise RobotdError(f"folder {top} exists already")
     folder = top / words["package"] / "robots" / name if package else top
     files: dict[str, bytes | Path] = {}
-    meshes = ""
-    if options["extends"]:
-        files["robot.yaml"] = _extension(name, options["extends"])
-    elif options["bus"] and not options["urdf"]:
-        files |= bus_robot_files(name, options["bus"], options["ramp_s"])
-    else:
-        text, path = _urdf_text(options)
-        urdf = folder / f"{name}.urdf"
-        placed = place_meshes(text, path, urdf, options["meshes"], copy=options["copy_meshes"])
-        bus, srdf = options["bus"], options["srdf"]
-        files |= robot_files(name, placed.text, path, _choices(options), bus, srdf)
-        files |= placed.files
-        meshes = placed.summary
+    with tempfile.TemporaryDirectory() as scans:
+        bus = _bus_file(options["bus"], Path(scans))
+        meshes = _fill(files, name, folder, options, bus)
     inside = folder.relative_to(top)
     whole = {str(inside / file): content for file, content in files.items()}
     write_folder(top, whole | (package_files(TEMPLATES, words) if package else {}))
@@ -232,6 +227,29 @@ def new_robot(*, name: str, into: Path, package: bool, **options: Any) -> ExitCo
     return status
 
 
+def _fill(
+    files: dict[str, bytes | Path],
+    name: str,
+    folder: Path,
+    options: Mapping[str, Any],
+    bus: Path | None,
+) -> str:
+    """Add the files of the robot; return what was done with its meshes."""
+    if options["extends"]:
+        files["robot.yaml"] = _extension(name, options["extends"], bus)
+    elif bus and not options["urdf"]:
+        files |= bus_robot_files(name, bus, options["ramp_s"])
+    else:
+        text, path = _urdf_text(options)
+        urdf = folder / f"{name}.urdf"
+        placed = place_meshes(text, path, urdf, options["meshes"], copy=options["copy_meshes"])
+        choices, srdf = _choices(options), options["srdf"]
+        files |= robot_files(name, placed.text, path, choices, bus, srdf)
+        files |= placed.files
+        return placed.summary
+    return ""
+
+
 def _show_next(name: str, folder: Path, package: Path | None) -> None:
     """Print the next steps; ``package`` is the folder of a package to install."""
     robot = f"{folder}/robot.yaml" if package is None else name
@@ -241,9 +259,27 @@ def _show_next(name: str, folder: Path, package: Path | None) -> None:
     click.echo(f"\nWhat was chosen, and why: {folder}/robot.yaml")
 
 
-def _extension(name: str, base: str) -> bytes:
-    """Return the ``robot.yaml`` of a robot that extends ``base``, which is installed."""
+def _bus_file(bus: str | None, folder: Path) -> Path | None:
+    """Return the file of a bus; ``BACKEND:ADDRESS`` is scanned into one in ``folder``."""
+    if bus is None:
+        return None
+    backend, separator, address = bus.partition(":")
+    if not separator or Path(bus).exists():
+        return Path(bus)
+    path = folder / f"{backend} {address.replace('/', ' ').strip()}"
+    install = f"pip install 'robotd[{backend}]'"
+    path.write_text(json.dumps(scan_network(backend, {"address": address}, install)))
+    return path
+
+
+def _extension(name: str, base: str, bus: Path | None) -> bytes:
+    """Return the ``robot.yaml`` of a robot that extends ``base``, which is installed.
+
+    ``bus``: scan whose backend and options it has; the drives are those of ``base``.
+    """
     load_robot(base)
+    scan = read_bus_scan(bus) if bus else None
+    section = () if scan is None else bus_options(scan)
     lines = (
         f"# {name} is {base}, except for what is stated here: mappings merge key by key, scalars",
         "# and lists replace, null restores a default (robotd docs reference/descriptor).",
@@ -251,6 +287,7 @@ def _extension(name: str, base: str) -> bytes:
         f"name: {name}",
         f"extends: {base}",
         f'summary: "{name}, as {base}"',
+        *section,
         "",
     )
     return "\n".join(lines).encode()
@@ -281,6 +318,7 @@ def _urdf_text(options: Mapping[str, Any]) -> tuple[str, Path]:
             text = urdf_text(expanded, path)
         return text, path
     with robot_client(options["timeout_s"]) as client:
+        require_one_robot(client)
         text = import_ros("robotd_ros.client.status_client").read_description(client)
     path = Path("robot_description")
     return urdf_text(text, path), path

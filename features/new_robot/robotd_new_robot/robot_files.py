@@ -149,7 +149,9 @@ def _text(*parts: Iterable[str]) -> bytes:
 
 
 def _printable(line: str) -> str:
-    return "".join(each if each.isprintable() else "\N{REPLACEMENT CHARACTER}" for each in line)
+    return "".join(
+        character if character.isprintable() else "\N{REPLACEMENT CHARACTER}" for character in line
+    )
 
 
 def _head(name: str, title: str, path: Path) -> Iterator[str]:
@@ -221,7 +223,7 @@ def _base(roles: Roles) -> Iterator[str]:
     fastest = base.velocity_rad_s * base.radius_m
     speed = min(fastest, MAX_BASE_VELOCITY_M_S)
     turning = min(2.0 * fastest / base.separation_m, MAX_BASE_TURNING_RAD_S)
-    left, right = (" and ".join(each.name for each in side) for side in (base.left, base.right))
+    left, right = (" and ".join(joint.name for joint in side) for side in (base.left, base.right))
     origin = "assumed: the URDF has none" if base.is_assumed else "the URDF's"
     yield from _comment(
         f"Wheels {left} on the left, {right} on the right. Speeds and ramps of the base are"

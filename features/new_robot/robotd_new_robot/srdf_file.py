@@ -49,7 +49,7 @@ def read_srdf(path: Path, urdf: UrdfRobot) -> Srdf:
         raise DescriptorError(what, path=path)
     if members.unknown:
         log.warning("SRDF: names that the URDF does not have are ignored", names=members.unknown)
-    passive = [each.get("name", "") for each in root.iterfind("passive_joint")]
+    passive = [element.get("name", "") for element in root.iterfind("passive_joint")]
     return Srdf(groups, tuple(joint for joint in moving if joint in passive))
 
 
@@ -60,7 +60,7 @@ def disjoint_groups(groups: Mapping[str, Sequence[str]]) -> dict[str, tuple[str,
     larger one: the arm of an arm with a torso, both arms of two, but not the wrist of an arm.
     """
     taken: dict[str, tuple[str, ...]] = {}
-    for name, joints in sorted(groups.items(), key=lambda each: len(each[1])):
+    for name, joints in sorted(groups.items(), key=lambda group: len(group[1])):
         inside = [other for other in taken if set(taken[other]) & set(joints)]
         if 2 * sum(len(taken[other]) for other in inside) >= len(joints):
             continue
@@ -80,7 +80,7 @@ class _Members:
 
     def __init__(self, root: Any, urdf: UrdfRobot) -> None:
         self._urdf = urdf
-        self.elements = {each.get("name", ""): each for each in root.iterfind("group")}
+        self.elements = {element.get("name", ""): element for element in root.iterfind("group")}
         self.unknown: list[str] = []
 
     def joints(self, group: str, around: Sequence[str] = ()) -> set[str]:
@@ -107,7 +107,7 @@ class _Members:
 
 
 def _names(element: Any, tag: str) -> list[str]:
-    return [each.get("name", "") for each in element.iterfind(tag)]
+    return [child.get("name", "") for child in element.iterfind(tag)]
 
 
 def _above(link: str, urdf: UrdfRobot) -> set[str]:

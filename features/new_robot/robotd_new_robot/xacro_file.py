@@ -35,7 +35,7 @@ def expand_xacro(path: Path, arguments: Mapping[str, str], folders: Sequence[Pat
 
     def find(package: str) -> str:
         beside = package_folders(package, path)
-        for folder in (*beside, *(each / package for each in folders)):
+        for folder in (*beside, *(folder / package for folder in folders)):
             if folder.is_dir():
                 return str(folder)
         raise FileNotFoundError(

@@ -9,12 +9,12 @@ from typing import Annotated, Any, Literal, Protocol
 from pydantic import BaseModel, ConfigDict, Field
 
 from robotd.api import ConnectError, Unsupported, reason_of
-from robotd.api.robots import Robot, each
+from robotd.api.robots import Robot
 
 STOP_REASON = "by the stop button of the page"
 
 
-class Faults(Protocol):
+class InjectsFaults(Protocol):
     """Faults of a simulation, offered as ``faults`` by another feature."""
 
     @property
@@ -62,7 +62,7 @@ class Command(Message):
         return False
 
     @abstractmethod
-    def run(self, robot: Robot, faults: Faults | None) -> str:
+    def run(self, robot: Robot, faults: InjectsFaults | None) -> str:
         """Execute it and return what happened. Raises RobotdError with the robot's reason."""
 
 
@@ -74,7 +74,7 @@ class Stop(Command):
     def is_always_allowed(self, robot: Robot) -> bool:
         return True
 
-    def run(self, robot: Robot, faults: Faults | None) -> str:
+    def run(self, robot: Robot, faults: InjectsFaults | None) -> str:
         robot.wait_stopped()  # the latch is engaged already
         return "stopped, at rest"
 
@@ -84,7 +84,7 @@ class Reset(Command):
 
     type: Literal["reset"]
 
-    def run(self, robot: Robot, faults: Faults | None) -> str:
+    def run(self, robot: Robot, faults: InjectsFaults | None) -> str:
         return robot.reset()
 
 
@@ -93,13 +93,13 @@ class Recover(Command):
 
     type: Literal["recover"]
 
-    def run(self, robot: Robot, faults: Faults | None) -> str:
+    def run(self, robot: Robot, faults: InjectsFaults | None) -> str:
         lines: list[str] = []
         robot.recover(lines.append)
         return "\n".join(lines) or "nothing to recover"
 
 
-class Servos(Command):
+class SwitchServos(Command):
     """Servos of all joints and wheels."""
 
     type: Literal["servos"]
@@ -108,13 +108,12 @@ class Servos(Command):
     def is_always_allowed(self, robot: Robot) -> bool:
         return not self.on
 
-    def run(self, robot: Robot, faults: Faults | None) -> str:
+    def run(self, robot: Robot, faults: InjectsFaults | None) -> str:
         if self.on:
             robot.axes.stop_latch.check_servos()
             robot.servos.enable()
             return "servos are on"
-        used = (*robot.joint_axes, *robot.wheel_axes)
-        results = each(used, lambda axis: robot.axes.servo(axis, False))
+        results = robot.axes.servos_off(robot.servos.used)
         failures = {robot.axes.names[axis]: error for axis, error in results.items() if error}
         if failures:
             reasons = {name: reason_of(error) for name, error in failures.items()}
@@ -128,7 +127,7 @@ class Grip(Command):
     type: Literal["gripper"]
     closed: bool
 
-    def run(self, robot: Robot, faults: Faults | None) -> str:
+    def run(self, robot: Robot, faults: InjectsFaults | None) -> str:
         if robot.gripper is None:
             raise Unsupported("a gripper", robot.descriptor.name)
         robot.gripper.command(self.closed)
@@ -144,7 +143,7 @@ class Speed(Command):
     def is_always_allowed(self, robot: Robot) -> bool:
         return self.speed <= robot.axes.speed.speed
 
-    def run(self, robot: Robot, faults: Faults | None) -> str:
+    def run(self, robot: Robot, faults: InjectsFaults | None) -> str:
         robot.set_speed(self.speed)
         return f"speed {robot.axes.speed.text}"
 
@@ -158,7 +157,7 @@ class Pause(Command):
     def is_always_allowed(self, robot: Robot) -> bool:
         return self.paused
 
-    def run(self, robot: Robot, faults: Faults | None) -> str:
+    def run(self, robot: Robot, faults: InjectsFaults | None) -> str:
         if self.paused:
             robot.pause()
         else:
@@ -173,7 +172,7 @@ class Output(Command):
     name: str
     value: bool
 
-    def run(self, robot: Robot, faults: Faults | None) -> str:
+    def run(self, robot: Robot, faults: InjectsFaults | None) -> str:
         robot.io.set_output(self.name, self.value)
         return f"{self.name} is {_level(self.value)}"
 
@@ -186,7 +185,7 @@ class OutputBit(Command):
     bit: int
     value: bool
 
-    def run(self, robot: Robot, faults: Faults | None) -> str:
+    def run(self, robot: Robot, faults: InjectsFaults | None) -> str:
         robot.io.set_output_bit(self.byte, self.bit, self.value)
         return f"output {self.byte}.{self.bit} is {_level(self.value)}"
 
@@ -198,7 +197,7 @@ class OutputByte(Command):
     byte: int
     value: Annotated[int, Field(ge=0, le=255)]
 
-    def run(self, robot: Robot, faults: Faults | None) -> str:
+    def run(self, robot: Robot, faults: InjectsFaults | None) -> str:
         robot.io.set_output_bytes(self.byte, bytes([self.value]))
         return f"output byte {self.byte} is {self.value}"
 
@@ -209,7 +208,7 @@ class Inject(Command):
     type: Literal["inject"]
     fault: dict[str, Any]
 
-    def run(self, robot: Robot, faults: Faults | None) -> str:
+    def run(self, robot: Robot, faults: InjectsFaults | None) -> str:
         if faults is None:
             raise Unsupported("faults on request", robot.backend.name)
         return f"injected: {faults.inject(self.fault)}"

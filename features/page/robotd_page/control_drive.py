@@ -19,7 +19,7 @@ MAX_ANGULAR_RAD_S = 0.5
 LATE = "heartbeats came late"
 
 
-class Drive(Heartbeat):
+class DriveBeat(Heartbeat):
     """Heartbeat of a direction of the base that is held.
 
     Attributes:
@@ -116,7 +116,7 @@ class HeldDrive:
         self._newest, self._hold = 0, 0  # 0: none is held
         self._beat_ns = 0
 
-    def beat(self, drive: Drive) -> None:
+    def beat(self, drive: DriveBeat) -> None:
         """Begin a hold, or keep the base moving."""
         now_ns = self._robot.clock.now_ns()
         if drive.hold > self._newest:

@@ -20,7 +20,7 @@ LATE_PERIODS = 3  # of the control loop, until it sees the silence and the drive
 REACHED_TOLERANCE = 1e-6  # rad or m
 
 
-class Jog(Heartbeat):
+class JogBeat(Heartbeat):
     """Heartbeat of a button that is held, or of a step that is under way.
 
     Attributes:
@@ -38,8 +38,8 @@ class Jog(Heartbeat):
 def jog_velocities(robot: Robot) -> dict[str, float]:
     """Return the highest jog velocity of each joint, in rad/s or m/s.
 
-    The lower one of its limit and of the velocity from which it stands ``STOP_S`` after the last
-    heartbeat: 0 where the control loop is too slow for that.
+    The lower one of its limit and of the velocity from which it comes to rest within ``STOP_S``
+    after the last heartbeat: 0 where the control loop is too slow for that.
     """
     within_s = max(0.0, STOP_S - TIMEOUT_S - LATE_PERIODS / robot.descriptor.cycle.rate_hz)
     found: dict[str, float] = {}
@@ -59,14 +59,14 @@ def require_stoppable(robot: Robot, joint: str, velocity: float) -> None:
         )
 
 
-class HeldJog(HeldMotion[Jog]):
+class HeldJoint(HeldMotion[JogBeat]):
     """Jog of one client, a joint at a time."""
 
     @cached_property
     def _velocities(self) -> Mapping[str, float]:
         return jog_velocities(self._robot)
 
-    def open(self, beat: Jog, hold: Hold) -> StreamedMotion:
+    def open(self, beat: JogBeat, hold: Hold) -> StreamedMotion:
         return self.jog(beat.joint, beat.velocity, beat.step)
 
     @logged_command

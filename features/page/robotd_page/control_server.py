@@ -8,6 +8,7 @@ import json
 import secrets
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
+from types import MappingProxyType
 from typing import Annotated, Any
 
 from aiohttp import WSCloseCode, WSMsgType, web
@@ -17,10 +18,10 @@ from robotd.api import RobotdError, get_logger
 from robotd.api.features import sent_by
 from robotd.api.robots import Robot
 from robotd_page import control_commands as commands
-from robotd_page.control_drive import Drive, HeldDrive, drive_limits, drive_motions
-from robotd_page.control_jog import HeldJog, Jog, jog_velocities
+from robotd_page.control_drive import DriveBeat, HeldDrive, drive_limits, drive_motions
+from robotd_page.control_jog import HeldJoint, JogBeat, jog_velocities
 from robotd_page.control_target import HeldMove, MoveTool, Reach, reach
-from robotd_page.control_tool import HeldTool, JogTool, describe_tools
+from robotd_page.control_tool import HeldTool, JogTool, Tools, describe_tools
 from robotd_page.held_motion import HEARTBEAT_S, TIMEOUT_S, Heartbeat, JogEnd, Release
 from robotd_page.page_message import websocket_frames
 from robotd_page.seen_state import rejection
@@ -37,16 +38,16 @@ PING_S = 5.0  # a controller that does not answer within 1.5 of it is dropped
 WRONG_TOKEN_DELAY_S = 1.0
 
 Request = Annotated[
-    Jog
+    JogBeat
     | JogTool
     | MoveTool
     | Reach
-    | Drive
+    | DriveBeat
     | Release
     | commands.Stop
     | commands.Reset
     | commands.Recover
-    | commands.Servos
+    | commands.SwitchServos
     | commands.Grip
     | commands.Speed
     | commands.Pause
@@ -66,13 +67,14 @@ class Token(commands.Message):
 
 
 class PageControl:
-    """Controllers of a robot. Thread of the server, except where noted.
+    """Controllers of a robot. Thread of the server, unless a method says otherwise.
 
     A controller is a WebSocket whose first message has the token; whatever else it sends first
     closes it. Nothing that a GET request carries changes anything.
 
     Args:
         faults: of a simulation, which the page can inject; None: there are none.
+        tools: of the robot, which the page can move.
         hold_timeout_s: age of the last heartbeat at which a jog slows to rest.
 
     Attributes:
@@ -82,13 +84,14 @@ class PageControl:
     def __init__(
         self,
         robot: Robot,
-        faults: commands.Faults | None = None,
+        faults: commands.InjectsFaults | None = None,
         *,
+        tools: Tools = MappingProxyType({}),
         hold_timeout_s: float = TIMEOUT_S,
     ) -> None:
         self.token = secrets.token_urlsafe(TOKEN_BYTES)
         self._robot = robot
-        self._faults = faults
+        self._faults, self._tools = faults, tools
         self._hold_timeout_s = hold_timeout_s
         self._numbers = itertools.count(1)
         self._controllers: set[Controller] = set()
@@ -118,7 +121,13 @@ class PageControl:
             self._robot.control_loop.yield_to_control_loop,
         )
         controller = Controller(
-            self._robot, self._faults, name, viewer, self._workers, self._hold_timeout_s
+            self._robot,
+            self._faults,
+            self._tools,
+            name,
+            viewer,
+            self._workers,
+            self._hold_timeout_s,
         )
         self._controllers.add(controller)
         log.info("page takes control", name=name, peer=request.remote)
@@ -135,7 +144,7 @@ class PageControl:
         for controller in self._controllers:
             controller.close()
         await asyncio.gather(
-            *(each.viewer.close() for each in self._controllers), return_exceptions=True
+            *(controller.viewer.close() for controller in self._controllers), return_exceptions=True
         )
         self._workers.shutdown(wait=False, cancel_futures=True)
 
@@ -161,7 +170,7 @@ class PageControl:
             "name": name,
             "heartbeat_ms": 1000 * HEARTBEAT_S,
             "jog_velocities": jog_velocities(robot),
-            "tools": describe_tools(robot),
+            "tools": describe_tools(self._tools),
             "drive": _drive(robot),
             "gripper": robot.gripper is not None,
             "outputs": {name: f"out{at.byte}.{at.bit}" for name, at in robot.io.outputs.items()},
@@ -175,10 +184,11 @@ class Controller:
 
     Args:
         faults: of a simulation.
+        tools: of the robot.
         name: of the client, as owner of joints and sender of commands.
         viewer: that the answers are sent to.
         workers: execute commands, which may block.
-        hold_timeout_s: of ``HeldJog``.
+        hold_timeout_s: of ``HeldJoint``.
 
     Attributes:
         viewer: of the client.
@@ -187,7 +197,8 @@ class Controller:
     def __init__(
         self,
         robot: Robot,
-        faults: commands.Faults | None,
+        faults: commands.InjectsFaults | None,
+        tools: Tools,
         name: str,
         viewer: Viewer,
         workers: ThreadPoolExecutor,
@@ -199,9 +210,12 @@ class Controller:
         self._running = 0
         self._newest_hold = 0
         self._held: type[Heartbeat] | None = None  # what it moves; None: it was rejected
-        self._jog = HeldJog(robot, name, workers, self._jog_ended, hold_timeout_s)
-        self._tool = HeldTool(robot, name, workers, self._jog_ended, hold_timeout_s, self._put_note)
-        self._move = HeldMove(robot, name, workers, self._jog_ended, hold_timeout_s)
+        self._jog = HeldJoint(robot, name, workers, self._jog_ended, hold_timeout_s)
+        self._tools = tools
+        self._tool = HeldTool(
+            tools, robot, name, workers, self._jog_ended, hold_timeout_s, self._put_note
+        )
+        self._move = HeldMove(tools, robot, name, workers, self._jog_ended, hold_timeout_s)
         self._drive = HeldDrive(robot, name, self._put_end, hold_timeout_s)
         self._is_reaching = False
 
@@ -213,13 +227,13 @@ class Controller:
             self._put({"type": "error", "text": _reasons(error)})
             return
         match request:
-            case Jog() if self._may_hold(request):
+            case JogBeat() if self._may_hold(request):
                 self._jog.beat(request)
             case JogTool() if self._may_hold(request):
                 self._tool.beat(request)
             case MoveTool() if self._may_hold(request):
                 self._move.beat(request)
-            case Drive() if self._may_hold(request):
+            case DriveBeat() if self._may_hold(request):
                 self._drive.beat(request)
             case Release():  # the numbers of holds are common to all
                 for held in (self._jog, self._tool, self._move):
@@ -288,7 +302,7 @@ class Controller:
     def _reach(self, question: Reach) -> None:
         """Worker: answer with the posture that reaches a target."""
         try:
-            found = reach(self._robot, question)
+            found = reach(self._robot, self._tools, question)
         except Exception as error:
             found = {"pose": None, "joints": None, "text": str(error)}
             if not isinstance(error, RobotdError):
@@ -347,5 +361,5 @@ def _token(text: str) -> str:
 
 def _reasons(error: ValidationError) -> str:
     return "; ".join(
-        f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()[:3]
+        f"{'.'.join(map(str, detail['loc']))}: {detail['msg']}" for detail in error.errors()[:3]
     )

@@ -12,8 +12,8 @@ from pydantic import Field
 from robotd.api import NANOSECONDS, FloatArray, InvalidArgument, NotReady
 from robotd.api.robots import Outcome, Robot, TrajectoryExecution
 from robotd_page.control_commands import Finite, Message
-from robotd_page.control_tool import MAX_LINEAR_M_S, tool_of
-from robotd_page.held_motion import REACHED, RELEASED, Heartbeat, HeldMotion, Hold, Motion
+from robotd_page.control_tool import MAX_LINEAR_M_S, HeldToolMotion, Tools, tool_of
+from robotd_page.held_motion import REACHED, RELEASED, Heartbeat, Hold, Motion
 
 POLL_S = 0.01
 MIN_SPEED = 0.01  # of a tool
@@ -56,12 +56,12 @@ class MoveTool(Heartbeat):
     velocity: Finite
 
 
-def reach(robot: Robot, question: Reach) -> dict[str, Any]:
+def reach(robot: Robot, tools: Tools, question: Reach) -> dict[str, Any]:
     """Return the target, and the joints that reach it or the reason why none do. Worker.
 
     Raises InvalidArgument: there is no such tool; NotReady: positions of joints are not known.
     """
-    tool = tool_of(robot, question.group)
+    tool = tool_of(tools, question.group)
     kinematics, joints = tool.kinematics, tool.group.joint_axes
     measured: FloatArray = robot.image.copy().position[list(joints)]
     if not np.isfinite(measured).all():
@@ -85,13 +85,13 @@ def reach(robot: Robot, question: Reach) -> dict[str, Any]:
     }
 
 
-class HeldMove(HeldMotion[MoveTool]):
+class HeldMove(HeldToolMotion[MoveTool]):
     """Move of a tool by one client, which goes on while its heartbeats arrive."""
 
     what = "Move"
 
     def open(self, beat: MoveTool, hold: Hold) -> Motion:
-        tool = tool_of(self._robot, beat.group)
+        tool = tool_of(self._tools, beat.group)
         arrival = tool.arrive()
         pose = np.linalg.inv(tool.work_frame) @ _matrix(beat.pose)
         speed = min(beat.velocity, MAX_LINEAR_M_S) / tool.speed.velocity

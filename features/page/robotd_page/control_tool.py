@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager, suppress
-from typing import Any, Literal, Protocol
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager
+from typing import Any, Literal, Protocol, TypeVar
 
 import numpy as np
 
-from robotd.api import DescriptorError, FloatArray, InvalidArgument, Unsupported, unknown_name
+from robotd.api import FloatArray, InvalidArgument, unknown_name
 from robotd.api.features import logged_command
 from robotd.api.robots import JointGroup, JointStream, Robot, TrajectoryExecution
 from robotd_page.control_commands import Finite
 from robotd_page.control_jog import jog_velocities, require_stoppable
-from robotd_page.held_motion import Heartbeat, HeldMotion, Hold, StreamedMotion
+from robotd_page.held_motion import (
+    TIMEOUT_S,
+    Heartbeat,
+    HeldMotion,
+    Hold,
+    JogEnd,
+    StreamedMotion,
+)
 
 MAX_LINEAR_M_S = 0.1
 MAX_ANGULAR_RAD_S = 0.2
@@ -21,7 +29,7 @@ MAX_ANGULAR_RAD_S = 0.2
 Direction = tuple[Finite, Finite, Finite]
 
 
-class ToolStream(Protocol):
+class AnyToolStream(Protocol):
     """Open stream of velocities of a tool."""
 
     joints: JointStream
@@ -34,7 +42,7 @@ class ToolStream(Protocol):
         """Move with x, y, z in m/s and rad/s, in the axes of the base or of the tool."""
 
 
-class Kinematics(Protocol):
+class AnyKinematics(Protocol):
     """Kinematics of a tool in the base of its arm, as ``robotd_tool_space.Kinematics``."""
 
     def forward(self, positions: FloatArray) -> FloatArray: ...
@@ -42,7 +50,7 @@ class Kinematics(Protocol):
     def solutions(self, target: FloatArray, seed: FloatArray) -> FloatArray: ...
 
 
-class ToolSpeed(Protocol):
+class AnyToolSpeed(Protocol):
     """Speed of a tool in m/s, of the robot's file."""
 
     @property
@@ -55,11 +63,11 @@ class Tool(Protocol):
     group: JointGroup
 
     @property
-    def kinematics(self) -> Kinematics: ...
+    def kinematics(self) -> AnyKinematics: ...
     @property
     def work_frame(self) -> FloatArray: ...
     @property
-    def speed(self) -> ToolSpeed: ...
+    def speed(self) -> AnyToolSpeed: ...
 
     @property
     def base(self) -> str:
@@ -69,7 +77,7 @@ class Tool(Protocol):
     def link(self) -> str:
         """Link that the tools are fixed to."""
 
-    def stream(self, **options: Any) -> ToolStream:
+    def stream(self, **options: Any) -> AnyToolStream:
         """Open a stream; ``options`` are those of ``JointStreams``."""
 
     def plan_move(self, pose: FloatArray, speed: float) -> Any: ...
@@ -78,23 +86,18 @@ class Tool(Protocol):
     def follow(self, motion: Any, arrival: Any) -> AbstractContextManager[TrajectoryExecution]: ...
 
 
-def tools_of(robot: Robot) -> Mapping[str, Tool]:
-    """Return the tools by joint group; empty where there are none, or nothing moves them."""
-    with suppress(AttributeError, DescriptorError, Unsupported):
-        tools: Mapping[str, Tool] = robot.attribute("tool_groups")
-        return tools
-    return {}
+Tools = Mapping[str, Tool]
+"""Tools of a robot by joint group; empty where there are none, or nothing moves them."""
 
 
-def tool_of(robot: Robot, group: str) -> Tool:
+def tool_of(tools: Tools, group: str) -> Tool:
     """Return the tool of a group. Raises InvalidArgument."""
-    tools = tools_of(robot)
     if group not in tools:
         raise InvalidArgument(unknown_name("tool of group", group, tools))
     return tools[group]
 
 
-def describe_tools(robot: Robot) -> list[dict[str, Any]]:
+def describe_tools(tools: Tools) -> list[dict[str, Any]]:
     """Return what a page needs to jog each tool; velocities in m/s and rad/s."""
     return [
         {
@@ -105,7 +108,7 @@ def describe_tools(robot: Robot) -> list[dict[str, Any]]:
             "linear": MAX_LINEAR_M_S,
             "angular": MAX_ANGULAR_RAD_S,
         }
-        for name, tool in tools_of(robot).items()
+        for name, tool in tools.items()
     ]
 
 
@@ -126,7 +129,27 @@ class JogTool(Heartbeat):
     angular: Direction
 
 
-class HeldTool(HeldMotion[JogTool]):
+Beat = TypeVar("Beat", bound=Heartbeat)
+
+
+class HeldToolMotion(HeldMotion[Beat]):
+    """Hold-to-run motion of tools; arguments as of ``HeldMotion``."""
+
+    def __init__(
+        self,
+        tools: Tools,
+        robot: Robot,
+        owner: str,
+        workers: Executor,
+        ended: Callable[[JogEnd], None],
+        timeout_s: float = TIMEOUT_S,
+        noted: Callable[[int, str], None] = lambda hold, note: None,
+    ) -> None:
+        super().__init__(robot, owner, workers, ended, timeout_s, noted)
+        self._tools = tools
+
+
+class HeldTool(HeldToolMotion[JogTool]):
     """Jog of tools by one client.
 
     Every joint keeps below its jog velocity; where that does not suffice the tool slows down and
@@ -149,7 +172,7 @@ class HeldTool(HeldMotion[JogTool]):
         yaw: float,
     ) -> StreamedMotion:
         """Open the stream of a tool. Raises RobotdError with the reason of a rejection."""
-        tool = tool_of(self._robot, group)
+        tool = tool_of(self._tools, group)
         linear = _slowed([x, y, z], MAX_LINEAR_M_S)
         twist = np.concatenate([linear, _slowed([roll, pitch, yaw], MAX_ANGULAR_RAD_S)])
         if not twist.any():
@@ -173,7 +196,7 @@ class HeldTool(HeldMotion[JogTool]):
 class _Twist(StreamedMotion):
     """Motion of a tool until it is released, with a velocity in m/s and rad/s."""
 
-    def __init__(self, stream: ToolStream, twist: list[float], *, in_tool: bool) -> None:
+    def __init__(self, stream: AnyToolStream, twist: list[float], *, in_tool: bool) -> None:
         super().__init__(stream.joints)
         self._tool_stream, self._twist, self._in_tool = stream, twist, in_tool
 

@@ -1,4 +1,4 @@
-"""The page as a feature: served here, or for pages in other processes."""
+"""The page as a feature."""
 
 from __future__ import annotations
 
@@ -40,7 +40,6 @@ FEATURE = Feature(
     summary="live page of the robot in a browser",
     settings=PageKeys,
     open="robotd_page.feature:open_page",
-    nodes="robotd_page.page_topics:add_topics",
     options=(
         FeatureOption(
             "--page",
@@ -57,22 +56,19 @@ FEATURE = Feature(
             "Let the page jog and command the robot, with a token that is printed at the start.",
         ),
     ),
-    after=("recorder", "foxglove", "scenario"),
+    after=("recorder", "foxglove", "scenario", "tool_space"),
 )
 
 
 @contextmanager
 def open_page(host: FeatureHost) -> Iterator[Tap | None]:
-    """Serve the page where a port is given.
-
-    The value is what pages in other processes are fed from: None for a robot that nothing observes.
-    """
+    """Serve the page where a port is given; the value is the tap that feeds it, else None."""
     keys = host.robot.descriptor.settings(PageKeys)
     if keys.page is None:
         if keys.page_control:
             text = "page_control needs a page: --page PORT, or page: in the robot's file"
             raise InvalidArgument(text)
-        yield host.tap() if host.is_observed else None
+        yield None
         return
     try:
         from robotd_page.control_server import PageControl
@@ -85,7 +81,8 @@ def open_page(host: FeatureHost) -> Iterator[Tap | None]:
     control = None
     if keys.page_control:
         faults = host.offered.get("faults")
-        control = PageControl(host.robot, faults() if faults else None)
+        tools = host.parts.get("tool_space")
+        control = PageControl(host.robot, faults() if faults else None, tools=tools or {})
     source = RobotSource(
         tap, host.node_names, has_control=control is not None, namespace=host.namespace
     )

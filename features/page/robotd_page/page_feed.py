@@ -15,13 +15,13 @@ import numpy as np
 
 from robotd.api import FloatArray, InvalidArgument, RobotdError
 from robotd.api.features import MAX_IO_BYTES, CameraPictures, Tap, identity
-from robotd.api.models import RobotDescriptor
+from robotd.api.models import RobotDescriptor, transform_numbers
 from robotd.api.robots import Gripper, PacedClock, Robot
 from robotd_page.live_samples import LiveSamples
 from robotd_page.page_message import Message, json_text
 from robotd_page.seen_state import reduces_motion
 from robotd_shared.mesh_files import MeshFiles
-from robotd_shared.robot_state import Goals, event_of, state_of
+from robotd_shared.robot_state import SHARED_S, Goals, event_of, state_of
 
 FIRST_EVENTS = 300  # of the log that a new viewer gets
 STATE_LOOKS = 2  # calls of ``PageFeed.messages`` with changes for one state
@@ -55,7 +55,7 @@ def describe(
         "wall_offset_s": round(tap.offset_ns * 1e-9, 3),
         "axes": _axes(robot),
         "groups": [*robot.groups],
-        "tools": [{"link": each.link, "base": each.base} for each in robot.tools],
+        "tools": [{"link": tool.link, "base": tool.base} for tool in robot.tools],
         "fingers": _fingers(robot.gripper),
         "inputs": min(robot.io.sizes[0], MAX_IO_BYTES),
         "outputs": min(robot.io.sizes[1], MAX_IO_BYTES),
@@ -72,11 +72,13 @@ def _axes(robot: Robot) -> list[dict[str, Any]]:
     joints = dict(zip(robot.joint_axes, robot.descriptor.joints, strict=True))
     drive = robot.descriptor.drive
     wheels = dict(zip(drive.axes, drive.wheel_joints, strict=False)) if drive else {}
-    group_of = {name: group for group, each in robot.groups.items() for name in each.joint_names}
+    group_of = {
+        name: group for group, members in robot.groups.items() for name in members.joint_names
+    }
     described = []
     for axis, (name, limits) in enumerate(zip(robot.axes.names, robot.axes.limits, strict=True)):
         joint = joints.get(axis)
-        kind = "joint" if joint else "wheel" if axis in robot.wheel_axes else "axis"
+        kind = "joint" if joint else "wheel" if axis in robot.servos.used else "axis"
         described.append(
             {
                 "name": name,
@@ -137,8 +139,8 @@ class WorldObjects:
         if world is None or not len(poses := self._poses()):
             return None
         shapes = [
-            {"name": each.name, "shape": each.shape, "size": each.size_m, "color": each.color}
-            for each in world.objects
+            {"name": item.name, "shape": item.shape, "size": item.size_m, "color": item.color}
+            for item in world.objects
         ]
         return {"frame": world.frame, "shapes": shapes, "poses": poses.tolist()}
 
@@ -160,6 +162,36 @@ class WorldObjects:
             return self._world.poses().round(DIGITS)
         except RobotdError:
             return self._shown
+
+
+class GuardedSolids:
+    """What the arms of a robot keep away from, in each link. One thread."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._limits = [group.motion_limits for group in robot.groups.values()]
+        self._shown = [limits.solids for limits in self._limits]
+
+    def describe(self) -> list[dict[str, Any]]:
+        """Return shape and place of each solid."""
+        return [
+            {
+                "name": solid.name,
+                "shape": solid.shape,
+                "size": solid.size_m,
+                "pose": transform_numbers(solid.pose).round(DIGITS).tolist(),
+                "frame": solid.link,
+            }
+            for limits in self._limits
+            for solid in limits.solids
+        ]
+
+    def changed(self) -> Message | None:
+        """Return all solids where they differ from those of the call before."""
+        solids = [limits.solids for limits in self._limits]
+        if all(one is other for one, other in zip(solids, self._shown, strict=True)):
+            return None
+        self._shown = solids
+        return json_text({"type": "scene", "solids": self.describe()})
 
 
 class PageFeed:
@@ -187,7 +219,7 @@ class PageFeed:
             describe, tap, nodes, meshes, has_control=has_control, namespace=namespace
         )
         self._live = LiveSamples(tap)
-        self._objects = WorldObjects(tap.robot)
+        self._objects, self._solids = WorldObjects(tap.robot), GuardedSolids(tap.robot)
         _ = tap.robot.backend.code_tables  # imported now, not at the first alarm
         self._goals = Goals(tap.robot)
         self._cursor = self._looks = 0
@@ -205,6 +237,7 @@ class PageFeed:
             self._note(*self._tap.events.since(self._cursor))
         description = self._describe()
         description["objects"] = self._objects.describe()
+        description["solids"] = self._solids.describe()
         description["cameras"] = self._cameras() if self._has_pictures else []
         held, added = self._tap.events.since(0)
         sent = max(0, len(held) - (added - self._cursor))  # the others come with the changes
@@ -222,6 +255,8 @@ class PageFeed:
             yield sample
         if moved := self._objects.moved():
             yield moved
+        if solids := self._solids.changed():
+            yield solids
         if changes:
             yield from self._changes(viewers)
 
@@ -238,23 +273,19 @@ class PageFeed:
         self._looks += 1
         if not events and self._looks % STATE_LOOKS:
             return
-        state = self._read_state(viewers)
+        # With an event problems are new: what a viewer has seen decides which commands are taken.
+        state = self._read_state(viewers, 0.0 if events else SHARED_S)
         if state != self._state:
             self._state = state
             yield json_text(state)
-
-    def repeat_state(self) -> None:
-        """Yield the state with the next changes, new or not."""
-        self._state = {}
-
-    def release(self) -> None:
-        """Nothing to do: nothing is computed between the calls."""
 
     def _cameras(self) -> list[dict[str, Any]]:
         world = self._tap.robot.world
         names = ("name", "width", "height", "rate_hz")
         return (
-            [{key: getattr(each, key) for key in names} for each in world.cameras] if world else []
+            [{key: getattr(camera, key) for key in names} for camera in world.cameras]
+            if world
+            else []
         )
 
     def _note(self, events: Sequence[Any], cursor: int) -> None:
@@ -264,13 +295,13 @@ class PageFeed:
             if reduces_motion(event):
                 self._seen = number
 
-    def _read_state(self, viewers: int) -> dict[str, Any]:
-        state = state_of(self._tap, self._goals.running(), viewers)
+    def _read_state(self, viewers: int, max_age_s: float = 0.0) -> dict[str, Any]:
+        state = state_of(self._tap, self._goals.running(), viewers, max_age_s)
         return {**state, "seen": self._seen}  # commands of a page return it
 
 
 class RobotSource:
-    """The one robot of this process, whatever name the page asks for.
+    """The robot of this process: its feed, its meshes and the pictures of its cameras.
 
     Args:
         nodes: names of the ROS nodes that are served.
@@ -287,15 +318,12 @@ class RobotSource:
     ) -> None:
         self._meshes = MeshFiles()
         urls = self._meshes.add(tap.urdf, tap.robot.descriptor.urdf)
-        self._feed = PageFeed(
+        self.feed = PageFeed(
             tap, nodes, urls, has_control=has_control, namespace=namespace, has_pictures=True
         )
         world = tap.robot.world
         self._pictures = CameraPictures(world) if world is not None else None
         self._loop = tap.robot.control_loop
-
-    def feed(self, robot: str) -> PageFeed:
-        return self._feed
 
     def file(self, url: str) -> Path | None:
         return self._meshes.file(url)

@@ -25,9 +25,8 @@ from robotd_page.viewers import (
 )
 from robotd_shared.local_http import MAX_CONNECTIONS, rejection
 
-if TYPE_CHECKING:  # remote robots need rclpy
-    from robotd_page.page_feed import PageFeed, RobotSource
-    from robotd_page.remote_robots import RemoteFeed, RemoteRobots
+if TYPE_CHECKING:
+    from robotd_page.page_feed import RobotSource
 
 log = get_logger("page")
 
@@ -72,7 +71,7 @@ class PageServer:
     is dropped. Every request only reads, except those of ``control``.
 
     Args:
-        source: robots that are shown.
+        source: robot that is shown.
         port: on the loopback interface; 0: any free one.
         metrics: returns the text of the metrics, None where there are none; None: not served.
         control: takes the commands of pages that have its token; None: the page is read-only.
@@ -88,7 +87,7 @@ class PageServer:
 
     def __init__(
         self,
-        source: RobotSource | RemoteRobots,
+        source: RobotSource,
         port: int,
         metrics: Callable[[], bytes | None] | None = None,
         *,
@@ -98,7 +97,7 @@ class PageServer:
         bundle: Path = BUNDLE_FOLDER,
     ) -> None:
         self._source = source
-        self._channels: dict[PageFeed | RemoteFeed, Channel] = {}  # with viewers
+        self._channel = Channel(source.feed)
         self._metrics, self._bundle, self._control = metrics, bundle, control
         self._max_viewers, self._heartbeat_s = max_viewers, heartbeat_s
         self._watched = asyncio.Event()
@@ -169,8 +168,8 @@ class PageServer:
         server.close()
         if self._control:
             await self._control.close()
-        viewers = self._viewers()
-        await asyncio.gather(*(viewer.close() for viewer in viewers), return_exceptions=True)
+        closings = [viewer.close() for viewer in self._channel.viewers]
+        await asyncio.gather(*closings, return_exceptions=True)
         await runner.cleanup()
         with suppress(asyncio.CancelledError):
             await publishing  # raises what has ended it
@@ -180,43 +179,34 @@ class PageServer:
         clock = asyncio.get_running_loop().time
         due_s, tick = 0.0, 0
         while True:
-            if not self._channels:
+            if not self._channel.viewers:
                 self._watched.clear()
                 await self._watched.wait()
             self._source.yield_to_control_loop()
-            for channel in self._channels.values():
-                channel.publish(changes=tick % CHANGES_TICKS == 0)
+            self._channel.publish(changes=tick % CHANGES_TICKS == 0)
             tick += 1
             now_s = clock()
             due_s = max(due_s + 1.0 / RATE_HZ, now_s)
             await asyncio.sleep(due_s - now_s)
 
-    def _viewers(self) -> list[Viewer]:
-        return [viewer for channel in self._channels.values() for viewer in channel.viewers]
-
     async def _answer_viewer(self, request: web.Request) -> web.StreamResponse:
         response, transport = await accept(request, self._heartbeat_s)
         if transport is None:
             return response
-        if len(self._viewers()) >= self._max_viewers:
+        if len(self._channel.viewers) >= self._max_viewers:
             text = f"{self._max_viewers} viewers are connected already"
             await response.close(code=WSCloseCode.TRY_AGAIN_LATER, message=text.encode())
             return response
         raw = transport.get_extra_info("socket")
         raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
-        feed = self._source.feed(request.query.get("robot", ""))
-        channel = self._channels.get(feed) or Channel(feed)
-        first, wait = channel.first(), self._source.yield_to_control_loop
+        first, wait = self._channel.first(), self._source.yield_to_control_loop
         viewer = Viewer(response, transport, first, wait)
-        channel.viewers.add(viewer)
-        self._channels[feed] = channel
+        self._channel.viewers.add(viewer)
         self._watched.set()
         try:
             await viewer.run()
         finally:
-            channel.discard(viewer)
-            if not channel.viewers:
-                self._channels.pop(feed, None)
+            self._channel.viewers.discard(viewer)
         return response
 
     async def _answer_bundle(self, request: web.Request) -> web.StreamResponse:

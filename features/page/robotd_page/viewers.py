@@ -1,4 +1,4 @@
-"""Viewers of a page and of each feed: WebSocket connections with bounded memory."""
+"""Viewers of a page: WebSocket connections with bounded memory."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from robotd.api import get_logger
 from robotd_page.page_message import websocket_frames
 
-if TYPE_CHECKING:  # remote robots need rclpy
+if TYPE_CHECKING:
     from robotd_page.page_feed import PageFeed
-    from robotd_page.remote_robots import RemoteFeed
 
 log = get_logger("page")
 
@@ -94,13 +93,13 @@ class Viewer:
 
 
 class Channel:
-    """Viewers of one feed: each frame is made once. Thread of the server.
+    """Viewers of the robot: each frame is made once. Thread of the server.
 
     Attributes:
         viewers: at present.
     """
 
-    def __init__(self, feed: PageFeed | RemoteFeed) -> None:
+    def __init__(self, feed: PageFeed) -> None:
         self._feed = feed
         self.viewers: set[Viewer] = set()
 
@@ -113,9 +112,3 @@ class Channel:
         if frames := websocket_frames(self._feed.messages(len(self.viewers), changes=changes)):
             for viewer in self.viewers:
                 viewer.send(frames)
-
-    def discard(self, viewer: Viewer) -> None:
-        """Remove a viewer that has gone."""
-        self.viewers.discard(viewer)
-        if not self.viewers:
-            self._feed.release()

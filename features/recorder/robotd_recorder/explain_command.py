@@ -11,13 +11,13 @@ import click
 from robotd.api import CodeTable, OperationError
 from robotd.api.commands import (
     FILE,
-    GOAL_RESULTS,
     ExitCode,
     escaped,
     load_code_tables,
     log_options,
     parse_integer,
 )
+from robotd_messages.goal_results import GOAL_RESULTS
 
 if TYPE_CHECKING:  # it needs NumPy
     from robotd_recording.recording_reader import Recording
@@ -112,6 +112,6 @@ def _meanings(code: int, tables: Sequence[CodeTable]) -> list[str]:
 
 def _tables() -> list[CodeTable]:
     tables, failures = load_code_tables()
-    for name, reason in failures.items():
-        click.echo(f"table {name} cannot be loaded: {reason}", err=True)
+    for reason in failures.values():
+        click.echo(reason, err=True)
     return tables

@@ -41,7 +41,7 @@ def find_incident(recording: Recording) -> Incident:
     bad = [event for event in events if event.is_bad]
     # The same text may be of an earlier one, too.
     saved_for = (recording.info.cause_ns, recording.info.cause)
-    symptom = next((each for each in events if (each.time_ns, each.text) == saved_for), None)
+    symptom = next((event for event in events if (event.time_ns, event.text) == saved_for), None)
     symptom = symptom or next(iter(bad), None)
     if symptom is None:
         return Incident(None, None, events)

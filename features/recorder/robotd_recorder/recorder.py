@@ -21,7 +21,6 @@ log = get_logger("recorder")
 MIB = 2**20
 ROOM_BYTES = 16 * MIB  # less is of no use to a recording that begins
 EARLIER_EVENTS = 20  # from before the first frame: who commanded what
-END_TIMEOUT_S = 5.0  # for a file that is being written at the end
 SAVE_TIMEOUT_S = 30.0  # for the process that writes a file
 ORIGINS = frozenset(
     {EventKind.COMMAND, EventKind.GOAL, EventKind.RESULT, EventKind.STOP, EventKind.FAULT}
@@ -93,7 +92,7 @@ class FlightRecorder:
 
     def _join(self) -> None:
         if self._thread is not None:
-            self._thread.join(END_TIMEOUT_S)
+            self._thread.join(SAVE_TIMEOUT_S)
 
     def _begin_saving(self, cause: Event) -> None:
         if self._thread is not None and self._thread.is_alive():
@@ -148,7 +147,7 @@ def _recent(events: list[Event], oldest_ns: int) -> list[Event]:
     """Return events of the frames' time, and the last ones from before that explain them."""
     events = sorted(events, key=lambda event: event.time_ns)
     earlier = [event for event in events if event.time_ns < oldest_ns and event.kind in ORIGINS]
-    return [*earlier[-EARLIER_EVENTS:], *(each for each in events if each.time_ns >= oldest_ns)]
+    return [*earlier[-EARLIER_EVENTS:], *(event for event in events if event.time_ns >= oldest_ns)]
 
 
 @dataclass(frozen=True)

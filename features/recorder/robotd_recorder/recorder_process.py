@@ -18,7 +18,17 @@ from robotd_recording.writer_process import Batch, Job, Report
 
 BATCH_EVENTS = 32  # pickled at once, which holds the interpreter: 0.2 ms
 # Not ``-m``: the classes of ``__main__`` would not be the ones that are received here.
-PROGRAM = f"from {writer_process.__name__} import main; main()"
+NICENESS = 10
+# Before it imports anything: after a stop of all robots of a computer each saves a recording. The
+# niceness is absolute, as that of the robot may be below 0.
+PROGRAM = f"""
+import os
+from contextlib import suppress
+with suppress(OSError):
+    os.setpriority(os.PRIO_PROCESS, 0, {NICENESS})
+from {writer_process.__name__} import main
+main()
+"""
 END_S = 5.0  # for a process that is asked to end
 
 
@@ -52,7 +62,9 @@ class RecorderProcess:
                 [sys.executable, "-c", PROGRAM, str(theirs.fileno())],
                 pass_fds=(theirs.fileno(), frames.fd),
                 stdin=subprocess.DEVNULL,
-                start_new_session=True,  # what a terminal sends is for the robot, which ends this
+                # What a terminal sends is for the robot, which ends this. Not a session of its own:
+                # Linux gives each as much of the processor, whatever the niceness of its processes.
+                process_group=0,
             )
         finally:
             theirs.close()
@@ -133,9 +145,9 @@ def recording_info(tap: Tap, cause: Event | None) -> RecordingInfo:
         axes=robot.axes.names,
         joints=robot.joint_axes,
         limits={
-            robot.axes.names[axis]: (each.lower, each.upper, each.velocity, each.acceleration)
+            robot.axes.names[axis]: (limit.lower, limit.upper, limit.velocity, limit.acceleration)
             for axis in robot.joint_axes
-            for each in [robot.axes.limits[axis]]
+            for limit in [robot.axes.limits[axis]]
         },
         offset_ns=tap.offset_ns,
         units={joint.name: joint.unit for joint in descriptor.joints},

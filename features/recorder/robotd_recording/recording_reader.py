@@ -23,6 +23,8 @@ from robotd_messages.message_encoders import (
 from robotd_recording import recording_writer as topics
 from robotd_recording.recording_writer import INFO, RecordingInfo, templates_of
 
+MAGIC = b"\x89MCAP0\r\n"
+
 WANTED = {
     topics.LOOP,
     topics.COMMANDS,
@@ -82,6 +84,9 @@ def read_recording(path: Path) -> Recording:
 
     try:
         with path.open("rb") as stream:
+            if stream.read(len(MAGIC)) != MAGIC:  # neither one that was not closed
+                raise RecordingError(f"{path}: not a recording: it does not begin as an MCAP file")
+            stream.seek(0)
             return _read(path, stream)
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror or error}") from error

@@ -17,7 +17,7 @@ DAMAGED = ".damaged"  # suffix of the original file
 
 
 @dataclass(frozen=True)
-class Recovery:
+class Repair:
     """Result of a repair.
 
     Attributes:
@@ -32,7 +32,7 @@ class Recovery:
     duration_s: float
 
 
-def recover(path: Path) -> Recovery | None:
+def recover(path: Path) -> Repair | None:
     """Replace ``path`` by a repaired file, and keep the original under another name.
 
     Also for MCAP files of other programs. Returns None for a complete file, which is left as it
@@ -58,7 +58,7 @@ def recover(path: Path) -> Recovery | None:
         partial.unlink(missing_ok=True)
     longest = max(topics, key=lambda topic: topic.messages)
     duration_s = (longest.last_ns - longest.first_ns) / NANOSECONDS
-    return Recovery(damaged, sum(topic.messages for topic in topics), duration_s)
+    return Repair(damaged, sum(topic.messages for topic in topics), duration_s)
 
 
 @dataclass

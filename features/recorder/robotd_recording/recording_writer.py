@@ -280,8 +280,8 @@ class RecordingWriter:
             stamps[chosen] + self._offset_ns, *(values[chosen] for values in fields)
         )
         return [
-            (time_ns, topic, each)
-            for time_ns, each in zip(times[chosen].tolist(), data, strict=True)
+            (time_ns, topic, message)
+            for time_ns, message in zip(times[chosen].tolist(), data, strict=True)
         ]
 
     def _register_schema(self, name: str) -> int:

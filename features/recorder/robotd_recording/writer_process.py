@@ -15,7 +15,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from time import monotonic
 
-from robotd.api.features import Event, EventKind, FrameMemory, Sample, request_niceness
+from robotd.api.features import Event, EventKind, FrameMemory, Sample
 from robotd_recording.recording_folder import PARTIAL, RecordingFolder
 from robotd_recording.recording_writer import (
     Picture,
@@ -27,7 +27,6 @@ from robotd_recording.recording_writer import (
 POLL_INTERVAL_S = 0.1
 FLUSH_INTERVAL_S = 0.5
 BLOCK_FRAMES = 250  # encoded at once
-NICENESS = 10
 LATCHED_EVENTS = frozenset({EventKind.STATE, EventKind.STOP})
 
 
@@ -218,7 +217,6 @@ def _batches(connection: Connection) -> Iterator[Batch | None]:
 
 def main() -> None:
     """Run the job of the connection whose file descriptor is the argument."""
-    request_niceness(NICENESS)  # absolute: that of the robot's process may be below 0
     connection = Connection(int(sys.argv[1]))
     try:
         run(connection)

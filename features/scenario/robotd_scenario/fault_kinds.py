@@ -36,6 +36,15 @@ class FaultKind(Part):
         if axis >= len(robot.axes):
             raise InvalidArgument(f"axis {axis} is outside 0..{len(robot.axes) - 1}")
 
+    @property
+    def target(self) -> tuple[Any, ...]:
+        """What it changes: faults of one target override each other."""
+        names = ("axis", "byte", "bit")
+        return type(self), *(getattr(self, name) for name in names if hasattr(self, name))
+
+    def state(self, robot: Robot) -> Any:
+        """Return the state of the target, which ``end`` restores."""
+
     @abstractmethod
     def begin(self, robot: Robot) -> None:
         """Inject the fault."""
@@ -44,8 +53,11 @@ class FaultKind(Part):
         """Return False while ``end`` has to wait for the device."""
         return True
 
-    def end(self, robot: Robot) -> None:
-        """Remove the fault; called after ``for_s`` where the kind has that field."""
+    def end(self, robot: Robot, before: Any) -> None:
+        """Remove the fault; called after ``for_s`` where the kind has that field.
+
+        ``before``: state of the target without faults.
+        """
 
 
 class AmpAlarm(FaultKind):
@@ -67,7 +79,7 @@ class FollowingError(FaultKind):
     def begin(self, robot: Robot) -> None:
         robot.fault_injector.block(self.axis, True)
 
-    def end(self, robot: Robot) -> None:
+    def end(self, robot: Robot, before: Any) -> None:
         robot.fault_injector.block(self.axis, False)
 
 
@@ -83,7 +95,7 @@ class SlaveLost(FaultKind):
     def can_end(self, robot: Robot) -> bool:
         return Capability.HOT_CONNECT not in robot.capabilities or robot.connection.ready
 
-    def end(self, robot: Robot) -> None:
+    def end(self, robot: Robot, before: Any) -> None:
         robot.fault_injector.reconnect(self.axis)
         if Capability.HOT_CONNECT in robot.capabilities:
             robot.fieldbus.start_hot_connect(0)
@@ -121,7 +133,7 @@ class StuckGripper(FaultKind):
     def begin(self, robot: Robot) -> None:
         self._stick(robot, self.closed)
 
-    def end(self, robot: Robot) -> None:
+    def end(self, robot: Robot, before: Any) -> None:
         self._stick(robot, None)
 
     def _stick(self, robot: Robot, value: bool | None) -> None:
@@ -130,7 +142,7 @@ class StuckGripper(FaultKind):
 
 
 class InputBit(FaultKind):
-    """Changed input bit; after ``for_s`` it changes back."""
+    """Changed input bit; after ``for_s`` it is as it was before."""
 
     byte: Byte
     bit: Bit
@@ -142,11 +154,14 @@ class InputBit(FaultKind):
         if self.byte >= size:
             raise InvalidArgument(f"input byte {self.byte} does not exist, there are {size} bytes")
 
+    def state(self, robot: Robot) -> bool:
+        return robot.io.input_bit(self.byte, self.bit)
+
     def begin(self, robot: Robot) -> None:
         robot.fault_injector.set_input_bit(self.byte, self.bit, self.value)
 
-    def end(self, robot: Robot) -> None:
-        robot.fault_injector.set_input_bit(self.byte, self.bit, not self.value)
+    def end(self, robot: Robot, before: Any) -> None:
+        robot.fault_injector.set_input_bit(self.byte, self.bit, before)
 
 
 class EncoderJump(FaultKind):
@@ -157,6 +172,16 @@ class EncoderJump(FaultKind):
 
     def begin(self, robot: Robot) -> None:
         robot.fault_injector.jump_encoder(self.axis, self.delta_rad)
+
+
+class MovedByHand(FaultKind):
+    """Hand that turns one axis at once, whose servo is off, or which is guided by hand."""
+
+    axis: AxisNumber
+    delta_rad: float = Field(ge=-1e6, le=1e6)
+
+    def begin(self, robot: Robot) -> None:
+        robot.fault_injector.move_by_hand(self.axis, self.delta_rad)
 
 
 class CommunicationDrop(FaultKind):
@@ -218,6 +243,7 @@ class Fault(Part):
     stuck_gripper: StuckGripper | None = None
     input_bit: InputBit | None = None
     encoder_jump: EncoderJump | None = None
+    moved_by_hand: MovedByHand | None = None
     communication_drop: CommunicationDrop | None = None
     engine_stopped: EngineStopped | None = None
 

@@ -37,6 +37,7 @@ class _Entry:
     due_ns: int
     end_ns: int | None = None
     left: int = 0  # late periods still to be injected
+    before: Any = None  # state of its target without faults
 
 
 class FaultSchedule:
@@ -53,7 +54,7 @@ class FaultSchedule:
     """
 
     def __init__(self, robot: Robot, faults: Sequence[Fault] = ()) -> None:
-        """Raises as ``add``."""
+        """Raises the errors of ``add``."""
         self.happened: list[Happened] = []
         self._planned = faults
         for number, fault in enumerate(faults):
@@ -65,6 +66,7 @@ class FaultSchedule:
         self._clock = robot.clock
         self._origin_ns = robot.clock.now_ns()
         self._entries: list[_Entry] = []
+        self._lasting: list[_Entry] = []  # that have begun and will end, the newest last
         self._lock = threading.Lock()
         robot.control_loop.every(robot.descriptor.cycle.rate_hz, "faults", self._look, first=True)
 
@@ -92,7 +94,7 @@ class FaultSchedule:
 
     def failures(self) -> list[str]:
         """Describe the faults that failed, and those that have not begun."""
-        failed = [f"{each.fault}: {each.failure}" for each in self.happened if each.failure]
+        failed = [f"{fault.fault}: {fault.failure}" for fault in self.happened if fault.failure]
         return failed + [f"{fault}: did not happen" for fault in self.waiting]
 
     def _look(self, image: ProcessImage) -> None:
@@ -116,12 +118,14 @@ class FaultSchedule:
             return self._go_on(entry, now_ns)
         if now_ns < entry.due_ns or (fault.when and not fault.when.happens(self._robot)):
             return False
-        self._do(fault, now_ns, over=False)
+        self._do(entry, now_ns, over=False)
         duration_s = getattr(fault.kind, "for_s", 0.0)
         if duration_s is None:
             entry.end_ns = FOREVER
         elif duration_s:
             entry.end_ns = now_ns + round(duration_s * NANOSECONDS)
+        if entry.end_ns is not None:
+            self._lasting.append(entry)
         if isinstance(fault.kind, LateCycles):
             entry.left = fault.kind.count - 1
         return self._is_waiting(entry)
@@ -135,23 +139,32 @@ class FaultSchedule:
             return False
         if not entry.fault.kind.can_end(self._robot):
             return False
-        if not self._continues(entry.fault, now_ns):
-            self._do(entry.fault, now_ns, over=True)
+        self._do(entry, now_ns, over=True)
         return True
 
-    def _continues(self, fault: Fault, now_ns: int) -> bool:
-        """Return True while another entry, which ends later, keeps up the same fault."""
-        lasting = {"for_s": None}
-        return any(
-            each.fault.kind.model_copy(update=lasting) == fault.kind.model_copy(update=lasting)
-            for each in self._entries
-            if each.end_ns is not None and each.end_ns > now_ns
-        )
+    def _others(self, entry: _Entry) -> list[_Entry]:
+        """Return the lasting faults of the same target, the newest last."""
+        target = entry.fault.kind.target
+        return [effect for effect in self._lasting if effect.fault.kind.target == target]
 
-    def _do(self, fault: Fault, now_ns: int, *, over: bool) -> None:
-        failure = None
+    def _begin(self, entry: _Entry) -> None:
+        others, kind = self._others(entry), entry.fault.kind
+        entry.before = others[-1].before if others else kind.state(self._robot)
+        kind.begin(self._robot)
+
+    def _end(self, entry: _Entry) -> None:
+        """Remove a fault, unless another one of its target lasts: the newest of them counts."""
+        newest = self._others(entry)[-1]
+        self._lasting.remove(entry)
+        if not (others := self._others(entry)):
+            entry.fault.kind.end(self._robot, entry.before)
+        elif newest is entry and not _is_same(others[-1].fault, entry.fault):
+            others[-1].fault.kind.begin(self._robot)
+
+    def _do(self, entry: _Entry, now_ns: int, *, over: bool) -> None:
+        fault, failure = entry.fault, None
         try:
-            (fault.kind.end if over else fault.kind.begin)(self._robot)
+            (self._end if over else self._begin)(entry)
         except RobotdError as error:
             failure = str(error)
             log.warning("fault failed", fault=str(fault), reason=failure)
@@ -160,6 +173,12 @@ class FaultSchedule:
         self.happened.append(
             Happened(fault, (now_ns - self._origin_ns) / NANOSECONDS, over, failure)
         )
+
+
+def _is_same(fault: Fault, other: Fault) -> bool:
+    """Return True for faults that differ in their duration only."""
+    lasting = {"for_s": None}
+    return fault.kind.model_copy(update=lasting) == other.kind.model_copy(update=lasting)
 
 
 class RequestedFaults:
@@ -175,7 +194,7 @@ class RequestedFaults:
         self.fields: dict[str, list[dict[str, Any]]] = {}
         for kind in FAULTS:
             model = definitions["".join(map(str.capitalize, kind.split("_")))]
-            self.fields[kind] = [_field(*each) for each in model["properties"].items()]
+            self.fields[kind] = [_field(*field) for field in model["properties"].items()]
 
     def inject(self, values: Mapping[str, Any]) -> str:
         """Inject a fault, written as in a scenario file; return it as text.
@@ -194,7 +213,7 @@ def _check(fault: Fault, robot: Robot) -> None:
 
 def _field(name: str, spec: Mapping[str, Any]) -> dict[str, Any]:
     types = [spec, *spec.get("anyOf", ())]
-    kind = next(each["type"] for each in types if each.get("type"))
+    kind = next(choice["type"] for choice in types if choice.get("type"))
     return {
         "name": name,
         "type": kind,

@@ -43,7 +43,7 @@ class Fingers(StrEnum):
     CLOSED = "closed"
 
 
-class Move(Part):
+class MoveStep(Part):
     """Motion of joints to positions in ``time_s``; joints not named hold."""
 
     to_rad: dict[str, Finite] = Field(min_length=1)
@@ -57,7 +57,7 @@ class Point(Part):
     positions_rad: tuple[Finite, ...]
 
 
-class Trajectory(Part):
+class TrajectoryStep(Part):
     """Trajectory as a client sends it."""
 
     joints: tuple[str, ...] = Field(min_length=1)
@@ -102,14 +102,14 @@ class Check(Part):
         return self
 
 
-class Repeat(Part):
+class RepeatedSteps(Part):
     """Repeated steps."""
 
     times: int = Field(ge=1, le=100_000)
-    program: tuple[Step, ...] = Field(min_length=1)
+    program: tuple[ScenarioStep, ...] = Field(min_length=1)
 
 
-class Step(Part):
+class ScenarioStep(Part):
     """One step: exactly one command, and its expected outcome.
 
     Attributes:
@@ -119,14 +119,14 @@ class Step(Part):
         expect: outcome of the command; ``reason`` is part of its text.
     """
 
-    move: Move | None = None
-    trajectory: Trajectory | None = None
+    move: MoveStep | None = None
+    trajectory: TrajectoryStep | None = None
     gripper: Fingers | None = None
     wait_s: Seconds | None = None
     servos: Switch | None = None
     engine: Switch | None = None
     check: Check | None = None
-    repeat: Repeat | None = None
+    repeat: RepeatedSteps | None = None
     expect: Expected = Expected.OK
     reason: str = ""
 
@@ -154,7 +154,7 @@ class Step(Part):
         return f"{name.removesuffix('_s')} {getattr(self, name)}"
 
 
-COMMANDS = tuple(name for name in Step.model_fields if name not in ("expect", "reason"))
+COMMANDS = tuple(name for name in ScenarioStep.model_fields if name not in ("expect", "reason"))
 
 
 def unmet(check: Check, robot: Robot) -> str | None:
@@ -229,7 +229,7 @@ class Scenario(Part):
     backend: str = "sim"
     options: dict[str, Any] = Field(default_factory=dict)
     faults: tuple[Fault, ...] = ()
-    program: tuple[Step, ...] = ()
+    program: tuple[ScenarioStep, ...] = ()
     _tree: Any = PrivateAttr(None)  # of the file; None for a scenario of a program
 
     def lay_over(self, descriptor: RobotDescriptor) -> RobotDescriptor:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -69,7 +70,8 @@ class CommandRepeater:
     """Runs the commands of a recording on a simulation, faster than real time. One thread.
 
     The simulation begins with all servos on, at the positions of the first period in which the
-    recorded robot was ready with its servos on.
+    recorded robot was ready with its servos on. Its inputs have the recorded levels, so that those
+    that guard the robot do as they did.
 
     Args:
         recording: of a robot with joints; goals, moves, jogs, stops, servo, alarm and output
@@ -84,10 +86,12 @@ class CommandRepeater:
         self._frames = _from_ready(recording)
         self._first_ns = int(self._frames["start_ns"][0])
         self._commands = sorted(
-            (each for each in _commands(recording) if each.time_ns >= self._first_ns),
-            key=lambda each: each.time_ns,
+            (command for command in _commands(recording) if command.time_ns >= self._first_ns),
+            key=lambda event: event.time_ns,
         )
         self._robot = Robot(_at(descriptor, self._frames[0]), backend, SteppedClock())
+        self._inputs = sorted(recording.inputs)
+        self._shown = b""  # of the inputs
         self._goals: list[tuple[TrajectoryExecution, ExitStack]] = []
         self._rejections: list[tuple[float, str]] = []
 
@@ -97,13 +101,19 @@ class CommandRepeater:
         duration_s = float(self._frames["start_ns"][-1] - self._first_ns) / NANOSECONDS
         rate_hz = robot.descriptor.cycle.rate_hz
         ring = FrameRing(robot.image.axes, rate_hz, duration_s + MARGIN_S, MEMORY_BYTES)
+        self._show_inputs(self._first_ns)
         robot.start()
         io = IoSampler(robot.io, robot.clock.now_ns)
         robot.control_loop.observe(period_writer(robot, ring, io))
         began_ns = robot.clock.now_ns()
-        for command in self._commands:
-            self._step_until(began_ns + command.time_ns - self._first_ns)
-            self._execute(command)
+        changes = [time_ns for time_ns, _ in self._inputs if time_ns > self._first_ns]
+        actions = [(change, partial(self._show_inputs, change)) for change in changes]
+        actions += [
+            (command.time_ns, partial(self._execute, command)) for command in self._commands
+        ]
+        for time_ns, act in sorted(actions, key=lambda action: action[0]):
+            self._step_until(began_ns + time_ns - self._first_ns)
+            act()
         self._step_until(began_ns + round(duration_s * NANOSECONDS))
         for _, context in self._goals:
             context.close()
@@ -125,9 +135,19 @@ class CommandRepeater:
         robot = self._robot
         while robot.clock.now_ns() < time_ns:
             robot.step(1)
-            for each in [each for each in self._goals if each[0].completion.done]:
-                self._goals.remove(each)
-                each[1].close()
+            for goal in [goal for goal in self._goals if goal[0].completion.done]:
+                self._goals.remove(goal)
+                goal[1].close()
+
+    def _show_inputs(self, time_ns: int) -> None:
+        """Set the inputs of the simulation to their recorded levels at a time."""
+        shown = next((data for at_ns, data in reversed(self._inputs) if at_ns <= time_ns), b"")
+        for byte, level in enumerate(shown):
+            before = self._shown[byte] if byte < len(self._shown) else 0
+            for bit in range(8):
+                if (before ^ level) >> bit & 1:
+                    self._robot.fault_injector.set_input_bit(byte, bit, bool(level >> bit & 1))
+        self._shown = shown
 
     def _execute(self, command: _Command) -> None:
         try:
@@ -185,12 +205,12 @@ def _arguments(data: Mapping[str, Any]) -> Sequence[Any]:
 
 
 def _moves(robot: Robot, moves: Sequence[Mapping[str, Any]], relative: bool = False) -> None:
-    targets = [Move(each["axis"], each["target"], Profile(**each["profile"])) for each in moves]
+    targets = [Move(move["axis"], move["target"], Profile(**move["profile"])) for move in moves]
     robot.axes.move(targets, relative=relative)
 
 
 def _jogs(robot: Robot, jogs: Sequence[Mapping[str, Any]]) -> None:
-    robot.axes.jog([Jog(each["axis"], Profile(**each["profile"])) for each in jogs])
+    robot.axes.jog([Jog(jog["axis"], Profile(**jog["profile"])) for jog in jogs])
 
 
 _CALLS: dict[str, Callable[..., None]] = {
@@ -235,11 +255,11 @@ def repeat_recording(path: Path, robot: str | None) -> ExitCode:
     used = dict.fromkeys(unit for _, unit in axes)
     tolerance = ", ".join(f"{tolerances[unit]:g} {unit}" for unit in used)
     click.echo(f"{count} over {seconds:.1f} s, tolerance {tolerance}")
-    beyond = [each for each in differences if each.first_s is not None]
+    beyond = [difference for difference in differences if difference.first_s is not None]
     if not beyond:
         click.echo("the simulation moved as recorded")
         return ExitCode.OK
-    first = min(beyond, key=lambda each: each.first_s or 0.0)
+    first = min(beyond, key=lambda difference: difference.first_s or 0.0)
     click.echo(
         f"differs from {first.first_s:.3f} s on: {first.name} recorded {first.recorded:+.4f},"
         f" simulated {first.simulated:+.4f} {first.unit}"
@@ -250,9 +270,14 @@ def repeat_recording(path: Path, robot: str | None) -> ExitCode:
 HEADING = ("axis", "largest difference", "at", "beyond the tolerance from")
 
 
-def _row(each: Difference) -> tuple[str, ...]:
-    first = "-" if each.first_s is None else f"{each.first_s:.3f} s"
-    return each.name, f"{each.largest:.5f} {each.unit}", f"{each.largest_s:.3f} s", first
+def _row(difference: Difference) -> tuple[str, ...]:
+    first = "-" if difference.first_s is None else f"{difference.first_s:.3f} s"
+    return (
+        difference.name,
+        f"{difference.largest:.5f} {difference.unit}",
+        f"{difference.largest_s:.3f} s",
+        first,
+    )
 
 
 @dataclass(frozen=True)

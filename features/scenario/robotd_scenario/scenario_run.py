@@ -19,11 +19,11 @@ from robotd_scenario.program import (
     Check,
     Expected,
     Fingers,
-    Move,
+    MoveStep,
     Scenario,
-    Step,
+    ScenarioStep,
     Switch,
-    Trajectory,
+    TrajectoryStep,
     unmet,
 )
 
@@ -45,7 +45,7 @@ class StepDone:
         failure: why it failed; None: the outcome is as expected.
     """
 
-    step: Step
+    step: ScenarioStep
     time_s: float
     failure: str | None = None
 
@@ -117,7 +117,7 @@ class ScenarioRun:
             result.digest = self._hash.hexdigest()
             robot.shutdown()
 
-    def _do_all(self, steps: tuple[Step, ...]) -> Iterator[StepDone]:
+    def _do_all(self, steps: tuple[ScenarioStep, ...]) -> Iterator[StepDone]:
         for step in steps:
             if step.repeat is not None:
                 for _ in range(step.repeat.times):
@@ -132,7 +132,7 @@ class ScenarioRun:
             if failure is not None:
                 return
 
-    def _do(self, step: Step) -> str | None:
+    def _do(self, step: ScenarioStep) -> str | None:
         """Execute one step; return why it failed, None on success."""
         if step.wait_s is not None:
             self._wait(step.wait_s)
@@ -146,7 +146,7 @@ class ScenarioRun:
             return f"the reason {reason!r} does not contain {step.reason!r}"
         return None
 
-    def _command(self, step: Step) -> tuple[Expected, str]:
+    def _command(self, step: ScenarioStep) -> tuple[Expected, str]:
         if step.move is not None:
             return self._follow(partial(self._move, step.move))
         if step.trajectory is not None:
@@ -169,7 +169,7 @@ class ScenarioRun:
         outcome = execution.outcome or Outcome.FAULT
         return _OUTCOMES.get(outcome, Expected.FAULT), execution.message
 
-    def _move(self, move: Move) -> TrajectoryRequest:
+    def _move(self, move: MoveStep) -> TrajectoryRequest:
         robot, group = self._robot, self._robot.groups.of(move.to_rad)
         stay = robot.image.position_command[list(group.joint_axes)]
         targets = {**dict(zip(group.joint_names, stay.tolist(), strict=True)), **move.to_rad}
@@ -185,8 +185,9 @@ class ScenarioRun:
         if switch is Switch.ON:
             self._robot.servos.enable()
             return
-        for axis in (*self._robot.joint_axes, *self._robot.wheel_axes):
-            self._robot.axes.servo(axis, False)
+        results = self._robot.axes.servos_off(self._robot.servos.used)
+        for failure in filter(None, results.values()):
+            raise failure
 
     def _run_engine(self, switch: Switch | None) -> None:
         if switch is Switch.OFF:
@@ -212,7 +213,7 @@ class ScenarioRun:
             self._hash.update(struct.pack("d", self._robot.gripper.closed))
 
 
-def _request(trajectory: Trajectory) -> TrajectoryRequest:
+def _request(trajectory: TrajectoryStep) -> TrajectoryRequest:
     return TrajectoryRequest(
         trajectory.joints,
         np.array([point.at_s for point in trajectory.points]),

@@ -193,9 +193,9 @@ def _failed() -> str:
 
 
 def _tell(result: Result) -> None:
-    for each in result.faults:
-        what = "over: " if each.over else ""
-        click.echo(f"{each.time_s:9.3f} s  fault  {what}{each.fault}")
+    for fault in result.faults:
+        what = "over: " if fault.over else ""
+        click.echo(f"{fault.time_s:9.3f} s  fault  {what}{fault.fault}")
     for failure in result.failures:
         click.echo(f"{_failed()}  {failure}")
     speed = result.simulated_s / result.real_s if result.real_s > 0 else math.nan

@@ -68,13 +68,13 @@ class _TimeServices:
         self, node: Node, robot: Robot, clock: PacedClock, host: RosHost, nodes: Sequence[Node]
     ) -> None:
         self._robot, self._time = robot, clock
-        self._clocks = [each.get_clock() for each in (*nodes, node)]
+        self._clocks = [member.get_clock() for member in (*nodes, node)]
         self._message = HotPublisher(node, "/clock", 10, Clock(), [])
         source = TimeSource()  # of no node: it subscribes to nothing
         source.ros_time_is_active = True
         source.clock_callback(Clock(clock=self._now().to_msg()))
-        for each in self._clocks:
-            source.attach_clock(each)
+        for ros_clock in self._clocks:
+            source.attach_clock(ros_clock)
         control_loop, rate_hz = robot.control_loop, robot.descriptor.cycle.rate_hz
         control_loop.every(rate_hz, "clocks of the nodes", self._set_clocks, first=True)
         control_loop.every(min(CLOCK_RATE_HZ, rate_hz), "clock", self._publish, first=True)

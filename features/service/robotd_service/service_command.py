@@ -27,7 +27,6 @@ KEPT = re.compile(
     r"|LD_LIBRARY_PATH"
 )
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
-NAMESPACE = re.compile(r"/?([A-Za-z_][A-Za-z0-9_]*/)*([A-Za-z_][A-Za-z0-9_]*/?)?")
 USER = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*|[0-9]+")
 ETC = "/etc/robotd"
 WATCHDOG_S = 10
@@ -152,7 +151,9 @@ def install(
     if prints:
         click.echo(unit.text, nl=False)
         return
-    kept = sorted(each for each in os.environ.items() if KEPT.fullmatch(each[0]) and each[1])
+    kept = sorted(
+        variable for variable in os.environ.items() if KEPT.fullmatch(variable[0]) and variable[1]
+    )
     environment = root / ETC.lstrip("/") / f"{unit.name}.env"
     unit_path = root / UNITS.lstrip("/") / unit.file_name
     try:
@@ -178,7 +179,7 @@ def _unit(
     health: int,
 ) -> ServiceUnit:
     """Return the unit. Raises RobotdError where robot or backend are wrong."""
-    from robotd.api.commands import check_backend_overrides, load_robot
+    from robotd.api.commands import check_backend_overrides, check_namespace, load_robot
     from robotd.api.robots import load_backend
 
     descriptor = load_robot(robot, variant, overrides)
@@ -188,9 +189,6 @@ def _unit(
     name = name or descriptor.name
     if not NAME.fullmatch(name):
         raise InvalidArgument(f"--name {name!r}: letters, digits, '.', '_' and '-' only")
-    if not NAMESPACE.fullmatch(namespace):
-        what = "names of letters, digits and '_' that begin with no digit, with '/' between them"
-        raise InvalidArgument(f"--namespace {namespace!r}: {what}")
     if not USER.fullmatch(user):
         raise InvalidArgument(f"--user {user!r}: a name of letters, digits, '.', '_' and '-'")
     python = Path(sys.executable)
@@ -198,10 +196,10 @@ def _unit(
     command += ["--robot", str(Path(robot).resolve()) if Path(robot).is_file() else robot]
     command += ["--backend", chosen.name]
     command += ["--variant", variant] if variant else []
-    command += [word for each in overrides for word in ("--set", each.text)]
+    command += [word for override in overrides for word in ("--set", override.text)]
     command += ["--set", "engine.enable_at_start=false", "--health", str(health)]
     command += ["--log-format", "json"]
-    ros = ["--ros-args", "-r", f"__ns:=/{namespace.strip('/')}"] if namespace else []
+    ros = ["--ros-args", "-r", f"__ns:={check_namespace(namespace)}"] if namespace else []
     return ServiceUnit(
         name=name,
         description=f"robotd: {descriptor.name} on {chosen.name}",

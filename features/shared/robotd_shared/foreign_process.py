@@ -26,7 +26,7 @@ from robotd.api.robots import PluginOrigin, find_backend, load_backend
 STEPS = "ROBOTD_STEP_FILE"
 STEP_LIMIT_S = 150.0  # longest time between two notes; each step has shorter limits of its own
 POLL_S = 0.05
-FOREIGN_TO = "robotd"  # distribution whose plugins are run in this process
+OWN_DISTRIBUTION = "robotd"  # its plugins are run in this process
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class BackendSummary:
 
 def is_foreign(origin: PluginOrigin) -> bool:
     """Return whether ``origin`` is another distribution than robotd's own."""
-    return origin.distribution != FOREIGN_TO
+    return origin.distribution != OWN_DISTRIBUTION
 
 
 def note_step(step: str) -> None:
@@ -97,8 +97,12 @@ def run_noted(
 def death_of(name: str, status: int, step: str) -> PluginError:
     """Return the error for a plugin ``name`` whose process ended by itself during ``step``."""
     origin, _ = find_backend(name)
-    how = f"signal {signal.Signals(-status).name}" if status < 0 else f"status {status}"
-    return PluginError(f"plugin {origin} ended the process with {how} while {step}")
+    return PluginError(f"plugin {origin} ended the process with {end_of(status)} while {step}")
+
+
+def end_of(status: int) -> str:
+    """Return ``status 9``, or ``signal SIGSEGV`` for a negative exit status."""
+    return f"signal {signal.Signals(-status).name}" if status < 0 else f"status {status}"
 
 
 def probe_backend(name: str) -> BackendSummary:

@@ -99,8 +99,8 @@ def gltf_parts(file: Path) -> list[str]:
 
 
 def _part_names(content: Any) -> Iterator[str]:
-    for each in (*content.get("buffers", ()), *content.get("images", ())):
-        name = each.get("uri", "")
+    for resource in (*content.get("buffers", ()), *content.get("images", ())):
+        name = resource.get("uri", "")
         if name and not name.startswith("data:"):
             yield name
 

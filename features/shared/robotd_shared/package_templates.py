@@ -1,4 +1,4 @@
-"""Templates of the packages that ``new-backend`` and ``new-robot`` write."""
+"""Templates of the packages that ``new-plugin``, ``new-backend`` and ``new-robot`` write."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ def package_files(templates: Path, words: Mapping[str, str]) -> dict[str, bytes]
     for path in sorted(templates.rglob(f"*{SUFFIX}")):
         name = path.relative_to(templates).as_posix().removesuffix(SUFFIX)
         text = Template(path.read_text(encoding="utf-8")).substitute(words)
-        files[name.replace("PACKAGE", words["package"])] = text.encode()
+        name = name.replace("PACKAGE", words["package"]).replace("NAME", words["name"])
+        files[name] = text.encode()
     return files
 
 
@@ -35,7 +36,7 @@ def write_folder(folder: Path, files: Mapping[str, bytes | Path]) -> None:
     """
     if folder.exists():
         raise RobotdError(f"folder {folder} exists already")
-    made = next((each for each in [folder, *folder.parents][::-1] if not each.exists()), folder)
+    made = next((path for path in [folder, *folder.parents][::-1] if not path.exists()), folder)
     unfinished = folder.with_name(f".{folder.name}.unfinished-{os.getpid()}")
     try:
         for name, content in files.items():

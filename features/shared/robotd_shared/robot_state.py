@@ -10,18 +10,22 @@ from robotd.api import BusStatus, CommandMode, Operation, RobotdError
 from robotd.api.features import MAX_IO_BYTES, Event, EventKind, Tap
 from robotd.api.robots import JointGroup, Problem, Robot, TrajectoryExecution
 
+SHARED_S = 0.15  # age of problems that do for an observer: the diagnostics look each 0.1 s
 MAX_GOALS = 64  # accepted goals whose sender is remembered
 MODES = {int(mode): mode.name.lower() for mode in CommandMode}
 OPERATIONS = {int(operation): operation.name.lower() for operation in Operation}
 SWITCHES = ("home_switch", "negative_limit", "positive_limit")
 
 
-def state_of(tap: Tap, goals: Sequence[Mapping[str, Any] | None], viewers: int) -> dict[str, Any]:
+def state_of(
+    tap: Tap, goals: Sequence[Mapping[str, Any] | None], viewers: int, max_age_s: float = 0.0
+) -> dict[str, Any]:
     """Return the state now.
 
     Args:
         goals: from ``Goals.running``.
         viewers: number of viewers.
+        max_age_s: of the problems, see ``Robot.find_problems``.
     """
     robot = tap.robot
     speed = robot.axes.speed
@@ -29,7 +33,7 @@ def state_of(tap: Tap, goals: Sequence[Mapping[str, Any] | None], viewers: int) 
         "type": "state",
         "device": robot.connection.state.value,
         "ready": robot.connection.ready,
-        "problems": [*map(_problem, robot.find_problems())],
+        "problems": [*map(_problem, robot.find_problems(max_age_s))],
         "speed": speed.speed,
         "paused": speed.paused,
         "axes": _axes(robot),

@@ -44,6 +44,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     )
     group.addoption("--robotd-progress", action="store_true", help="print a line for each check")
     group.addoption(
+        "--robotd-quick",
+        action="store_true",
+        help="only the checks that find most faults in 20 s of processor time",
+    )
+    group.addoption(
         "--robotd-thorough",
         action="store_true",
         help="the long form of the checks whose faults only time reveals",
@@ -54,6 +59,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """Register the marker of the conformance checks."""
     config.addinivalue_line("markers", "needs(capability): a check of that capability of a backend")
     config.addinivalue_line("markers", "free_space: a check that needs an arm without contacts")
+    config.addinivalue_line("markers", "short_period: a check that rare values cannot answer")
     config.addinivalue_line(
         "markers", "clause(id, ...): clauses of the driver contract, by their ids"
     )

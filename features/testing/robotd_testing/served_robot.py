@@ -124,7 +124,7 @@ class RobotUnderTest:
         return answer
 
     def wait_standstill(self, timeout_s: float | None = None) -> None:
-        """Wait until no axis executes a command and none moves. Raises as ``wait_until``."""
+        """Wait until all axes are idle and at rest. Raises the errors of ``wait_until``."""
         self.wait_until(lambda: standing(self.robot), "all axes stand", timeout_s)
 
     def pause(self) -> None:
@@ -152,7 +152,7 @@ class RobotUnderTest:
         return self.client.node
 
     def call(self, service_type: Any, name: str, /, **request: Any) -> Any:
-        """Call a service and return its response. Raises as ``RosClient.call``."""
+        """Call a service and return its response. Raises the errors of ``RosClient.call``."""
         return self.client.call(service_type, name, **request)
 
     def close(self) -> None:

@@ -9,8 +9,11 @@ from robotd.api import lazy_names
 
 if TYPE_CHECKING:
     from robotd_tool_space.chain import Chain
+    from robotd_tool_space.collision_guard import CollisionGuard
     from robotd_tool_space.inverse import Task
     from robotd_tool_space.kinematics import Kinematics, Obstacle, Unreachable
+    from robotd_tool_space.link_speeds import reduced_speed
+    from robotd_tool_space.robot_tool import RobotTool
     from robotd_tool_space.rotations import (
         inverse_pose,
         pose_differences,
@@ -20,19 +23,24 @@ if TYPE_CHECKING:
         rotation_vectors,
         rpy_of,
     )
+    from robotd_tool_space.tool_groups import ToolGroups
 else:  # commands that read a robot's file need the keys of the feature only
     __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
     "Chain",
+    "CollisionGuard",
     "Kinematics",
     "Obstacle",
+    "RobotTool",
     "Task",
+    "ToolGroups",
     "Unreachable",
     "inverse_pose",
     "pose_differences",
     "pose_of",
     "quaternion_pose",
+    "reduced_speed",
     "rotation_matrices",
     "rotation_vectors",
     "rpy_of",

@@ -109,7 +109,7 @@ class Chain:
             before = np.eye(4)
         if not frames:
             raise DescriptorError(f"no joint of {', '.join(names)} moves the tool {link!r}")
-        constant, first, second = (np.array(each) for each in zip(*frames, strict=True))
+        constant, first, second = (np.array(matrix) for matrix in zip(*frames, strict=True))
         return cls(
             names,
             base,

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from robotd.api.commands import ExitCode, import_ros
+from robotd.api.commands import FILE, ExitCode, IntegerRange, import_ros
 from robotd_ros.commands.robot_client import (
     ROS_EPILOG,
     client_options,
@@ -36,6 +36,7 @@ def tool(ctx: click.Context, timeout_s: float, *, group: str, deg: bool) -> Exit
         return ExitCode.OK
     moves = import_ros("robotd_ros.commands.tool_move")
     with robot_client(timeout_s) as client:
+        require_one_robot(client)
         pose, frame, name = import_ros("robotd_ros.client.tool_client").tool_pose(client, group)
     click.echo(f"{name} in {frame}:")
     for component, value in moves.components_of(pose).items():
@@ -85,6 +86,32 @@ def set_reduced_speed(timeout_s: float, *, switch: str) -> ExitCode:
     return ExitCode.OK
 
 
+@tool.command("calibrate", epilog=ROS_EPILOG)
+@click.argument("name")
+@click.option("--frame", "is_frame", is_flag=True, help="A work frame, by three points.")
+@click.option(
+    "--touches",
+    type=IntegerRange(4, 20),
+    default=4,
+    show_default=True,
+    help="Poses in which the tip of the tool touches its point.",
+)
+@click.option("--file", "path", type=FILE, metavar="FILE", help="Robot's file that gets it.")
+@client_options
+@click.pass_obj
+def calibrate(group: str, /, timeout_s: float, *, is_frame: bool, **given: Any) -> None:
+    """Find the tip of a tool by touching a point in four poses, or a frame by three points.
+
+    Nothing moves by itself: jog the arm, or move it by hand, and press Enter at each touch. Turn
+    the tool by 30° and more about different axes between two touches. A work frame is touched with
+    the tip of the tool that is chosen. Without --file the frame is printed.
+    """
+    touched_frames = import_ros("robotd_tool_space.touched_frames")
+    with robot_client(timeout_s) as client:
+        require_one_robot(client)
+        touched_frames.calibrate(client, group=group, is_frame=is_frame, **given)
+
+
 @click.command("ik", epilog=ROS_EPILOG)
 @click.argument("words", metavar="COMPONENT=VALUE...", nargs=-1, required=True)
 @click.option("--all", "everything", is_flag=True, help="All solutions that are found.")
@@ -103,6 +130,7 @@ def ik(
     if relative:
         raise click.BadParameter("a pose has words like x=0.3")
     with robot_client(timeout_s) as client:
+        require_one_robot(client)
         clients = import_ros("robotd_ros.client.tool_client")
         present = moves.components_of(clients.tool_pose(client, group)[0])
         pose = moves.pose_message({**present, **components})

@@ -58,7 +58,7 @@ class Differential:
             into = self._task.rows(into, poses)
         rows = self._scaled(jacobians, poses)
         left, sizes, right = np.linalg.svd(rows, full_matrices=False)
-        return [self._rates(*each, twist) for each in zip(into, left, sizes, right, strict=True)]
+        return [self._rates(*case, twist) for case in zip(into, left, sizes, right, strict=True)]
 
     def _scaled(self, jacobians: FloatArray, poses: FloatArray) -> FloatArray:
         scaled = self._rows @ jacobians * self._columns

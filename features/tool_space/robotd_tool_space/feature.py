@@ -1,4 +1,4 @@
-"""Tool space as a feature: keys of the robot's file, ``robot.tool``, services, and a node.
+"""Tool space as a feature: keys of the robot's file, guards, services, and nodes.
 
 Imports no ROS.
 """
@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from robotd.api import hookimpl
+from robotd.api import DescriptorError, Unsupported, get_logger, hookimpl
 from robotd.api.features import Feature
 from robotd_tool_space.settings import ToolSpaceKeys
 
@@ -17,16 +17,16 @@ if TYPE_CHECKING:  # every command that reads a robot's file imports this module
     from robotd.api import NodeRegistry
     from robotd.api.features import FeatureHost
 
+log = get_logger("tool")
+
 FEATURE = Feature(
     summary="motion of the tool: poses, straight lines, kinematics, tool and work frames",
     settings=ToolSpaceKeys,
     open="robotd_tool_space.feature:open_tool_space",
     nodes="robotd_tool_space.tool_nodes:add_tool_nodes",
-    attributes={
-        "tool": "robotd_tool_space.tool_groups:only_tool",
-        "tool_groups": "robotd_tool_space.tool_groups:ToolGroups",
-        "reduced_speed": "robotd_tool_space.reduced_speed:ReducedSpeed",
-        "collision_guard": "robotd_tool_space.collision_guard:CollisionGuard",
+    guards={
+        "tool_space.reduced_speed_input": "robotd_tool_space.link_speeds:reduced_speed",
+        "tool_space.collisions": "robotd_tool_space.collision_guard:CollisionGuard",
     },
 )
 
@@ -34,19 +34,15 @@ FEATURE = Feature(
 @contextmanager
 def open_tool_space(host: FeatureHost) -> Iterator[object | None]:
     """Return the tools of a robot; None where it has none."""
-    from robotd_tool_space.tool_groups import tool_groups
+    groups = None
+    if host.robot.tools:
+        from robotd_tool_space.tool_groups import ToolGroups
 
-    settings = host.robot.descriptor.settings(ToolSpaceKeys).tool_space
-    needed = settings.reduced_speed_input is not None or settings.collisions is not None
-    if not host.robot.tools and not needed:
-        yield None
-        return
-    groups = tool_groups(host.robot)
-    if groups or needed:  # from the start; an error where they cannot be
-        host.robot.attribute("reduced_speed")
-        if settings.collisions is not None:
-            host.robot.attribute("collision_guard")
-    yield groups or None
+        try:
+            groups = host.robot.feature(ToolGroups)
+        except (DescriptorError, Unsupported) as error:
+            log.warning("no motion of the tool", reason=str(error))
+    yield groups
 
 
 @hookimpl

@@ -131,7 +131,7 @@ def _directions(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class PoseProblem:
     """A pose that is sought: chain, task, target and limits.
 
     Attributes:

@@ -20,7 +20,7 @@ from robotd.api import (
 )
 from robotd.api.robots import JointLimits, axis_limits, joint_limits, tool_link
 from robotd_tool_space.chain import Chain
-from robotd_tool_space.inverse import Problem, Task, pose_weights
+from robotd_tool_space.inverse import PoseProblem, Task, pose_weights
 from robotd_tool_space.rotations import checked_pose, pose_differences
 
 RANDOM_STARTS = 16  # random ones beside the seed, solved at once
@@ -87,10 +87,10 @@ class Kinematics:
         joints = [urdf.joint[name] for name in names]
         return cls(
             chain,
-            np.array([each.lower for each in joints]),
-            np.array([each.upper for each in joints]),
-            np.array([each.velocity or 1.0 for each in joints]),
-            tuple("m" if each.type == "prismatic" else "rad" for each in joints),
+            np.array([joint.lower for joint in joints]),
+            np.array([joint.upper for joint in joints]),
+            np.array([joint.velocity or 1.0 for joint in joints]),
+            tuple("m" if joint.type == "prismatic" else "rad" for joint in joints),
         )
 
     @classmethod
@@ -189,7 +189,7 @@ class Kinematics:
         has infinitely many, some. Turns of joints with a range of more than one are not among
         them: each has the turn that is nearest to ``seed``.
 
-        Raises as ``inverse``.
+        Raises the errors of ``inverse``.
         """
         problem, seed = self._problem(target), self._checked_seed(seed)
         self.require_possible(self.forward(seed), problem.target)
@@ -198,12 +198,14 @@ class Kinematics:
         found = found[problem.converged(found)]
         if not len(found):
             return self.inverse(target, seed)[None]
-        found = np.array([self.near(each, seed) for each in found])
-        found = found[np.argsort([self.seconds(each, seed) for each in found], kind="stable")]
+        found = np.array([self.near(solution, seed) for solution in found])
+        found = found[
+            np.argsort([self.seconds(solution, seed) for solution in found], kind="stable")
+        ]
         kept: list[FloatArray] = []
-        for each in found:
-            if all(np.abs(each - other).max() > SAME_RAD for other in kept):
-                kept.append(each)
+        for solution in found:
+            if all(np.abs(solution - other).max() > SAME_RAD for other in kept):
+                kept.append(solution)
         return np.array(kept)
 
     def seconds(self, positions: FloatArray, other: FloatArray) -> float:
@@ -249,9 +251,9 @@ class Kinematics:
         slides = self.chain.slides[:, None] & (ratios > 0.0)
         return np.asarray((np.isclose(ratios, np.round(ratios)) & ~slides).all(axis=0))
 
-    def _problem(self, target: FloatArray) -> Problem:
+    def _problem(self, target: FloatArray) -> PoseProblem:
         matrix = checked_pose(target)
-        return Problem(self.chain, self.task, matrix, self.lower, self.upper, self.length_m)
+        return PoseProblem(self.chain, self.task, matrix, self.lower, self.upper, self.length_m)
 
     def _checked_seed(self, seed: FloatArray) -> FloatArray:
         positions = np.asarray(seed, np.float64)
@@ -266,10 +268,10 @@ class Kinematics:
         return random.uniform(lower, upper, (count, len(lower)))
 
     def _nearest(self, found: FloatArray, seed: FloatArray) -> FloatArray:
-        near = [self.near(each, seed) for each in found]
-        return min(near, key=lambda each: self.seconds(each, seed))
+        near = [self.near(solution, seed) for solution in found]
+        return min(near, key=lambda solution: self.seconds(solution, seed))
 
-    def _obstacle(self, problem: Problem, seed: FloatArray) -> Unreachable:
+    def _obstacle(self, problem: PoseProblem, seed: FloatArray) -> Unreachable:
         """Return the reason why no start leads to the target."""
         turning = self._turning
         free = replace(

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 from robotd.api import ParameterReader, RobotDescriptor
 from robotd_ros.nodes.device_settings import read_frame_prefix
-from robotd_tool_space.twist_limits import TwistLimits
+from robotd_tool_space.twist_limits import ToolTwistLimits
 
-DEFAULT = TwistLimits()
+DEFAULT = ToolTwistLimits()
 STATUS_HZ, MAX_STATUS_HZ = 10.0, 100.0
 MAX_ID = 2**31 - 1
 
@@ -33,7 +33,7 @@ class ServoSettings(NamedTuple):
     """
 
     timeout_s: float
-    limits: TwistLimits
+    limits: ToolTwistLimits
     topics: Mapping[str, ServoTopics]
 
 
@@ -44,7 +44,7 @@ def read_servo(parameters: ParameterReader, descriptor: RobotDescriptor) -> Serv
         descriptor.stream.timeout_s,
         "age of the last message at which the tool slows to rest, in s",
     )
-    limits = TwistLimits(
+    limits = ToolTwistLimits(
         parameters.positive("linear_speed_m_s", DEFAULT.linear_m_s, "highest speed of the tool"),
         parameters.positive(
             "angular_speed_rad_s", DEFAULT.angular_rad_s, "highest angular speed of the tool"

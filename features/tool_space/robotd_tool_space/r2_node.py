@@ -31,6 +31,7 @@ from robotd_tool_space.node_settings import RobotOptionSettings, read_robot_opti
 from robotd_tool_space.r2_motion import R2Motion, R2Request
 from robotd_tool_space.robot_tool import BASE, TOOL, RobotTool
 from robotd_tool_space.rotations import inverse_pose, pose_of, rpy_of
+from robotd_tool_space.tool_groups import ToolGroups
 from robotd_tool_space.tool_motion import ToolMotion
 
 NAME = "wmx_robot_option_node"
@@ -60,7 +61,7 @@ class WmxRobotOptionNode(Node):
         super().__init__(NAME, context=host.context)
         settings = read_settings(self, robot.descriptor, read_robot_option)
         self._descriptor, self._id = robot.descriptor, settings.robot_id
-        self._tool: RobotTool = robot.attribute("tool_groups").of(settings.group)
+        self._tool = robot.feature(ToolGroups).of(settings.group)
         _ = self._tool.kinematics.task  # takes a while: not at the first request
         self._motion = R2Motion(robot, self._tool, host.submit)
         self._status = R2StatusTopic(self, robot, self._tool, self._motion, settings)

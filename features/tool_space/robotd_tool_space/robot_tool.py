@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -18,7 +18,7 @@ from robotd.api import (
     wait_until,
 )
 from robotd.api.features import EventKind, Level, ProcessImage
-from robotd.api.robots import Interruption, Outcome, TrajectoryExecution
+from robotd.api.robots import Interruption, Outcome, TrajectoryExecution, TrajectoryRejected
 from robotd_tool_space.rotations import (
     COMPONENTS,
     checked_components,
@@ -28,7 +28,8 @@ from robotd_tool_space.rotations import (
     rpy_of,
 )
 from robotd_tool_space.tool_frames import ToolFrames
-from robotd_tool_space.tool_motion import ToolMotion, ToolSpeed, plan_joint_motion, plan_lines
+from robotd_tool_space.tool_motion import ToolMotion, plan_joint_motion, plan_lines
+from robotd_tool_space.tool_path import ToolSpeed
 from robotd_tool_space.tool_stream import ToolStream
 from robotd_tool_space.twist import TwistStage
 
@@ -61,7 +62,7 @@ class Arrival(NamedTuple):
 class RobotTool(ToolFrames):
     """Tool of one joint group: where it is, and motion of it. Any worker thread.
 
-    Poses are of the chosen tool in the chosen work frame, matrices (4, 4), m; where no work frame
+    Poses: the chosen tool in the chosen work frame, matrices (4, 4), m; where no work frame
     is chosen, in the base of the arm. Arguments and errors are those of ``ToolFrames``.
     """
 
@@ -144,7 +145,9 @@ class RobotTool(ToolFrames):
     def plan_move(self, pose: FloatArray, speed: float = 1.0) -> ToolMotion:
         """Return the motion to a pose, in which all joints move directly to their goals.
 
-        Of the solutions that is taken which the joints reach first.
+        Of the solutions that can be executed, without a collision where these are checked, that is
+        taken which the joints reach first. Where none can, the first is returned: executing it
+        raises the reason.
 
         Args:
             pose: goal.
@@ -155,8 +158,13 @@ class RobotTool(ToolFrames):
         _check_speed(speed)
         start = self.start()
         target = self.work_frame @ checked_pose(pose)
-        goal = self._kinematics.solutions(target, start)[0]
-        return self._plan_joints(start, goal, speed)
+        goals = self._kinematics.solutions(target, start)
+        for goal in goals:
+            motion = self._plan_joints(start, goal, speed)
+            with suppress(TrajectoryRejected):
+                self.group.follower.check(motion.request(self.group.joint_names))
+                return motion
+        return self._plan_joints(start, goals[0], speed)
 
     def plan_joints(self, goal: FloatArray, speed: float = 1.0) -> ToolMotion:
         """Return the motion of all joints together to positions (n,), rad or m.

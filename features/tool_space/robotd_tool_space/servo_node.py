@@ -17,10 +17,10 @@ from robotd.api import FloatArray, InvalidArgument, unknown_name
 from robotd.api.robots import Robot
 from robotd_ros.api import STREAM, RosHost, TopicStream, add_command_subscription, read_settings
 from robotd_tool_space.node_settings import ServoSettings, ServoTopics, read_servo
-from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.rotations import pose_of_message
 from robotd_tool_space.servo_status import ServoStatus
-from robotd_tool_space.twist import Command, PoseCommand, TwistCommand, TwistStage
+from robotd_tool_space.tool_groups import ToolGroups
+from robotd_tool_space.twist import Command, PoseCommand, ToolTwist, TwistStage
 
 NAME = "servo_node"
 STATUS_HZ = 20.0
@@ -63,7 +63,7 @@ class _GroupServo:
         settings: ServoSettings,
     ) -> None:
         joints = robot.groups[group]
-        self._tool: RobotTool = robot.attribute("tool_groups").of(group)
+        self._tool = robot.feature(ToolGroups).of(group)
         _ = self._tool.kinematics.task  # takes a while: not in the control loop
         self._stage = TwistStage(
             lambda: self._tool.kinematics, joints.motion_limits, settings.limits
@@ -92,16 +92,16 @@ class _GroupServo:
         self, read: Callable[[Any], Command], commands: Any, message: Any, sent_ns: int
     ) -> Any:
         command = read(message)
-        moves = not isinstance(command, TwistCommand) or bool(command.twist.any())
+        moves = not isinstance(command, ToolTwist) or bool(command.twist.any())
         return commands.reference(self._stage, command, moves=moves, sent_ns=sent_ns)
 
-    def _twist(self, message: TwistStamped) -> TwistCommand:
+    def _twist(self, message: TwistStamped) -> ToolTwist:
         linear, angular = message.twist.linear, message.twist.angular
         numbers = (linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
         twist: FloatArray = np.array(numbers, np.float64)
         if not np.isfinite(twist).all():
             raise InvalidArgument(f"twist {list(numbers)} has a number that is not finite")
-        return TwistCommand(twist, self._is_tool(message.header.frame_id))
+        return ToolTwist(twist, self._is_tool(message.header.frame_id))
 
     def _pose(self, message: PoseStamped) -> PoseCommand:
         pose = pose_of_message(message.pose)

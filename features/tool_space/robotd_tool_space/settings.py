@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Annotated
 
 from pydantic import Field
 
 from robotd.api import FloatArray, did_you_mean
-from robotd.api.features import Name, NotNegative, Positive, Section, SectionProblem
+from robotd.api.features import (
+    Name,
+    NotNegative,
+    Positive,
+    ReducedSpeedSettings,
+    Section,
+    SectionProblem,
+)
 from robotd_tool_space.rotations import pose_of
 
 Numbers3 = tuple[float, float, float]
@@ -25,6 +33,16 @@ class FrameSettings(Section):
     def pose(self) -> FloatArray:
         """The frame as a pose (4, 4)."""
         return pose_of(self.xyz_m, self.rpy_rad)
+
+
+class ToolSettings(FrameSettings):
+    """A tool; its frame is that of its tip, in the link that carries it."""
+
+    radius_m: Positive | None = Field(
+        None,
+        description="Radius of its body, from the link to the tip, which collisions count; null: it"
+        " counts for nothing.",
+    )
 
 
 class PlaneSettings(Section):
@@ -50,38 +68,58 @@ class BoxSettings(FrameSettings):
     )
 
 
+class CylinderSettings(FrameSettings):
+    """A cylinder that the arm has to keep away from, along its z; `xyz_m` is its middle."""
+
+    radius_m: Positive = Field(description="Its radius.")
+    length_m: Positive = Field(description="Its length.")
+
+
+class SphereSettings(Section):
+    """A ball that the arm has to keep away from."""
+
+    xyz_m: Numbers3 = Field(
+        (0.0, 0.0, 0.0), strict=False, description="Its middle, in the base of the arm."
+    )
+    radius_m: Positive = Field(description="Its radius.")
+
+
 class CollisionSettings(Section):
     """Motion that is rejected, or stopped, before an arm collides; no safety function."""
 
     links: bool = Field(True, description="Check the links of an arm against each other.")
+    not_checked: list[Annotated[tuple[Name, Name], Field(strict=False)]] = Field(
+        [], description="Pairs of links that are not checked against each other."
+    )
     margin_m: NotNegative = Field(0.01, description="Least distance.")
     planes: dict[Name, PlaneSettings] = Field({}, description="Walls and floors by name.")
     boxes: dict[Name, BoxSettings] = Field({}, description="Boxes by name.")
+    cylinders: dict[Name, CylinderSettings] = Field({}, description="Cylinders by name.")
+    spheres: dict[Name, SphereSettings] = Field({}, description="Balls by name.")
+
+    def leaves_out(self, first: str, second: str) -> bool:
+        """Return True where two links are a pair of ``not_checked``."""
+        return (first, second) in self.not_checked or (second, first) in self.not_checked
 
     def problems(self) -> Iterator[SectionProblem]:
-        for name in self.planes.keys() & self.boxes.keys():
-            yield ("boxes", name), "is the name of a plane, too", name
+        known: set[str] = set()
+        for key in ("planes", "boxes", "cylinders", "spheres"):
+            names = getattr(self, key).keys()
+            for name in sorted(known & names):
+                yield (key, name), "is the name of another body, too", name
+            known |= names
 
 
-class ToolSpaceSettings(Section):
+class ToolSpaceSettings(ReducedSpeedSettings):
     """Motion of the tool: its speed, its frames and those that it works in."""
 
     velocity_m_s: Positive = Field(0.25, description="Speed of the tool on a line.")
     angular_velocity_rad_s: Positive = Field(0.8, description="Angular speed of the tool.")
     acceleration_m_s2: Positive = Field(1.0, description="Acceleration of the tool on a line.")
-    reduced_speed_m_s: Positive = Field(
-        0.25, description="Highest speed of the arm while reduced speed is on."
-    )
-    reduced_speed_input: str | None = Field(
-        None, description="Name of an input (`inputs`) that switches reduced speed on; null: none."
-    )
-    reduced_speed_level: int = Field(
-        0, ge=0, le=1, description="Level that does; with 0 a broken wire does."
-    )
     collisions: CollisionSettings | None = Field(
         None, description="Check of collisions, from the shapes of the URDF; null: none."
     )
-    tools: dict[Name, FrameSettings] = Field(
+    tools: dict[Name, ToolSettings] = Field(
         {}, description="Tools by name: their frames in the link of the tool (`tool_link`)."
     )
     work_frames: dict[Name, FrameSettings] = Field(

@@ -8,6 +8,10 @@ New Approach to Time-Optimal Path Parameterization Based on Reachability Analysi
 Robotics 34(3), 2018). The accelerations then have steps; a moving average over ``smooth_s`` turns
 them into ramps. The parts between two stops are averaged each by itself: an average across a stop
 would pass it with some speed.
+
+In a corner the tool's acceleration has a part across the path, c·x with the curvature c: it gets
+``ACROSS`` of the limit, which bounds x, and d²s/dt² the rest. Both bounds hold as far before and
+behind a corner as the moving average reaches, so that they hold for the average in it.
 """
 
 from __future__ import annotations
@@ -17,11 +21,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from robotd.api import FloatArray, IntArray, InvalidArgument
+from robotd.api import BoolArray, FloatArray, IntArray, InvalidArgument
 from robotd_tool_space.joint_path import JointPath
+from robotd_tool_space.tool_path import ToolSpeed
 
 SAMPLE_S = 0.002  # of the moving average
+ACROSS, ALONG = 0.8, 0.6  # parts of the tool's acceleration in a corner: 0.8² + 0.6² = 1
 MIN_SPEED = 1e-9
+NO_BEND = 1e-9
 MAX_DURATION_S = 3600.0
 
 
@@ -33,7 +40,7 @@ class Timing:
         times_s: (k,) equidistant, from 0.
         at_s: (k,) parameter of the path.
         speeds: (k,) derivatives of ``at_s``.
-        rests_s: times at which the path stands: its start, its stops and its end.
+        rests_s: times at which the path is at rest: its start, its stops and its end.
     """
 
     times_s: FloatArray
@@ -51,7 +58,7 @@ def time_path(
     joints: JointPath,
     velocity: FloatArray,
     acceleration: FloatArray,
-    tool_acceleration_s: float,
+    speed: ToolSpeed,
     smooth_s: float,
 ) -> Timing:
     """Return the fastest timing of a path that starts and ends at rest.
@@ -59,7 +66,7 @@ def time_path(
     Args:
         joints: along the path.
         velocity, acceleration: (n,) limits of the joints.
-        tool_acceleration_s: limit of d²s/dt², 1/s: full speed of the tool in its inverse.
+        speed: limits of the tool.
         smooth_s: duration of the moving average.
 
     Raises InvalidArgument: it takes more than an hour.
@@ -69,16 +76,18 @@ def time_path(
     rests = np.array([0, *sorted(stops), len(at_s) - 1])
     slope = np.hstack([joints.slopes, np.ones((len(at_s), 1))])
     bend = np.hstack([_bends(joints, rests), np.zeros((len(at_s), 1))])
-    limit = np.append(acceleration, tool_acceleration_s)
+    caps, near = _corner_caps(joints, speed, smooth_s)
+    along = speed.acceleration_s * np.where(near, ALONG, 1.0)
+    limit = np.hstack([np.tile(acceleration, (len(at_s), 1)), along[:, None]])
     speeds = np.append(velocity, 1.0)
-    highest = _highest(slope, bend, speeds, limit)
+    highest = np.minimum(_highest(slope, bend, speeds, limit), caps)
     highest[rests] = 0.0
-    speed = np.sqrt(_passes(at_s, slope, bend, highest, limit))
-    seconds = np.diff(at_s) / np.maximum(0.5 * (speed[1:] + speed[:-1]), MIN_SPEED)
+    rates = np.sqrt(_passes(at_s, slope, bend, highest, limit))
+    seconds = np.diff(at_s) / np.maximum(0.5 * (rates[1:] + rates[:-1]), MIN_SPEED)
     if (total_s := seconds.sum()) > MAX_DURATION_S:  # before the memory for it is asked for
         raise InvalidArgument(f"the line takes {total_s:.0f} s, at most {MAX_DURATION_S:g} s")
     parts = [slice(first, last + 1) for first, last in pairwise(rests.tolist())]
-    return _joined([_smoothed(at_s[part], speed[part], smooth_s) for part in parts])
+    return _joined([_smoothed(at_s[part], rates[part], smooth_s) for part in parts])
 
 
 def _bends(joints: JointPath, rests: IntArray) -> FloatArray:
@@ -92,6 +101,27 @@ def _bends(joints: JointPath, rests: IntArray) -> FloatArray:
     for first, last in pairwise(edges.tolist()):
         bends[first:last] = np.gradient(joints.slopes[first:last], joints.at_s[first:last], axis=0)
     return bends
+
+
+def _corner_caps(
+    joints: JointPath, speed: ToolSpeed, smooth_s: float
+) -> tuple[FloatArray, BoolArray]:
+    """Return the highest squared speeds (k,) for the corners, and the samples that are near one."""
+    at_s, edges = joints.at_s, joints.path.edges_s
+    caps, near = np.full(len(at_s), np.inf), np.zeros(len(at_s), np.bool_)
+    for piece, first, last in zip(joints.path.pieces, edges, edges[1:], strict=False):
+        linear, angular = piece.bend
+        if linear == angular == 0.0:
+            continue
+        cap = ACROSS * min(
+            speed.acceleration / max(linear, NO_BEND),
+            speed.angular_acceleration / max(angular, NO_BEND),
+        )
+        reach = smooth_s * min(np.sqrt(cap), 1.0)
+        inside = (at_s >= first - reach) & (at_s <= last + reach)
+        caps[inside] = np.minimum(caps[inside], cap)
+        near |= inside
+    return caps, near
 
 
 def _highest(

@@ -12,14 +12,13 @@ from robotd.api import (
     FloatArray,
     InvalidArgument,
     NotReady,
-    Operation,
-    ProcessImage,
     did_you_mean,
     get_logger,
 )
 from robotd.api.robots import JointGroup, Robot
 from robotd_tool_space.kinematics import Kinematics
 from robotd_tool_space.rotations import inverse_pose
+from robotd_tool_space.scene import Scene
 from robotd_tool_space.settings import ToolSpaceKeys
 
 log = get_logger("tool")
@@ -28,7 +27,7 @@ CUSTOM_TOOL = "custom_tool"  # name of a tool that is not of the robot's file
 
 
 class ToolFrames:
-    """Tool and work frame of one joint group, which are chosen while it stands. Any worker thread.
+    """Tool and work frame of one joint group, chosen while it is at rest. Any worker thread.
 
     Args:
         robot: of the tool.
@@ -37,8 +36,10 @@ class ToolFrames:
     Attributes:
         group: joint group that moves the tool.
         at_link: kinematics of the link that the tools are fixed to.
+        on_tool: called with the name of a tool that is being chosen, while nothing can move.
         on_change: called when a tool or a work frame was chosen.
         choices: number of tools and work frames that were chosen.
+        scene: what the arm keeps away from; None where collisions are not checked.
 
     Raises Unsupported, DescriptorError: as ``Kinematics.of_descriptor``.
     """
@@ -46,6 +47,7 @@ class ToolFrames:
     def __init__(self, robot: Robot, group: JointGroup) -> None:
         self.group = group
         self.on_change: Callable[[], None] = lambda: None
+        self.on_tool: Callable[[str], None] = lambda name: None
         self._robot = robot
         self._settings = robot.descriptor.settings(ToolSpaceKeys).tool_space
         self.at_link = Kinematics.of_descriptor(robot.descriptor, group.name, group.follower.limits)
@@ -54,6 +56,7 @@ class ToolFrames:
         self._work_frame = self._settings.work_frame or ""
         self._kinematics = self._with_tool(self._tool)
         self.choices = 0
+        self.scene: Scene | None = None
 
     @property
     def base(self) -> str:
@@ -87,15 +90,15 @@ class ToolFrames:
 
     def named_frames(self) -> list[tuple[str, str, FloatArray]]:
         """Return parent, name and pose (4, 4) of each tool and work frame."""
-        tools = [(self.link, *each) for each in self._settings.tools.items()]
-        frames = [(self.base, *each) for each in self._settings.work_frames.items()]
+        tools = [(self.link, *tool) for tool in self._settings.tools.items()]
+        frames = [(self.base, *frame) for frame in self._settings.work_frames.items()]
         return [(parent, name, frame.pose) for parent, name, frame in (*tools, *frames)]
 
     def chosen_frames(self) -> list[tuple[str, str, FloatArray]]:
         """Return parent, name and pose (4, 4) of the chosen tool and the chosen work frame."""
         tool = (self.link, self._tool, self.tool_frame)
         work_frame = (self.base, self._work_frame, self.work_frame)
-        return [each for each in (tool, work_frame) if each[1]]
+        return [named for named in (tool, work_frame) if named[1]]
 
     @property
     def tool_frame(self) -> FloatArray:
@@ -110,8 +113,25 @@ class ToolFrames:
     @property
     def work_frame(self) -> FloatArray:
         """The chosen work frame in the base, (4, 4)."""
-        chosen = self._settings.work_frames.get(self._work_frame)
-        return np.eye(4) if chosen is None else chosen.pose
+        return self.work_frame_of(self._work_frame)
+
+    def kinematics_of(self, tool: str) -> Kinematics:
+        """Return the kinematics of a tool by its name, "" for the link itself.
+
+        ``CUSTOM_TOOL`` is the tool of ``set_tool``. Raises InvalidArgument: unknown name.
+        """
+        if tool == self._tool:
+            return self._kinematics
+        self._require_known("tool", tool, self.tool_names)
+        return self._with_tool(tool)
+
+    def work_frame_of(self, name: str) -> FloatArray:
+        """Return a work frame in the base, (4, 4), by its name; "" for the base.
+
+        Raises InvalidArgument: unknown name.
+        """
+        self._require_known("work frame", name, self.work_frame_names)
+        return self._settings.work_frames[name].pose if name else np.eye(4)
 
     def select_tool(self, name: str) -> None:
         """Choose a tool by its name in the robot's file; "" for the link itself.
@@ -132,6 +152,7 @@ class ToolFrames:
         _ = kinematics.task  # takes a while: not in the control loop, which begins streams
         with self._choosing(f"tool {name!r}"):
             self._kinematics, self._tool = kinematics, name
+            self.on_tool(name)
         log.info("tool chosen", group=self.group.name, tool=name or self.link)
 
     def select_work_frame(self, name: str) -> None:
@@ -153,17 +174,12 @@ class ToolFrames:
                 self.choices += 1
             self.on_change()
 
-    def moved_by_device(self, image: ProcessImage) -> list[int]:
-        """Return the axes that a move or a jog moves, by the device's own profile."""
-        by_device = (Operation.POSITION, Operation.VELOCITY)
-        return [axis for axis in self.group.joint_axes if image.operation[axis] in by_device]
-
     def _with_tool(self, name: str) -> Kinematics:
         chosen = self._settings.tools.get(name)
         return self.at_link if chosen is None else self.at_link.with_tool(chosen.pose)
 
     def _require_rest(self, what: str) -> None:
-        if self.group.motion.moving or self.moved_by_device(self._robot.image):
+        if self.group.motion.moving or self.group.moved_by_device(self._robot.image):
             raise NotReady(f"{what}: the joints move")
 
     @staticmethod

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from robotd.api import DescriptorError, InvalidArgument, RobotdError, Unsupported, get_logger
+from robotd.api import DescriptorError, InvalidArgument, RobotdError, Unsupported
 from robotd.api.robots import Robot
 from robotd_tool_space.robot_tool import RobotTool
 
-log = get_logger("tool")
-
 
 class ToolGroups(dict[str, RobotTool]):
-    """Tools of a robot by the name of their joint group.
+    """Tools of a robot by the name of their joint group: ``robot.feature(ToolGroups)``.
 
     Raises Unsupported, DescriptorError: none of the groups has a usable chain.
     """
@@ -28,31 +26,24 @@ class ToolGroups(dict[str, RobotTool]):
             none = Unsupported(f"the tool of {robot.descriptor.name}, which has no joints")
             raise next(reversed(self._failed.values()), none)
 
+    @property
+    def only(self) -> RobotTool:
+        """The tool of the only joint group. Raises InvalidArgument with several groups."""
+        return self.of()
+
     def of(self, group: str = "") -> RobotTool:
         """Return the tool of a group, "" for the only one.
 
-        Raises InvalidArgument: no such group; DescriptorError, Unsupported: it has no usable chain.
+        Raises InvalidArgument: no such group, or "" with several; DescriptorError, Unsupported: it
+        has no usable chain.
         """
         if not group and len(self) == 1:
             return next(iter(self.values()))
         if group in self._failed:
             raise self._failed[group]
+        if not group:
+            names = " and ".join([", ".join([*self][:-1]), [*self][-1]])
+            raise InvalidArgument(f"the robot has several joint groups, {names}: name one")
         if group not in self:
             raise InvalidArgument(f"group {group!r} is none of {', '.join(self)}")
         return self[group]
-
-
-def tool_groups(robot: Robot) -> ToolGroups | None:
-    """Return ``robot.tool_groups``; None, with a line in the log, where there are none."""
-    try:
-        groups: ToolGroups = robot.attribute("tool_groups")
-    except (DescriptorError, Unsupported) as error:
-        log.warning("no motion of the tool", reason=str(error))
-        return None
-    return groups
-
-
-def only_tool(robot: Robot) -> RobotTool:
-    """Return the tool of the only joint group. Raises InvalidArgument with several groups."""
-    groups: ToolGroups = robot.attribute("tool_groups")
-    return groups.of()

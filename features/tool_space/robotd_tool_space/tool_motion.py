@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from robotd.api import FloatArray
-from robotd.api.robots import JointLimits, TrajectoryRequest
+from robotd.api.robots import JointLimits, RateBounds, TrajectoryRequest
 from robotd_tool_space.joint_path import JointPath, hermite, solve_path
 from robotd_tool_space.kinematics import Kinematics, Obstacle, Unreachable
 from robotd_tool_space.rotations import pose_differences
 from robotd_tool_space.timing import Timing, time_path
-from robotd_tool_space.tool_path import ToolPath
+from robotd_tool_space.tool_path import ToolPath, ToolSpeed
 
 KNOT_S = 0.05  # between points of the trajectory
 FINEST_KNOT_S = 0.0125
@@ -26,31 +26,11 @@ LINE_TOLERANCE_RAD = np.radians(0.1)
 PLANNED_SHARE = 0.5  # of both tolerances: the rest is left to the drives' rounding
 ACCELERATION_SHARE = 0.75  # of the joints' limits; cubics between the points have peaks above it
 SMOOTH_S = 0.1
+NO_SPEED = 1e-9
+RAMP_S = 0.3  # of trajectory time, in which a motion goes on from rest
 QUINTIC_VELOCITY, QUINTIC_ACCELERATION = 1.875, 5.7735  # peaks of d/T and d/T² at rest on both ends
 
-
-@dataclass(frozen=True)
-class ToolSpeed:
-    """Limits of the motion of a tool, positive.
-
-    Attributes:
-        velocity: m/s.
-        angular_velocity: rad/s.
-        acceleration: m/s²; the angular one is in the same ratio to the angular velocity.
-    """
-
-    velocity: float
-    angular_velocity: float
-    acceleration: float
-
-    @property
-    def acceleration_s(self) -> float:
-        """Limit of d²s/dt² of a path whose parameter is the time at full speed, 1/s."""
-        return self.acceleration / self.velocity
-
-    def scaled(self, speed: float) -> ToolSpeed:
-        """Return the limits at a part of the speed, with the same acceleration."""
-        return ToolSpeed(self.velocity * speed, self.angular_velocity * speed, self.acceleration)
+PathSolver = Callable[[Kinematics, ToolPath, FloatArray], JointPath]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +42,8 @@ class ToolMotion:
         positions, velocities: (k, n), rad or m; at rest at both ends.
         deviation_m, deviation_rad: largest distance from the line at any period, planned.
         path_s: duration at full speed of the tool; the joints may make it longer.
+        rate_bounds: by which changes of speed on the way keep the accelerations of the tool; None:
+            they keep those of the joints only.
     """
 
     times_s: FloatArray
@@ -70,15 +52,22 @@ class ToolMotion:
     deviation_m: float = 0.0
     deviation_rad: float = 0.0
     path_s: float = 0.0
+    rate_bounds: RateBounds | None = None
 
     @property
     def duration_s(self) -> float:
         """Time of the last point."""
         return float(self.times_s[-1])
 
+    def slower(self, factor: float) -> ToolMotion:
+        """Return the same path in ``factor`` times its duration."""
+        return replace(self, times_s=self.times_s * factor, velocities=self.velocities / factor)
+
     def request(self, joints: tuple[str, ...]) -> TrajectoryRequest:
         """Return the trajectory that it is, for the n joints by name."""
-        return TrajectoryRequest(joints, self.times_s, self.positions, self.velocities)
+        return TrajectoryRequest(
+            joints, self.times_s, self.positions, self.velocities, rate_bounds=self.rate_bounds
+        )
 
 
 def plan_lines(
@@ -88,11 +77,12 @@ def plan_lines(
     poses: Sequence[FloatArray],
     speed: ToolSpeed,
     blend_m: float = 0.0,
+    solve: PathSolver = solve_path,
 ) -> ToolMotion:
     """Return the motion of the tool along straight lines through ``poses``.
 
     A pure function, for a worker thread. The line is kept within 0.1 mm and 0.1° at every period,
-    the limits of the joints by a lower speed of the tool.
+    the accelerations of the tool in its corners and the limits of the joints by a lower speed.
 
     Args:
         kinematics: with the tool that moves.
@@ -100,6 +90,7 @@ def plan_lines(
         poses: (4, 4) each, in the base; the line begins where the tool is.
         speed: of the tool.
         blend_m: see ``ToolPath.through``.
+        solve: finds the joint positions.
 
     Raises:
         Unreachable: the line leaves the limits or the reach, or is singular; with the place.
@@ -108,26 +99,32 @@ def plan_lines(
     first = kinematics.forward(start)
     for pose in poses:
         kinematics.require_possible(first, pose)
-    path = ToolPath.through([first, *poses], speed.velocity, speed.angular_velocity, blend_m)
+    path = ToolPath.through([first, *poses], speed, blend_m)
     if not path.pieces:
         return _standing(start)
-    joints = solve_path(kinematics, path, start)
+    joints = solve(kinematics, path, start)
     timing = time_path(
         joints,
         limits.velocity,
         ACCELERATION_SHARE * limits.acceleration,
-        speed.acceleration_s,
+        speed,
         SMOOTH_S,
     )
     knot_s = max(KNOT_S, timing.times_s[-1] / MAX_KNOTS)
     while True:
         motion = _within_limits(_knots(joints, timing, knot_s), limits)
-        off_m, off_rad = _deviation(joints, timing, motion)
+        times_s, tool = _tool_poses(kinematics, motion)
+        off_m, off_rad = _deviation(joints, timing, times_s, tool)
         if off_m <= PLANNED_SHARE * LINE_TOLERANCE_M and (
             off_rad <= PLANNED_SHARE * LINE_TOLERANCE_RAD
         ):
-            return ToolMotion(
-                motion.times_s, motion.positions, motion.velocities, off_m, off_rad, path.length_s
+            factor = _excess(times_s, tool, speed)
+            return replace(
+                motion.slower(factor),
+                deviation_m=off_m,
+                deviation_rad=off_rad,
+                path_s=path.length_s,
+                rate_bounds=_rate_bounds(factor * times_s, tool, speed),
             )
         knot_s /= 2.0
         if knot_s < max(FINEST_KNOT_S, timing.times_s[-1] / MAX_KNOTS):
@@ -152,27 +149,49 @@ def plan_joint_motion(
         goal: positions, rad or m.
         part: 0 to 1 of the joints' speeds.
     """
-    way = goal - start
-    distance = np.abs(way)
-    if distance.max() < 1e-9:
+    shortest_s = _shortest_s(limits, start, goal, part)
+    if shortest_s == 0.0:
         return _standing(start)
-    shortest_s = float(
-        max(
-            (QUINTIC_VELOCITY * distance / (part * limits.velocity)).max(),
-            np.sqrt(QUINTIC_ACCELERATION * distance / limits.acceleration).max(),
-            2.0 * KNOT_S,
-        )
-    )
-    parts = np.linspace(0.0, 1.0, 101)
-    place = _quintic(parts)
-    poses = kinematics.forward(start + place[:, None] * way)
+    place = _quintic(np.linspace(0.0, 1.0, 101))
+    poses = kinematics.forward(start + place[:, None] * (goal - start))
     steps = pose_differences(poses[:-1], poses[1:]) * 100.0 / shortest_s
     excess = max(
         np.linalg.norm(steps[:, :3], axis=1).max() / speed.velocity,
         np.linalg.norm(steps[:, 3:], axis=1).max() / speed.angular_velocity,
         1.0,
     )
-    duration_s = shortest_s * excess
+    return _in_time(limits, start, goal, shortest_s * excess)
+
+
+def plan_fast_motion(
+    limits: JointLimits, start: FloatArray, goal: FloatArray, part: float = 1.0
+) -> ToolMotion:
+    """Return the motion of all joints together to ``goal`` (n,); the tool's speed does not count.
+
+    Arguments: see ``plan_joint_motion``.
+    """
+    shortest_s = _shortest_s(limits, start, goal, part)
+    return _in_time(limits, start, goal, shortest_s) if shortest_s else _standing(start)
+
+
+def _shortest_s(limits: JointLimits, start: FloatArray, goal: FloatArray, part: float) -> float:
+    """Return the shortest duration of a way of the joints; 0: they are there."""
+    distance = np.abs(goal - start)
+    if distance.max() < 1e-9:
+        return 0.0
+    return float(
+        max(
+            (QUINTIC_VELOCITY * distance / (part * limits.velocity)).max(),
+            np.sqrt(QUINTIC_ACCELERATION * distance / limits.acceleration).max(),
+            2.0 * KNOT_S,
+        )
+    )
+
+
+def _in_time(
+    limits: JointLimits, start: FloatArray, goal: FloatArray, duration_s: float
+) -> ToolMotion:
+    way = goal - start
     count = int(np.clip(np.ceil(duration_s / KNOT_S), 2, MAX_KNOTS))
     parts = np.linspace(0.0, 1.0, count + 1)
     place = _quintic(parts)
@@ -187,6 +206,88 @@ def _quintic(parts: FloatArray) -> FloatArray:
     """Return shares of the way at shares of the time, from rest to rest."""
     place: FloatArray = parts**3 * (10.0 + parts * (6.0 * parts - 15.0))
     return place
+
+
+def rest_of_lines(
+    motion: ToolMotion,
+    limits: JointLimits,
+    time_s: float,
+    kinematics: Kinematics,
+    speed: ToolSpeed,
+) -> ToolMotion:
+    """Return as ``rest_of`` what is left of lines of the tool, with its accelerations kept.
+
+    Arguments: see ``plan_lines``.
+    """
+    rest = rest_of(motion, limits, time_s)
+    times_s, tool = _tool_poses(kinematics, rest)
+    factor = _excess(times_s, tool, speed)
+    bounds = _rate_bounds(factor * times_s, tool, speed)
+    return replace(rest.slower(factor), rate_bounds=bounds)
+
+
+def rest_of(motion: ToolMotion, limits: JointLimits, time_s: float) -> ToolMotion:
+    """Return what is left of a motion from ``time_s`` on, from rest and on the same path."""
+    end_s = motion.duration_s
+    if end_s - time_s < FINEST_KNOT_S:
+        return ToolMotion(
+            np.array([0.0, KNOT_S]),
+            np.stack([_sampled(motion, np.array([time_s]))[0][0], motion.positions[-1]]),
+            np.zeros((2, motion.positions.shape[1])),
+        )
+    # The path's own time passes from 0 to its rate linearly; the area below is half of the ramp.
+    ramp_s = min(RAMP_S, end_s - time_s)
+    count = max(int(np.ceil(2.0 * ramp_s / FINEST_KNOT_S)), 2)
+    since_s = 2.0 * ramp_s * np.arange(count + 1) / count
+    passed_s = time_s + since_s**2 / (4.0 * ramp_s)
+    rates = since_s / (2.0 * ramp_s)
+    later = motion.times_s[motion.times_s > passed_s[-1] + FINEST_KNOT_S]
+    times_s = np.concatenate([since_s, later - passed_s[-1] + since_s[-1]])
+    passed_s = np.concatenate([passed_s, later])
+    rates = np.concatenate([rates, np.ones(len(later))])
+    positions, velocities = _sampled(motion, passed_s)
+    velocities *= rates[:, None]
+    if not len(later):
+        positions[-1] = motion.positions[-1]
+    velocities[-1] = 0.0
+    return _within_limits(ToolMotion(times_s, positions, velocities, path_s=times_s[-1]), limits)
+
+
+def place_on(motion: ToolMotion, positions: FloatArray, time_s: float, reach_s: float) -> float:
+    """Return the time of a motion at which it is nearest to ``positions`` (n,).
+
+    Within ``reach_s`` of ``time_s``.
+    """
+    for step_s in (CHECK_S, 0.01 * CHECK_S):
+        first_s, last_s = max(time_s - reach_s, 0.0), min(time_s + reach_s, motion.duration_s)
+        times_s = np.linspace(first_s, last_s, max(int((last_s - first_s) / step_s), 1) + 1)
+        away = np.abs(_sampled(motion, times_s)[0] - positions).max(axis=1)
+        time_s, reach_s = float(times_s[away.argmin()]), CHECK_S
+    return time_s
+
+
+def positions_at(motion: ToolMotion, time_s: float) -> FloatArray:
+    """Return the positions (n,) of a motion at one time."""
+    found: FloatArray = _sampled(motion, np.array([time_s]))[0][0]
+    return found
+
+
+def _sampled(motion: ToolMotion, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return positions and velocities, (k, n) each, at times (k,)."""
+    index = np.clip(
+        np.searchsorted(motion.times_s, times_s, "right") - 1, 0, len(motion.times_s) - 2
+    )
+    width = (motion.times_s[index + 1] - motion.times_s[index])[:, None]
+    part = (times_s - motion.times_s[index])[:, None] / width
+    start, end = motion.positions[index], motion.positions[index + 1]
+    leave, arrive = motion.velocities[index], motion.velocities[index + 1]
+    positions = hermite(part, start, end, width * leave, width * arrive)
+    velocities = (
+        6.0 * part * (1.0 - part) * (end - start) / width
+        + (1.0 - part) * (1.0 - 3.0 * part) * leave
+        + part * (3.0 * part - 2.0) * arrive
+    )
+    return positions, velocities
 
 
 def _standing(start: FloatArray) -> ToolMotion:
@@ -228,32 +329,59 @@ def _within_limits(motion: ToolMotion, limits: JointLimits) -> ToolMotion:
         float(np.sqrt((hardest / limits.acceleration).max())),
         1.0,
     )
-    return ToolMotion(
-        motion.times_s * factor, motion.positions, motion.velocities / factor, path_s=motion.path_s
-    )
+    return motion.slower(factor)
 
 
-def _deviation(joints: JointPath, timing: Timing, motion: ToolMotion) -> tuple[float, float]:
-    """Return the largest distance, m and rad, from the pose that the tool should have."""
-    factor = motion.duration_s / timing.times_s[-1]
+def _tool_poses(kinematics: Kinematics, motion: ToolMotion) -> tuple[FloatArray, FloatArray]:
+    """Return times (k,), equidistant, and the poses (k, 4, 4) of the tool there."""
     count = int(min(max(motion.duration_s / CHECK_S, 50), MAX_CHECKS))
     times_s = np.linspace(0.0, motion.duration_s, count + 1)
-    index = np.clip(
-        np.searchsorted(motion.times_s, times_s, "right") - 1, 0, len(motion.times_s) - 2
+    return times_s, kinematics.forward(_sampled(motion, times_s)[0])
+
+
+def _deviation(
+    joints: JointPath, timing: Timing, times_s: FloatArray, tool: FloatArray
+) -> tuple[float, float]:
+    """Return the largest distance, m and rad, from the pose that the tool should have."""
+    task, part = joints.kinematics.task, timing.times_s[-1] / times_s[-1]
+    wanted = joints.path.poses(np.minimum(timing.at(times_s * part)[0], joints.at_s[-1]))
+    off = pose_differences(tool, wanted) @ task.chosen.T @ task.chosen
+    return _largest(off[:, :3]), _largest(off[:, 3:])
+
+
+def _excess(times_s: FloatArray, tool: FloatArray, speed: ToolSpeed) -> float:
+    """Return by how much slower the motion has to be for the accelerations of the tool, from 1."""
+    _, accelerations = _tool_motion(times_s, tool)
+    ratio = max(
+        _largest(accelerations[:, :3]) / speed.acceleration,
+        _largest(accelerations[:, 3:]) / speed.angular_acceleration,
     )
-    width = (motion.times_s[index + 1] - motion.times_s[index])[:, None]
-    positions = hermite(
-        (times_s - motion.times_s[index])[:, None] / width,
-        motion.positions[index],
-        motion.positions[index + 1],
-        width * motion.velocities[index],
-        width * motion.velocities[index + 1],
+    return max(float(np.sqrt(ratio)), 1.0)
+
+
+def _rate_bounds(times_s: FloatArray, tool: FloatArray, speed: ToolSpeed) -> RateBounds:
+    velocities, accelerations = _tool_motion(times_s, tool)
+    middle = 0.5 * (velocities[:-1] + velocities[1:]).reshape(-1, 2, 3)
+    apart = accelerations.reshape(-1, 2, 3)
+    speeds = np.linalg.norm(middle, axis=2)
+    along = (middle * apart).sum(axis=2) / np.maximum(speeds, NO_SPEED)
+    across = np.sqrt(np.maximum((apart**2).sum(axis=2) - along**2, 0.0))
+    at_ends = ((1, 1), (0, 0))  # the first and the last pose have the velocity of one side only
+    return RateBounds(
+        float(times_s[1]),
+        np.pad(speeds, at_ends, "edge"),
+        np.pad(along, at_ends, "edge"),
+        np.pad(across, at_ends, "edge"),
+        np.array([speed.acceleration, speed.angular_acceleration]),
     )
-    kinematics = joints.kinematics
-    wanted = joints.path.poses(np.minimum(timing.at(times_s / factor)[0], joints.at_s[-1]))
-    off = pose_differences(kinematics.forward(positions), wanted) @ kinematics.task.chosen.T
-    off = off @ kinematics.task.chosen
-    return (
-        float(np.linalg.norm(off[:, :3], axis=1).max()),
-        float(np.linalg.norm(off[:, 3:], axis=1).max()),
-    )
+
+
+def _tool_motion(times_s: FloatArray, tool: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return velocities (k - 1, 6) between poses (k, 4, 4), and accelerations (k - 2, 6)."""
+    step_s = times_s[1]
+    velocities = pose_differences(tool[:-1], tool[1:]) / step_s
+    return velocities, np.diff(velocities, axis=0) / step_s
+
+
+def _largest(vectors: FloatArray) -> float:
+    return float(np.linalg.norm(vectors, axis=1).max())

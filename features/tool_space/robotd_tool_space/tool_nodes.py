@@ -26,6 +26,7 @@ STATIC_TOPIC = "/tf_static"
 def add_tool_nodes(context: NodeContext, tools: ToolGroups) -> Iterator[None]:
     """Add services, topics and the action; nothing where the interfaces are not installed."""
     try:
+        from robotd_tool_space.scene_services import SceneServices
         from robotd_tool_space.tool_services import MoveToolAction, ToolServices
     except ImportError as error:
         log.warning(
@@ -36,6 +37,7 @@ def add_tool_nodes(context: NodeContext, tools: ToolGroups) -> Iterator[None]:
     frames = FrameTopics(context, tools)
     ToolServices(context, tools)
     MoveToolAction(context, tools)
+    SceneServices(context, tools)
     frames.publish()
     yield
 

@@ -19,6 +19,35 @@ from robotd_tool_space.rotations import pose_differences, rotation_matrices
 NO_LENGTH_S = 1e-6  # a piece below it is left out
 
 
+@dataclass(frozen=True)
+class ToolSpeed:
+    """Limits of the motion of a tool, positive.
+
+    Attributes:
+        velocity: m/s.
+        angular_velocity: rad/s.
+        acceleration: m/s²; the angular one is in the same ratio to the angular velocity.
+    """
+
+    velocity: float
+    angular_velocity: float
+    acceleration: float
+
+    @property
+    def angular_acceleration(self) -> float:
+        """rad/s²."""
+        return self.acceleration_s * self.angular_velocity
+
+    @property
+    def acceleration_s(self) -> float:
+        """Limit of d²s/dt² of a path whose parameter is the time at full speed, 1/s."""
+        return self.acceleration / self.velocity
+
+    def scaled(self, speed: float) -> ToolSpeed:
+        """Return the limits at a part of the speed, with the same acceleration."""
+        return ToolSpeed(self.velocity * speed, self.angular_velocity * speed, self.acceleration)
+
+
 @dataclass(frozen=True, eq=False)
 class Piece:
     """Straight piece, or a corner between two.
@@ -55,6 +84,19 @@ class Piece:
         result[:, :3, :3] = turned @ self.start[:3, :3]
         return result
 
+    @property
+    def bend(self) -> tuple[float, float]:
+        """Upper bounds of the second derivatives by s, m and rad; 0 for a straight piece.
+
+        Those of rotation have a part of each line for itself, and one of both together.
+        """
+        if not self.is_corner:
+            return 0.0, 0.0
+        turned = np.linalg.norm(self.way[3:]) * np.linalg.norm(self.onward[3:])
+        change = 2.0 * (self.onward - self.way) / self.length_s**2
+        together = 3.0 * turned / self.length_s**2
+        return float(np.linalg.norm(change[:3])), float(np.linalg.norm(change[3:]) + together)
+
 
 @dataclass(frozen=True, eq=False)
 class ToolPath:
@@ -72,16 +114,18 @@ class ToolPath:
     def through(
         cls,
         poses: Sequence[FloatArray],
-        speed_m_s: float,
-        speed_rad_s: float,
+        speed: ToolSpeed,
         blend_m: float = 0.0,
     ) -> ToolPath:
         """Return the path of straight lines through ``poses``, of which the first is the start.
 
         Args:
             poses: (4, 4) each, in the base.
+            speed: full speed of the tool.
             blend_m: distance from an inner pose at which the path leaves the line; at most half of
-                the shorter line. 0: the tool stops at each pose.
+                the shorter line. A line that turns more than it translates is left by the angle
+                that the tool turns through, at full speed, in the time of this distance. 0: the
+                tool stops at each pose.
         """
         starts: list[FloatArray] = []
         ways: list[FloatArray] = []
@@ -89,13 +133,15 @@ class ToolPath:
         for start, end in pairwise(poses):
             way = pose_differences(start, end)
             linear, angular = np.linalg.norm(way[:3]), np.linalg.norm(way[3:])
-            length_s = float(max(linear / speed_m_s, angular / speed_rad_s))
+            length_s = float(max(linear / speed.velocity, angular / speed.angular_velocity))
             if length_s > NO_LENGTH_S:
                 starts.append(start)
                 ways.append(way)
                 lengths.append(length_s)
-        corners = [0.0, *map(_corner_s, pairwise(ways), pairwise(lengths), [blend_m] * len(ways))]
-        return cls(*_pieces(starts, ways, lengths, [*corners, 0.0]))
+        blend_s = blend_m / speed.velocity
+        corners = [min(0.5 * min(pair), blend_s) for pair in pairwise(lengths)]
+        corners = [corner_s if corner_s > NO_LENGTH_S else 0.0 for corner_s in corners]
+        return cls(*_pieces(starts, ways, lengths, [0.0, *corners, 0.0]))
 
     @property
     def length_s(self) -> float:
@@ -116,18 +162,6 @@ class ToolPath:
             inside = index == number
             result[inside] = self.pieces[number].poses(at_s[inside] - edges[number])
         return result
-
-
-def _corner_s(
-    ways: tuple[FloatArray, FloatArray], lengths: tuple[float, float], blend_m: float
-) -> float:
-    """Return the time between a corner's ends and its pose; 0: a stop."""
-    longest = 0.5 * min(lengths)
-    for way, length_s in zip(ways, lengths, strict=True):
-        linear = float(np.linalg.norm(way[:3]))
-        if linear * longest > blend_m * length_s:
-            longest = blend_m * length_s / linear
-    return longest if longest > NO_LENGTH_S and blend_m > 0.0 else 0.0
 
 
 def _pieces(

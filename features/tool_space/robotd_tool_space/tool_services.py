@@ -19,7 +19,7 @@ from robotd_ros.qos import LATCHED
 from robotd_ros.run_nodes import NodeContext
 from robotd_ros.services import add_service
 from robotd_ros.worker_action import WorkerAction
-from robotd_tool_space.reduced_speed import ReducedSpeed
+from robotd_tool_space.link_speeds import reduced_speed
 from robotd_tool_space.robot_tool import BASE, TOOL, Arrival, RobotTool
 from robotd_tool_space.rotations import fill_pose, inverse_pose, pose_of_message
 from robotd_tool_space.tool_groups import ToolGroups
@@ -44,7 +44,7 @@ class ToolServices:
         add_service(node, host, SelectFrame, "~/set_work_frame", self._set_work_frame)
         add_service(node, host, SetBool, "~/set_reduced_speed", self._set_reduced_speed)
         reduced = node.create_publisher(Bool, "~/reduced_speed", LATCHED)
-        self._reduced_speed: ReducedSpeed = context.robot.attribute("reduced_speed")
+        self._reduced_speed = context.robot.feature(reduced_speed)
         self._reduced_speed.on_change(lambda on: publish_if_alive(reduced, Bool(data=on)))
 
     def _compute_ik(self, request: Any, response: Any) -> str:
@@ -59,7 +59,8 @@ class ToolServices:
             else [kinematics.inverse(target, seed)]
         )
         response.solutions = [
-            JointState(name=list(kinematics.chain.names), position=each.tolist()) for each in found
+            JointState(name=list(kinematics.chain.names), position=solution.tolist())
+            for solution in found
         ]
         return f"{len(found)} solution{'s' if len(found) != 1 else ''}"
 
@@ -156,9 +157,9 @@ class MoveToolAction(WorkerAction):
 def planned(tool: RobotTool, request: Any) -> ToolMotion:
     """Return the motion that a goal asks for. Raises Unreachable, InvalidArgument, NotReady."""
     speed = request.speed or 1.0
-    poses = [pose_of_message(each) for each in request.poses]
+    poses = [pose_of_message(pose) for pose in request.poses]
     if request.frame in _RELATIVE:
-        poses = [tool.relative(each, _RELATIVE[request.frame]) for each in poses]
+        poses = [tool.relative(pose, _RELATIVE[request.frame]) for pose in poses]
     elif request.frame != _GOAL.BASE:
         raise InvalidArgument(f"frame is {request.frame}, must be 0, 1 or 2")
     if request.line:

@@ -9,7 +9,7 @@ import numpy as np
 
 from robotd.api import FloatArray, InvalidArgument
 from robotd.api.robots import JointStream
-from robotd_tool_space.twist import TwistCommand, TwistStage
+from robotd_tool_space.twist import ToolTwist, TwistStage
 
 
 class ToolStream:
@@ -41,7 +41,7 @@ class ToolStream:
         values: FloatArray = np.array(twist, np.float64)
         if values.shape != (6,) or not np.isfinite(values).all():
             raise InvalidArgument(f"twist {list(twist)} must be 6 finite numbers")
-        command = TwistCommand(values, in_tool)
+        command = ToolTwist(values, in_tool)
         self.joints.send_reference(self._stage, command, moves=bool(values.any()))
 
     def __enter__(self) -> Self:

@@ -28,15 +28,16 @@ from robotd_tool_space.differential import Differential, Rates
 from robotd_tool_space.kinematics import Kinematics
 from robotd_tool_space.rotations import pose_differences, rotation_matrices
 from robotd_tool_space.servo_status import ServoCode, ServoStatus
-from robotd_tool_space.twist_limits import FactorRamp, TwistLimits, TwistRamp
+from robotd_tool_space.twist_limits import FactorRamp, ToolTwistLimits, TwistRamp
 
-SLOW_AT, STOP_AT = 0.25, 0.07  # singular values at which the tool slows down, and stands
-HALT_TIME_S = 0.02  # s below which the tool stands
-MAX_MISSING_SHARE = 0.02  # share of a twist that the arm cannot give from which on the tool stands
+SLOW_AT, STOP_AT = 0.25, 0.07  # singular values at which the tool slows down, and stops
+HALT_TIME_S = 0.02  # s below which the tool is at rest
+MAX_MISSING_SHARE = 0.02  # share of a twist that the arm cannot give; above it the tool stops
 LOOK_S, LOOK_RAD = 0.01, 0.02  # way ahead on which changes are measured, at most
 VELOCITY_SHARE = 0.85  # of the limits; the drift takes the rest of what can be tracked
 SPEED_SHARE = 0.97  # of a limit of the arm's speed, likewise
 RAMP_SHARE, PATH_SHARE, TOTAL_SHARE = 0.3, 0.4, 0.6  # of the acceleration limits
+STOP_SHARE = 0.5  # of them, with the path's share, while the tool slows to rest
 FACTOR_JERK_SHARE = 0.6  # of the jerk limits
 BRAKE_SHARE, BRAKE_S = 0.4, 0.06  # of the acceleration, at position limits; time of the last part
 STOP_STEPS = 2  # of Newton's iteration, to the joints where a stop ends
@@ -51,7 +52,7 @@ ARRIVED_M, ARRIVED_RAD = 2e-6, 1e-5
 
 
 @dataclass(frozen=True, eq=False)
-class TwistCommand:
+class ToolTwist:
     """Velocity of the tool, in m/s and rad/s of its origin.
 
     Attributes:
@@ -74,7 +75,7 @@ class PoseCommand:
     pose: FloatArray
 
 
-Command = TwistCommand | PoseCommand
+Command = ToolTwist | PoseCommand
 
 
 class TwistStage:
@@ -94,12 +95,12 @@ class TwistStage:
         self,
         kinematics: Callable[[], Kinematics],
         motion_limits: MotionLimits,
-        limits: TwistLimits | None = None,
+        limits: ToolTwistLimits | None = None,
     ) -> None:
         self.status = ServoStatus()
         self.pose = np.eye(4)
         self._chosen = kinematics
-        self._limits = limits or TwistLimits()
+        self._limits = limits or ToolTwistLimits()
         self._motion_limits = motion_limits
         self._command: Command | None = None
         self._obstacle = ""  # before which the last command was ended
@@ -149,8 +150,11 @@ class TwistStage:
         seconds = min(LOOK_S, LOOK_RAD / max(float(np.abs(self._rates.velocity).max()), 1e-9))
         further = ahead + seconds * self._rates.velocity
         (pose, _), (rates, next_rates) = self._differential.at(np.stack([ahead, further]), twist)
-        factor = self._next_factor(ahead, rates, next_rates, seconds)
+        change = (next_rates.velocity - rates.velocity) / seconds
+        factor = self._next_factor(ahead, rates, next_rates.singularity, change, seconds)
         self._rates = rates
+        if self._stops:
+            self._ramp.stop_harder(self._strongest_stop(rates.velocity, change))
         if self._meets_obstacle(position, rates, factor):
             # As before: a client that goes on must not make the stop longer.
             self._ramp.resume(start)
@@ -166,6 +170,10 @@ class TwistStage:
             drift = _small_difference(pose, self.pose)
             following += DRIFT_GAIN * min(1.0, moving) * (rates.inverse @ drift)
         return self._integrate(following)
+
+    @property
+    def _stops(self) -> bool:
+        return not self._ramp.target.any()
 
     def _stand(self) -> FloatArray:
         """Return the setpoint of a tool that has no velocity."""
@@ -187,17 +195,33 @@ class TwistStage:
         )
         return self._setpoint.copy()
 
+    def _strongest_stop(self, velocity: FloatArray, change: FloatArray) -> float:
+        """Return the highest share of the twist that may go in a second of a stop, 1/s.
+
+        ``velocity`` and its ``change`` (n,) in a second are those of s = 1.
+        """
+        s, speed = self._factor.factor, np.maximum(np.abs(velocity), 1e-9)
+        # What the way itself takes from a joint's speed counts; what it adds ends with the stop.
+        slows = np.minimum(np.sign(velocity) * s * s * change, 0.0)
+        left = np.maximum(STOP_SHARE * self._joints.acceleration + slows, 0.0)
+        return _lowest(left / np.maximum(s * speed, 1e-9))[0]
+
     def _next_factor(
-        self, at: FloatArray, rates: Rates, next_rates: Rates, seconds: float
+        self,
+        at: FloatArray,
+        rates: Rates,
+        next_singularity: float,
+        change: FloatArray,
+        seconds: float,
     ) -> float:
         """Return s at the end of the period, and note the status.
 
-        ``next_rates`` are those after ``seconds`` with s = 1.
+        ``next_singularity`` is that after ``seconds`` with s = 1, and ``change`` (n,) that of the
+        joints' velocities in a second.
         """
         limits, acceleration = self._joints, self._joints.acceleration
         speed = np.maximum(np.abs(rates.velocity), 1e-9)
-        change = (next_rates.velocity - rates.velocity) / seconds
-        slope = (next_rates.singularity - rates.singularity) / seconds
+        slope = (next_singularity - rates.singularity) / seconds
         bounds = {
             "velocity": _lowest(VELOCITY_SHARE * limits.velocity / speed),
             "acceleration": _root(PATH_SHARE * acceleration / np.maximum(np.abs(change), 1e-9)),
@@ -208,8 +232,9 @@ class TwistStage:
             bounds["speed"] = SPEED_SHARE * float(factors(at[None], rates.velocity[None])[0]), -1
         if rates.missing > MAX_MISSING_SHARE:
             bounds["singularity"] = 0.0, -1
-        highest = min(1.0, *(each for each, _ in bounds.values()))
         s = self._factor.factor
+        # The bounds rise while the twist falls: a stop has no use for that.
+        highest = min(s if self._stops else 1.0, *(bound for bound, _ in bounds.values()))
         # s'·b + s²·db/dt + s·J⁺·dV/dt, each joint's acceleration, bounds s'.
         ramp = rates.inverse @ self._twist_in_base(self._ramp.acceleration)
         others = np.sign(rates.velocity) * (s * s * change + s * ramp)
@@ -269,7 +294,7 @@ class TwistStage:
         self, rates: Rates, bounds: dict[str, tuple[float, int]], factor: float, *, leaves: bool
     ) -> ServoStatus:
         """Return the status by what limits the factor."""
-        what, (lowest, joint) = min(bounds.items(), key=lambda each: each[1][0])
+        what, (lowest, joint) = min(bounds.items(), key=lambda bound: bound[1][0])
         if lowest > 0.99:
             return ServoStatus(factor=factor)
         if what == "speed":
@@ -287,7 +312,7 @@ class TwistStage:
 
     def _obey(self, command: Command) -> None:
         """Let the ramp lead to what the command asks for now."""
-        if isinstance(command, TwistCommand):
+        if isinstance(command, ToolTwist):
             self._change_frame(command.in_tool)
             self._go(self._limits.slowed(command.twist))
         else:

@@ -20,11 +20,12 @@ from ruckig import (
 from robotd.api import FloatArray, InvalidArgument
 
 MIN_ACCELERATION = 1e-3  # m/s² or rad/s²: limit of a component that does not change
+HARDER = 1.05  # times the planned acceleration of a stop, from which it is planned again
 STRONGEST_SHARES = 1.0, 1.001, 1.01  # of the change of a rate, until a plan is found
 
 
 @dataclass(frozen=True)
-class TwistLimits:
+class ToolTwistLimits:
     """Limits of the tool's motion in a stream; all positive.
 
     Attributes:
@@ -81,7 +82,7 @@ class TwistRamp:
         twist, acceleration: at the end of the last period.
     """
 
-    def __init__(self, limits: TwistLimits, period_s: float) -> None:
+    def __init__(self, limits: ToolTwistLimits, period_s: float) -> None:
         self._period_s = period_s
         self._limits = limits
         self._ruckig, self._input = Ruckig(6), InputParameter(6)
@@ -108,6 +109,18 @@ class TwistRamp:
         """
         if not np.array_equal(target, self._target):
             self._begin(target, strongest)
+
+    def stop_harder(self, strongest: float) -> None:
+        """Slow to rest with a higher share of the twist in a second, 1/s, than planned, if it is.
+
+        The target is rest already.
+        """
+        if self._seconds >= self._plan.duration:
+            return
+        share = min(strongest, self._hardest(-self.twist))
+        planned = np.asarray(self._input.max_acceleration)
+        if (share * np.abs(self.twist) > HARDER * planned).any():
+            self._begin(self._target, strongest)
 
     def stop_way(self, strongest: float) -> FloatArray:
         """Return the way (6,), m and rad, of a stop from here; ``strongest`` as in ``go``."""
@@ -148,12 +161,7 @@ class TwistRamp:
 
     def _plan_to(self, target: FloatArray, strongest: float) -> Trajectory:
         limits, change = self._limits, target - self.twist
-        linear, angular = np.linalg.norm(change[:3]), np.linalg.norm(change[3:])
-        share = min(
-            limits.linear_m_s2 / max(float(linear), 1e-9),
-            limits.angular_rad_s2 / max(float(angular), 1e-9),
-            strongest,
-        )
+        share = min(strongest, self._hardest(change))
         highest = np.maximum(share * np.abs(change), np.abs(self.acceleration)) + MIN_ACCELERATION
         self._input.max_acceleration = highest.tolist()
         self._input.max_jerk = (highest / limits.rise_s).tolist()
@@ -163,6 +171,14 @@ class TwistRamp:
         plan = Trajectory(6)
         self._ruckig.calculate(self._input, plan)
         return plan
+
+    def _hardest(self, change: FloatArray) -> float:
+        """Return the share of a change in a second that the tool's accelerations allow, 1/s."""
+        linear, angular = np.linalg.norm(change[:3]), np.linalg.norm(change[3:])
+        return min(
+            self._limits.linear_m_s2 / max(float(linear), 1e-9),
+            self._limits.angular_rad_s2 / max(float(angular), 1e-9),
+        )
 
 
 class FactorRamp:

@@ -82,7 +82,7 @@ ACROSS = 1e-3  # cosine of an angle that counts as π/2
 STRAIGHT_M_S = 1e-6  # speed of the steered wheel below which its direction means nothing
 ARRIVED_RAD = 1e-9
 STANDING = 1e-9  # change of the twist, m/s or rad/s per rad, that counts as none
-WAIT_RAD = 0.3  # missing part of the angle at which the driven wheel stands
+WAIT_RAD = 0.3  # missing part of the angle above which the driven wheel waits
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import errno
 import logging
+import socket
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ import can
 
 from robotd.api import NANOSECONDS, ConnectError, get_logger, request_realtime
 from robotd_canopen.frame import Frame, error_frame_text, wire_bits
-from robotd_canopen.options import BusOptions
+from robotd_canopen.options import QUEUELESS, BusOptions
 
 log = get_logger("canopen")
 logging.getLogger("canopen").addHandler(logging.NullHandler())  # we report its errors ourselves
@@ -29,7 +30,9 @@ Handler = Callable[[bytearray], None]
 _POLL_S = 0.1  # after which the receive thread sees that it is to end
 _RETRY_INTERVAL_S = 0.01  # between attempts while the bus fails
 _MAX_FAILURES = 20  # consecutive failed calls after which the bus is lost
-
+_FULL = (errno.ENOBUFS, errno.EAGAIN)  # the queue of the interface, or the buffer of the socket
+_FULL_TEXT = "Transmit buffer full"  # of python-can for the latter
+_SEND_BUFFER_BYTES = 832  # that the kernel counts for one waiting frame
 
 _PERMANENT = {
     errno.EPERM: "no permission: run as a user who may use the adapter",
@@ -52,6 +55,7 @@ class Counters:
     error_frames: int = 0
     receive_errors: int = 0
     send_errors: int = 0
+    dropped: int = 0  # not sent, because as many as may wait did
 
 
 class Bus:
@@ -60,6 +64,8 @@ class Bus:
     Args:
         realtime_priority: SCHED_FIFO priority of the receive thread, where the system grants
             it; 0: none.
+        max_waiting: frames that may wait to be sent, where the interface can limit them; 0: any
+            number. What is sent beyond is dropped.
 
     Attributes:
         fault: why the bus cannot be used, None while it can; stays until ``open``.
@@ -67,9 +73,12 @@ class Bus:
         last_error: text of the latest error frame of the controller; "" without one.
         load: part of the bit rate that frames took between the last two ``measure_load``.
         seen: COB-IDs that have been received since ``open``.
+        keeps_unsent: frames may wait in the adapter, any number of them, and cannot be discarded.
     """
 
-    def __init__(self, options: BusOptions, realtime_priority: int = 0) -> None:
+    def __init__(
+        self, options: BusOptions, realtime_priority: int = 0, max_waiting: int = 0
+    ) -> None:
         self.name = "virtual" if options.channel is None else str(options.channel)
         self.bitrate = options.bitrate
         self.fault: str | None = None
@@ -79,13 +88,14 @@ class Bus:
         self._load_from = (0, 0.0)
         self.seen: set[int] = set()
         self._options = options
-        self._priority = realtime_priority
+        self._priority, self._max_waiting = realtime_priority, max_waiting
         self._handlers: dict[int, Handler] = {}
         self._can: can.BusABC | None = None
         self._thread: threading.Thread | None = None
         self._ending = threading.Event()
         self._lock = threading.Lock()
         self._failures = 0
+        self._discards = self.keeps_unsent = False
 
     @property
     def is_open(self) -> bool:
@@ -107,6 +117,7 @@ class Bus:
         self.fault, self.counters, self._failures = None, Counters(), 0
         self.last_malformed = self.last_error = ""
         self.seen.clear()
+        self._limit_queue(opened)
         self._ending = threading.Event()
         self._can = opened
         self._thread = threading.Thread(
@@ -140,6 +151,11 @@ class Bus:
             with self._lock:
                 opened.send(message)
         except Exception as error:  # noqa: BLE001 - drivers raise what they like
+            if _is_full(error):  # nodes that do not answer show it; a lost adapter is another error
+                self.counters.dropped += 1
+                if self.counters.dropped == 1:
+                    log.warning("frames are not sent: as many wait as may", bus=self.name)
+                return False
             self.counters.send_errors += 1
             self._failed(f"sending on {self.name} failed: {type(error).__name__}: {error}")
             return False
@@ -155,7 +171,19 @@ class Bus:
         message = Frame(can_id, data)
         message.is_remote_frame = remote
         if not self.send(message):
-            raise can.CanOperationError(self.fault or f"the bus {self.name} is not open")
+            state = "takes no frames" if self.is_open else "is not open"
+            raise can.CanOperationError(self.fault or f"the bus {self.name} {state}")
+
+    def discard_unsent(self) -> None:
+        """Discard frames that wait in the adapter, where its interface can. Never raises."""
+        opened = self._can
+        if opened is not None and self._discards:
+            try:
+                with self._lock:
+                    opened.flush_tx_buffer()
+            except Exception as error:  # noqa: BLE001 - drivers raise what they like
+                self._discards = False
+                log.warning("unsent frames cannot be discarded", reason=str(error))
 
     def measure_load(self, now_ns: int) -> None:
         """Bring ``load`` up to date; called regularly by the control loop."""
@@ -165,6 +193,25 @@ class Bus:
         self._load_from = (now_ns, bits)
         if since_ns and bits >= before:
             self.load = (bits - before) / ((now_ns - since_ns) / NANOSECONDS * self.bitrate)
+
+    def _limit_queue(self, opened: can.BusABC) -> None:
+        """Let no frame wait for long: a drive would execute setpoints of the past.
+
+        The kernel keeps the frames of a closed SocketCAN socket, and sends them when it can; so
+        their number is limited by the send buffer.
+        """
+        interface = self._options.interface
+        self._discards = type(opened).flush_tx_buffer is not can.BusABC.flush_tx_buffer
+        self.keeps_unsent = False
+        if not self._max_waiting or self._discards or interface in QUEUELESS:
+            return
+        if interface == "socketcan":
+            size = self._max_waiting * _SEND_BUFFER_BYTES
+            opened.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, size)  # type: ignore[attr-defined]
+        else:
+            self.keeps_unsent = True
+            effect = "after a blocked bus each drive executes up to three late setpoints"
+            log.warning("unsent frames cannot be discarded", interface=interface, effect=effect)
 
     def _receive(self, opened: can.BusABC, ending: threading.Event) -> None:
         request_realtime(self._priority)
@@ -210,6 +257,11 @@ class Bus:
         if self._failures >= _MAX_FAILURES and self.fault is None:
             self.fault = reason
             log.error("the CAN bus is lost", reason=reason)
+
+
+def _is_full(error: Exception) -> bool:
+    """Return True where as many frames wait as may."""
+    return getattr(error, "error_code", None) in _FULL or _FULL_TEXT in str(error)
 
 
 def _open_failure(error: Exception, options: BusOptions) -> ConnectError:

@@ -58,12 +58,13 @@ def scan(options: Mapping[str, str]) -> Mapping[str, Any]:
     """Return what is on the bus of ``channel``, for ``robotd new-robot --bus``.
 
     Args:
-        options: ``channel``, and as far as they differ from the command's: ``interface``,
-            ``bitrate`` in bit/s and ``timeout_s``.
+        options: ``channel`` (or ``address``), and as far as they differ from the command's:
+            ``interface``, ``bitrate`` in bit/s and ``timeout_s``.
 
     Raises InvalidArgument: no channel, or no number. RobotdError: the bus does not open.
     """
-    interface, channel = options.get("interface", "socketcan"), options.get("channel", "")
+    interface = options.get("interface", "socketcan")
+    channel = options.get("channel") or options.get("address", "")
     if not channel:
         raise InvalidArgument("name the channel of the CAN bus, for example channel=can0")
     try:

@@ -13,12 +13,27 @@ from robotd_canopen.layout import AxisLayout
 from robotd_canopen.node import ANSWERS, FRAMES, Node
 from robotd_canopen.object_dictionary import variable
 from robotd_canopen.pdo import Entry, Pdo
+from robotd_canopen.sync_gate import SyncGate
 from robotd_cia402.drive_access import DriveAccess, SdoAbort
-from robotd_cia402.object_numbers import MODE, OUTPUTS, POSITION, VELOCITY
+from robotd_cia402.modes import VELOCITY_MODES
+from robotd_cia402.object_numbers import (
+    CONTROLWORD,
+    MODE,
+    OUTPUTS,
+    POSITION,
+    TARGET_VELOCITY,
+    VELOCITY,
+)
 
 _EVENT_S = 1.0  # for an event-driven TPDO whose objects cannot be read
 _FIRST_OBJECT = 0x1000  # below are types, which fill gaps of a mapping
 _MODE = OUTPUTS.index(MODE)
+_CONTROLWORD = OUTPUTS.index(CONTROLWORD)
+_TARGET_VELOCITY = OUTPUTS.index(TARGET_VELOCITY)
+_VELOCITY_MODES = frozenset(VELOCITY_MODES.values())
+_SLOWER = 2  # a velocity that is lower by this factor does not wait for a probe
+_CONNECTION_LOST = 0x6007  # reaction to it
+_NOTHING_SENT = -1
 
 
 @dataclass(frozen=True)
@@ -42,9 +57,17 @@ class CanopenDrive(DriveAccess):
     """
 
     node: Node
+    latency = 2  # sent before a SYNC, answered after it, taken before the next one
+    settling = 2  # frames that waited arrive before these
 
     def __init__(
-        self, number: int, layout: AxisLayout, node: Node, feedback: Feedback, bus: Bus
+        self,
+        number: int,
+        layout: AxisLayout,
+        node: Node,
+        feedback: Feedback,
+        bus: Bus,
+        gate: SyncGate,
     ) -> None:
         super().__init__()
         self.node = node
@@ -56,7 +79,11 @@ class CanopenDrive(DriveAccess):
         self.velocity_turn = max(holding, default=1)
         self.outputs = frozenset(entry.base for pdo in layout.rpdos for entry in pdo.entries)
         self.layout, self._number = layout, number
-        self._feedback, self._bus = feedback, bus
+        self.unreacting = self._unreacting(node)
+        self._feedback, self._bus, self._gate = feedback, bus, gate
+        self._waiting: Sequence[int] | None = None  # outputs that the gate withholds
+        self._controlword = _NOTHING_SENT
+        self._speed = 0  # as sent last; 0 in other modes than those of velocity
         entries = [entry for pdo in layout.rpdos for entry in pdo.entries]
         self._others = [entry for entry in entries if entry.base not in OUTPUTS]
         self._own_values = [0] * len(self._others)
@@ -87,15 +114,35 @@ class CanopenDrive(DriveAccess):
     def answered(self) -> int:
         return self._feedback.answered(self._number)
 
+    @property
+    def missed(self) -> int:
+        return self._feedback.missed[self._number]
+
+    @property
+    def blocked(self) -> bool:
+        return self._gate.is_closed
+
     def put(self, values: Sequence[int]) -> None:
         """Send the RPDOs of this SYNC, to take effect with the next one.
 
-        Also to a lost node that has kept its configuration: it may receive, and has to stop.
+        Also to a lost node that has kept its configuration: it may receive.
         """
-        if not self.node.configured:
+        self._waiting = values if self.node.configured else None
+        self.send_waiting()
+
+    def send_waiting(self) -> None:
+        """Send the outputs put last, unless they are sent or may not be sent yet."""
+        values = self._waiting
+        if values is None:
             return
+        word, mode = values[_CONTROLWORD], values[_MODE]
+        speed = abs(values[_TARGET_VELOCITY]) if mode in _VELOCITY_MODES else 0
+        # Each such velocity is half of the one before, or less: there are few of them.
+        slows = self._speed > 0 and speed * _SLOWER <= self._speed
+        if not self._gate.admits(at_once=slows or word != self._controlword):
+            return
+        self._waiting, self._controlword, self._speed = None, word, speed
         values = (*values, *self._own_values)
-        mode = values[_MODE]
         for rpdo in self._rpdos:
             if rpdo.modes is None or mode in rpdo.modes:
                 data = [values[place] for place in rpdo.places]
@@ -147,7 +194,8 @@ class CanopenDrive(DriveAccess):
     def require_unique(self, timeout_s: float) -> None:
         """Wait for some SYNCs first."""
         number, feedback, node = self._number, self._feedback, self.node
-        counted = lambda: feedback.is_counted(number) or not node.online  # noqa: E731
+        since = feedback.windows
+        counted = lambda: feedback.is_counted(number, since) or not node.online  # noqa: E731
         if not wait_until(counted, timeout_s, node.clock):
             text = f"too few SYNCs within {timeout_s:g} s to look for another node with its id"
             raise DeviceTimeout(f"{node.name}: {text}")
@@ -155,6 +203,13 @@ class CanopenDrive(DriveAccess):
             raise OperationError(f"{node.name}: {ANSWERS}")
         if pdo := feedback.doubled(number):
             raise OperationError(f"{node.name}: {FRAMES.format(pdo.name)}")
+
+    def _unreacting(self, node: Node) -> str:
+        """Return why 0x6007 is not written, as far as files tell; "" if it is."""
+        if _CONNECTION_LOST in self.layout.options.skip_writes:
+            return "0x6007 is not written (skip_writes)"
+        found = variable(node.sdo.dictionary, self.layout.index(_CONNECTION_LOST), 0)
+        return "" if found is not None and found.writable else "0x6007 is missing or read-only"
 
     def _comes(self, pdo: Pdo) -> bool:
         return wait_until(

@@ -104,9 +104,9 @@ def eds(file: Path, node: int, stream_mode: str) -> None:
     Nothing is sent. Without 'rpdos' and 'tpdos' in the descriptor the PDOs are those shown.
     """
     from robotd_canopen.eds_report import eds_report
-    from robotd_cia402.options import StreamMode
+    from robotd_cia402.options import SetpointMode
 
-    for line in eds_report(file, node, StreamMode(stream_mode)):
+    for line in eds_report(file, node, SetpointMode(stream_mode)):
         click.echo(line)
 
 

@@ -27,7 +27,7 @@ from robotd_cia402.object_numbers import (
     VELOCITY,
     on_axis,
 )
-from robotd_cia402.options import StreamMode
+from robotd_cia402.options import SetpointMode
 
 LOST = {
     ERROR_CODE: "an alarm is explained by the node's emergency message only",
@@ -49,9 +49,9 @@ _TRANSMIT: Sequence[_Group] = (
     (1, (VELOCITY, TORQUE, ERROR_CODE)),
     (4, (DEMAND, SWITCHES)),
 )
-_RECEIVE: dict[StreamMode, Sequence[_Group]] = {
-    StreamMode.CSP: ((1, (CONTROLWORD, MODE, TARGET_POSITION)), (1, (TARGET_VELOCITY,))),
-    StreamMode.IP: (
+_RECEIVE: dict[SetpointMode, Sequence[_Group]] = {
+    SetpointMode.CSP: ((1, (CONTROLWORD, MODE, TARGET_POSITION)), (1, (TARGET_VELOCITY,))),
+    SetpointMode.IP: (
         (1, (CONTROLWORD, MODE, INTERPOLATION)),
         (1, (TARGET_VELOCITY,)),
         (1, (TARGET_POSITION,)),
@@ -148,7 +148,7 @@ def _constant(
 
 def _is_writable(direction: Direction, number: int, dictionary: ObjectDictionary) -> bool:
     """Return whether the PDO can be mapped: any, if the EDS has no PDOs."""
-    if not any(direction + each - 1 in dictionary for each in _NUMBERS):
+    if not any(direction + number - 1 in dictionary for number in _NUMBERS):
         return True
     count = variable(dictionary, direction + 0x200 + number - 1, 0)
     in_eds = direction + number - 1 in dictionary

@@ -15,13 +15,14 @@ from robotd_canopen.object_dictionary import DcfValue, dcf_values, describe, rea
 from robotd_canopen.options import CanopenOptions
 from robotd_canopen.pdo import Pdo
 from robotd_cia402.modes import OperationMode
-from robotd_cia402.options import STARTUP_WRITES, StreamMode
+from robotd_cia402.options import STARTUP_WRITES, SetpointMode
 
 _DRIVE = 402
+_FALLING = (0x1016, 0x6007)  # without which a drive need not stop when its connection is lost
 _IO = {0x6000: "input_length", 0x6200: "output_length"}
 
 
-def eds_report(path: Path, node: int, stream_mode: StreamMode) -> Iterator[str]:
+def eds_report(path: Path, node: int, stream_mode: SetpointMode) -> Iterator[str]:
     """Yield lines about the file. Raises DescriptorError where a drive cannot use it."""
     dictionary = read_eds(path, node)
     values = dcf_values(dictionary)
@@ -60,6 +61,9 @@ def _modes(dictionary: ObjectDictionary) -> Iterator[str]:
     names = [mode.name.lower() for mode in OperationMode if mode and supported & mode.support_bit]
     stated = ", ".join(names) or "not stated"
     yield f"modes (0x6502): {stated}; those of the drive are read at start"
+    if not names:
+        text = "the start refuses a drive that states none"
+        yield f"  {text}: if its manual lists the modes that are needed, set check_modes: false"
 
 
 def _planned(path: Path, axis: dict[str, Any], node: int) -> AxisLayout:
@@ -88,6 +92,9 @@ def _drive(axis: AxisLayout, dictionary: ObjectDictionary) -> Iterator[str]:
     yield f"written at start: {_hexadecimal([0x1017, *written])}"
     if missing := [index for index in STARTUP_WRITES if index not in written]:
         yield f"not written, missing or read-only: {_hexadecimal(missing)}"
+    if unsafe := [index for index in _FALLING if index in missing]:
+        text = "the drive need not stop by itself when robotd or the cable is lost"
+        yield f"{_hexadecimal(unsafe)}: {text}"
 
 
 def _pdo(pdo: Pdo, dictionary: ObjectDictionary) -> str:

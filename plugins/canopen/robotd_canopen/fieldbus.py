@@ -44,7 +44,7 @@ class CanopenFieldbus(Cia402Fieldbus[Master]):
     def reset_statistics(self, bus: int) -> None:
         counters = self._master.bus.counters
         counters.malformed = counters.error_frames = 0
-        counters.receive_errors = counters.send_errors = 0
+        counters.receive_errors = counters.send_errors = counters.dropped = 0
         self._master.sync.jitter_ns = 0
         for node in self._master.nodes.values():
             node.lost_heartbeats = 0
@@ -94,6 +94,7 @@ class CanopenFieldbus(Cia402Fieldbus[Master]):
             "error frames": _counted(counters.error_frames, bus.last_error),
             "failed receives": str(counters.receive_errors),
             "failed sends": str(counters.send_errors),
+            "frames dropped, queue full": str(counters.dropped),
             "lost heartbeats": ", ".join(silent) or "0",
             "largest SYNC deviation (ms)": f"{network.sync.jitter_ns / 1e6:.2f}",
             "EMCY in force": _joined(self._in_force()),

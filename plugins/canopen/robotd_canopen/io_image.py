@@ -11,17 +11,21 @@ from robotd_canopen.frame import Frame
 from robotd_canopen.layout import IoLayout
 from robotd_canopen.node import Node
 from robotd_canopen.options import IoOptions
+from robotd_canopen.sync_gate import SyncGate
 from robotd_cia402.module_io import ModuleIo
 
 _INPUTS, _OUTPUTS = 0x6000, 0x6200
 
 
 class IoImage(ModuleIo[Node, IoOptions]):
-    """Inputs come, and outputs are sent, when they change."""
+    """Inputs come, and outputs are sent, when they change.
 
-    def __init__(self, bus: Bus, modules: Sequence[tuple[Node, IoLayout]]) -> None:
+    While ``gate`` is closed writes are rejected: the outputs could be switched much later.
+    """
+
+    def __init__(self, bus: Bus, modules: Sequence[tuple[Node, IoLayout]], gate: SyncGate) -> None:
         super().__init__([(node, layout.options) for node, layout in modules])
-        self._bus = bus
+        self._bus, self._gate = bus, gate
         self._rpdos = {node.number: layout.rpdos for node, layout in modules}
         self._known: set[Node] = set()  # modules whose levels were read
         self._received: set[Node] = set()  # modules that have sent inputs since they were read
@@ -52,6 +56,9 @@ class IoImage(ModuleIo[Node, IoOptions]):
 
     def _online_modules(self, byte: int, length: int) -> list[tuple[Node, IoOptions]]:
         found = super()._online_modules(byte, length)
+        if self._gate.is_closed:
+            text = "no drive answers, and outputs could wait in the CAN adapter"
+            raise NotReady(f"{self._bus.name}: {text}: they are not sent")
         for node, _ in found:
             if node not in self._known:  # a frame has all outputs of the module, old ones as well
                 raise NotReady(f"{node.name}: its outputs are not known yet")

@@ -29,7 +29,7 @@ from robotd_canopen.options import AxisOptions, CanopenOptions, IoOptions, NodeO
 from robotd_canopen.pdo import MAX_SYNCHRONOUS, Direction, Pdo, io_pdos, resolve
 from robotd_cia402.modes import OperationMode
 from robotd_cia402.object_numbers import on_axis
-from robotd_cia402.options import Problems, StreamMode, parse_object, with_robot_ramps
+from robotd_cia402.options import OptionProblems, SetpointMode, parse_object, with_robot_ramps
 
 _SECTION = "backends.canopen"
 _NEEDED = (0x6040, 0x6041, 0x6060, 0x6061, 0x6064)  # without these it is no CiA 402 drive
@@ -87,6 +87,12 @@ class NetworkLayout:
         drives, modules = (axis.options for axis in self.axes), (one.options for one in self.io)
         return {drive.node for drive in drives} | {module.node for module in modules}
 
+    @property
+    def frames_per_sync(self) -> int:
+        """Frames that robotd sends for one SYNC: itself, the RPDOs, and one for the heartbeat."""
+        modules = sum(len(module.rpdos) for module in self.io)
+        return 2 + modules + sum(len(_most_rpdos(axis)) for axis in self.axes)
+
     def pdos(self, node: int | None = None) -> list[Pdo]:
         """The PDOs of one node, or of all."""
         nodes: list[NodeLayout[Any]] = [*self.axes, *self.io]
@@ -101,7 +107,7 @@ class NetworkLayout:
 def plan_network(robot: RobotDescriptor, options: CanopenOptions) -> NetworkLayout:
     """Raises DescriptorError with every problem."""
     options = options.model_copy(update={"axes": with_robot_ramps(options.axes, robot)})
-    problems = Problems(robot, _SECTION)
+    problems = OptionProblems(robot, _SECTION)
     if options.bus.channel is None and options.bus.interface != "virtual":
         what = f"missing: name the CAN bus, for example --set {_SECTION}.bus.channel=can0"
         problems.add("bus.channel", what)
@@ -139,7 +145,7 @@ def plan_network(robot: RobotDescriptor, options: CanopenOptions) -> NetworkLayo
 class _NodePlanner:
     """Plans axes and modules by their EDS files, and adds to ``problems``."""
 
-    def __init__(self, robot: RobotDescriptor, problems: Problems) -> None:
+    def __init__(self, robot: RobotDescriptor, problems: OptionProblems) -> None:
         self._folder = robot.path.parent if robot.path is not None else None
         self._problems = problems
 
@@ -164,7 +170,7 @@ class _NodePlanner:
                 add(key, f"object 0x{index:04X} is not in the EDS")
         rpdos = self._resolve(key, receive, Direction.RECEIVE, drive, dictionary)
         tpdos = self._resolve(key, transmit, Direction.TRANSMIT, drive, dictionary)
-        outputs = _BY_PDO | (_INTERPOLATED if drive.stream_mode is StreamMode.IP else {})
+        outputs = _BY_PDO | (_INTERPOLATED if drive.stream_mode is SetpointMode.IP else {})
         for pdos, needed in ((receive, outputs), (transmit, _FROM_PDO)):
             mapped = {parse_object(name)[0] for pdo in pdos for name in pdo.objects}
             for base, name in needed.items():

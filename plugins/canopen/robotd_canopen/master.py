@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
 from canopen.objectdictionary import ObjectDictionary
@@ -21,18 +21,22 @@ from robotd_canopen.bring_up import BringUp
 from robotd_canopen.bus import Bus
 from robotd_canopen.canopen_drive import CanopenDrive
 from robotd_canopen.feedback import Feedback
+from robotd_canopen.forced_off import force_off
 from robotd_canopen.frame import Frame
 from robotd_canopen.io_image import IoImage
 from robotd_canopen.layout import NetworkLayout
 from robotd_canopen.node import NmtCommand, NmtState, Node
 from robotd_canopen.options import NodeOptions
 from robotd_canopen.supervision import Supervision
+from robotd_canopen.sync_gate import SyncGate
 from robotd_cia402.axes import Cia402Master, name_and_scaling
+from robotd_cia402.axis import Axis
 from robotd_cia402.sync_timing import SyncTiming
 
 log = get_logger("canopen")
 
 _DRIVE, _IO = 402, 401
+MAX_AGE_SYNCS = 3  # SYNCs after which a frame is no longer to be executed by a drive
 _LONGEST_PERIODS = 2  # periods that one longer period counts for at most
 _SYNC, _HEARTBEAT = 0x080, 0x700
 
@@ -44,7 +48,7 @@ class SyncProducer:
     not to the jittered times at which this computer sent them.
 
     Attributes:
-        count: SYNCs sent.
+        count: SYNCs sent, and those withheld.
         timing: nominal time of the last SYNC, monotonic.
         before_ns: nominal time of the one before; 0 without one.
         periods: whole periods from the SYNC before to the last one: above 1 if some were skipped, 0
@@ -68,8 +72,8 @@ class SyncProducer:
         """Worker: communication starts; do not count the pause before as jitter."""
         self._sent_ns = 0
 
-    def send(self) -> None:
-        """Send SYNC, and the heartbeat if it is due.
+    def send(self, *, withheld: bool = False) -> None:
+        """Send SYNC, and the heartbeat if it is due; ``withheld``: only count the SYNC.
 
         A process may be stopped before the kernel has the frame, or right after. The time is taken
         before: the drives then count for moving, because a setpoint that drives at rest execute is
@@ -77,9 +81,10 @@ class SyncProducer:
         """
         self._clock.sleep_until_ns(self.timing.clear_ns(self._clock.now_ns()))
         now_ns = self._clock.now_ns()
-        self._bus.send(self._sync_frame)
+        if not withheld:
+            self._bus.send(self._sync_frame)
         self._note(now_ns)
-        if now_ns >= self._heartbeat_due_ns:
+        if now_ns >= self._heartbeat_due_ns and not withheld:
             self._heartbeat_due_ns = now_ns + self._heartbeat_ns
             self._bus.send(self._heartbeat_frame)
             self._bus.measure_load(now_ns)
@@ -100,7 +105,7 @@ class Master(Cia402Master[CanopenDrive]):
     Attributes:
         layout, options: as planned and given.
         nodes: by node id.
-        bus, io, feedback, sync, supervision: the parts.
+        bus, io, feedback, sync, gate, supervision: the parts.
     """
 
     io: IoImage
@@ -110,20 +115,22 @@ class Master(Cia402Master[CanopenDrive]):
         self.layout, self.options = layout, layout.options
         options, period_s = layout.options, layout.sync_period_s
         super().__init__(clock, period_s, options.stream_timeout_s)
-        self.bus = Bus(options.bus, max(0, robot.cycle.realtime_priority - 1))
+        priority = max(0, robot.cycle.realtime_priority - 1)
+        self.bus = Bus(options.bus, priority, MAX_AGE_SYNCS * layout.frames_per_sync)
         self.bus_name = self.bus.name
         self.feedback = Feedback(layout.axes, period_s, robot.engine.stale_after_s)
         self.sync = SyncProducer(
             self.bus, clock, period_s, options.heartbeat_s, options.master_node
         )
         self.timing = self.sync.timing
+        self.gate = SyncGate(period_s, options.heartbeat_timeout_s)
         self.nodes: dict[int, Node] = {}
         self._make_axes(robot)
         modules = [
             (self._add_node(module.options, "I/O module", _IO, module.dictionary), module)
             for module in layout.io
         ]
-        self.io = IoImage(self.bus, modules)
+        self.io = IoImage(self.bus, modules, self.gate)
         self.supervision = Supervision(
             self.bus, self.nodes, self.axes, self.feedback, options.heartbeat_timeout_s, period_s
         )
@@ -188,12 +195,15 @@ class Master(Cia402Master[CanopenDrive]):
 
     def end(self) -> None:
         online = [node for node in self.nodes.values() if node.online]
-        powered = {axis.drive.node.number for axis in self.axes if axis.report.powered}
+        unconfirmed = {axis.drive.node.number for axis in self.axes if axis.power.may_be_on}
         self._leave_all(ConnectionState.RUNNING)  # missing heartbeats are expected from now on
         for node in online:
-            if node.number not in powered:  # else its servo did not go off: let it stop by itself
+            if node.number not in unconfirmed:  # else let it stop by itself, should all else fail
                 _try(node, partial(node.watch_master, watch=False))
             _try(node, partial(node.command, NmtCommand.PRE_OPERATIONAL))
+
+    def force_off(self, axes: Sequence[Axis[CanopenDrive]]) -> None:
+        force_off(axes, self.clock)
 
     def read(self, image: ProcessImage) -> None:
         """Control loop: send SYNC, supervise the nodes, fill the image.
@@ -208,7 +218,8 @@ class Master(Cia402Master[CanopenDrive]):
         self.feedback.take()
         if self._cycles % self.layout.cycles_per_sync == 0:
             self._transmit()  # where no setpoint came
-            self.sync.send()
+            self._watch_gate()
+            self.sync.send(withheld=not self.gate.sends)
             self.feedback.syncs = self.sync.count
             self._transmitted = False
         # After a pause of this computer the frames of the nodes are still waiting to be read.
@@ -247,8 +258,21 @@ class Master(Cia402Master[CanopenDrive]):
         if self._transmitted:
             return
         self._transmitted = True
+        if self.feedback.unanswered >= MAX_AGE_SYNCS:
+            self.bus.discard_unsent()
         for axis in self.axes:
             axis.transmit(self.period_s, self.sync.periods)
+            axis.drive.send_waiting()
+
+    def _watch_gate(self) -> None:
+        """Close the gate while frames may wait in the adapter."""
+        if not self.bus.keeps_unsent:
+            return
+        unanswered = self.feedback.unanswered
+        if self.axes and not any(axis.drive.node.online for axis in self.axes):
+            # Drives whose PDOs are all event-driven answer no SYNC; their heartbeats show the loss.
+            unanswered = unanswered if self.feedback.is_synchronous else MAX_AGE_SYNCS
+        self.gate.advance(unanswered, self.bus.counters.received)
 
     def _leave_all(self, state: ConnectionState) -> None:
         self._state = state
@@ -262,7 +286,7 @@ class Master(Cia402Master[CanopenDrive]):
         for number, layout in enumerate(self.layout.axes):
             name, scaling = name_and_scaling(robot, layout.options)
             node = self._add_node(layout.options, name, _DRIVE, layout.dictionary)
-            drive = CanopenDrive(number, layout, node, self.feedback, self.bus)
+            drive = CanopenDrive(number, layout, node, self.feedback, self.bus, self.gate)
             self._add_axis(layout.options, drive, scaling)
             for pdo in layout.tpdos:
                 self.bus.subscribe(pdo.cob_id, self.feedback.handler(number, pdo, scaling))

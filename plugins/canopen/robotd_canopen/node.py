@@ -91,6 +91,7 @@ class Node(FieldbusNode):
     Attributes:
         state: NMT state of its last heartbeat.
         configured: it has been brought up and has not been reset since.
+        boot_ns: time of its latest boot-up message; 0 before the first.
         dcf_values: values of its DCF that are written while it starts, before ``startup``.
         startup: objects and values that are written while it starts.
     """
@@ -114,10 +115,11 @@ class Node(FieldbusNode):
         self.startup = startup_writes(options)
         self._skipped = set(options.skip_writes)
         self._supervision_reported = False
+        self.unwatched = self._unwatched(dictionary)
         self._heartbeats = self._seen_heartbeats = self._silence_ns = 0
         self._rate = HeartbeatRate()
         self._has_booted = False
-        self._boot_ns = 0  # of the latest boot-up message
+        self.boot_ns = 0
         self.clock, self._bus, self._common = clock, bus, common
         self._expected = options.identity
         self._profile = profile
@@ -178,7 +180,7 @@ class Node(FieldbusNode):
         if self._has_booted:
             raise OperationError(f"NMT start: {RESET}")
         self.state, self._silence_ns = NmtState.UNKNOWN, 0
-        self.forget_emergency_before(self._boot_ns)
+        self.forget_emergency_before(self.boot_ns)
         self.command(NmtCommand.START)
         if not wait_until(lambda: self.state is NmtState.OPERATIONAL, _START_TIMEOUT_S, self.clock):
             raise OperationError(f"NMT start: {self._start_failure()}")
@@ -192,8 +194,8 @@ class Node(FieldbusNode):
         silent = self.state in (NmtState.UNKNOWN, NmtState.BOOT_UP)
         state = self.state.name.lower().replace("_", "-")
         parts = ["no heartbeat" if silent else f"it is {state}"]
-        if self._boot_ns:
-            age_s = (self.clock.now_ns() - self._boot_ns) / NANOSECONDS
+        if self.boot_ns:
+            age_s = (self.clock.now_ns() - self.boot_ns) / NANOSECONDS
             parts.append(f"its last boot-up message came {age_s:.1f} s ago")
         with suppress(RobotdError):
             parts.append(f"error register 0x1001 is {register_text(self.sdo.read(0x1001))}")
@@ -217,7 +219,7 @@ class Node(FieldbusNode):
             try:
                 self.sdo.write(_CONSUMER, 1, self._common.master_node << 16 | limit_ms)
             except SdoAbort as error:
-                reason = error.reason
+                reason = self.unwatched = error.reason
             else:
                 return
         if not self._supervision_reported:
@@ -264,6 +266,13 @@ class Node(FieldbusNode):
     def _is_answered_twice(self) -> bool:
         return wait_until(lambda: self.sdo.doubled, self._common.sdo_timeout_s, self.clock)
 
+    def _unwatched(self, dictionary: ObjectDictionary) -> str:
+        """Return why 0x1016 cannot be written, as far as files tell; "" if it can."""
+        found = variable(dictionary, _CONSUMER, 1)
+        if _CONSUMER in self._skipped:
+            return "0x1016 is not written (skip_writes)"
+        return "" if found is not None and found.writable else "0x1016 is missing or read-only"
+
     @staticmethod
     def _dcf_values(options: NodeOptions, dictionary: ObjectDictionary) -> list[DcfValue]:
         values = dcf_values(dictionary) if options.dcf_values else []
@@ -288,7 +297,7 @@ class Node(FieldbusNode):
         self.state = heartbeat_state(data)
         self._heartbeats += 1
         if self.state is NmtState.BOOT_UP:
-            self._has_booted, self._boot_ns = True, self.clock.now_ns()
+            self._has_booted, self.boot_ns = True, self.clock.now_ns()
         if self.state is not NmtState.OPERATIONAL:
             self.configured = False
 

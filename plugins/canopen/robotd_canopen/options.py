@@ -13,6 +13,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, Field, field_validator
 
 from robotd_cia402.options import (
+    BackendSection,
     DriveOptions,
     FieldbusOptions,
     Identity,
@@ -21,12 +22,15 @@ from robotd_cia402.options import (
     ObjectName,
     Positive,
     SdoWrite,
-    Section,
     StartupWrite,
 )
 
 NodeId = Annotated[Integer, Field(ge=1, le=127)]
 _UNUSED_TYPES = range(241, 254)  # transmission types: reserved, or on remote request (CiA 301)
+QUEUELESS = frozenset(("virtual", "udp_multicast"))
+"""Interfaces of python-can whose frames wait for nothing."""
+DISCARDING = frozenset(("kvaser", "vector", "ixxat", "systec", "etas", "canalystii"))
+"""Interfaces whose adapters discard unsent frames."""
 PDO_COB_IDS = frozenset((*range(0x181, 0x580), *range(0x680, 0x6E0)))
 """Those of no other service (CiA 301, 7.3.3)."""
 
@@ -41,7 +45,7 @@ def _for_pdo(cob_id: int) -> int:
 CobId = Annotated[Integer, AfterValidator(_for_pdo)]
 
 
-class BusOptions(Section):
+class BusOptions(BackendSection):
     """CAN bus, in the terms of python-can."""
 
     interface: str = Field("socketcan", description="Interface of python-can.")
@@ -52,7 +56,7 @@ class BusOptions(Section):
     options: dict[str, Any] = Field({}, description="Further arguments of `can.Bus`.")
 
 
-class PdoOptions(Section):
+class PdoOptions(BackendSection):
     """One PDO: when it travels and what it holds."""
 
     number: int = Field(ge=1, le=512, description="Number of the PDO in the node, from 1.")
@@ -77,7 +81,7 @@ class PdoOptions(Section):
         return value
 
 
-class NodeOptions(Section):
+class NodeOptions(BackendSection):
     """Options common to drives and I/O modules."""
 
     node: NodeId = Field(description="Node id.")

@@ -215,7 +215,7 @@ class Sdo:
         return (command, key) == self._awaited
 
     def _count(self, key: bytes, *, is_abort: bool) -> None:
-        """Count an answer for the object ``key``; one too many is of another node.
+        """Count an answer for the object ``key``; one too many comes from another node.
 
         Answers to requests that another client on the bus has sent do not count, except within
         ``_LATE_RESPONSE_S`` of a request for the same object.

@@ -27,7 +27,7 @@ class Return(Enum):
 
 
 class Supervision:
-    """Stops all axes when a node or the bus is lost. Control loop, unless noted.
+    """Stops all axes when a node or the bus is lost. Control loop, unless a method says otherwise.
 
     Attributes:
         lost: lost nodes by id.
@@ -169,6 +169,7 @@ class Supervision:
             return
         for axis in axes:
             axis.resume()
+            axis.drive.forget_written()  # it may have been reset without a word
         node.online, node.fault = True, ""
         self.lost.pop(node.number, None)  # unless a worker has restarted communication meanwhile
         self._outage.came_back(node, Return.RESUMED)

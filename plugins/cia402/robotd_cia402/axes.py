@@ -25,6 +25,7 @@ from robotd.api import (
 from robotd_cia402.axis import Axis, DriveT
 from robotd_cia402.commands import Commands
 from robotd_cia402.drive_setup import write_quick_stop_ramp
+from robotd_cia402.modes import HOMING_AT_REST
 from robotd_cia402.module_io import ModuleIo
 from robotd_cia402.node import HISTORY, Emergency
 from robotd_cia402.options import DriveOptions
@@ -94,6 +95,13 @@ class Cia402Master(AxisDriver, Generic[DriveT]):
         """Bring the nodes into operation, with their servos off. Raises ConnectError."""
 
     @abstractmethod
+    def force_off(self, axes: Sequence[Axis[DriveT]]) -> None:
+        """Switch off drives that have not confirmed it, by all other means; note which confirm.
+
+        Worker, after ``end``.
+        """
+
+    @abstractmethod
     def end(self) -> None:
         """End supervision and exchange; the axes are at rest. Raises RobotdError."""
 
@@ -116,6 +124,18 @@ class Cia402Master(AxisDriver, Generic[DriveT]):
         torques = torque.tolist()
         for axis in self.axes:
             axis.follow_torque(torques[axis.number])
+
+    @property
+    def cautions(self) -> Sequence[str]:
+        """Drives that go on by themselves when the connection is lost."""
+        found = {
+            f"{node.name} need not stop by itself when robotd or the cable is lost: {reason}": None
+            for axis in self.axes
+            for node in (axis.drive.node,)
+            for reason in (node.unwatched, axis.drive.unreacting)
+            if reason
+        }
+        return list(found)
 
     def stream_problem(self, now_ns: int) -> str:
         """Control loop: name the nodes that stream without a setpoint for too long; "": none."""
@@ -160,6 +180,9 @@ class Cia402Master(AxisDriver, Generic[DriveT]):
             commands.disable(timeout_s)
         self.settle()
 
+    def confirmed_off(self) -> Sequence[bool]:
+        return [not axis.power.may_be_on for axis in self.axes]
+
     def clear_alarm(self, axis: int, timeout_s: float) -> None:
         self._commands[axis].clear_alarm(timeout_s)
         self.settle()
@@ -186,8 +209,18 @@ class Cia402Master(AxisDriver, Generic[DriveT]):
                 scaled.scaling.change(before, polarity)
                 raise
 
+    def homing_speed(self, axis: int) -> float:
+        options = self.axes[axis].options
+        if options.homing_method in HOMING_AT_REST:
+            return 0.0
+        return max(options.homing_speed_rad_s, options.homing_creep_rad_s)
+
     def home(self, axis: int, timeout_s: float) -> None:
-        self._commands[axis].home(timeout_s)
+        self._commands[axis].home(timeout_s, 0.0)
+        self.settle()
+
+    def search_home(self, axis: int, max_speed: float, timeout_s: float) -> None:
+        self._commands[axis].home(timeout_s, max_speed)
         self.settle()
 
     def move(self, axis: int, target: float, profile: Profile) -> None:

@@ -13,12 +13,21 @@ import threading
 from typing import Generic, TypeVar
 
 from robotd.api import CommandMode, Operation, ProcessImage, Profile, get_logger
-from robotd_cia402.controlword import Control, DriveState, ModeControl, Phase, PowerStage, Status
+from robotd_cia402.controlword import (
+    Control,
+    DriveState,
+    ModeControl,
+    Phase,
+    PowerStage,
+    StatusBits,
+)
 from robotd_cia402.drive_access import DriveAccess, DriveReport
 from robotd_cia402.modes import OperationMode, rest_mode
-from robotd_cia402.motion import Activity, ProfileEstimate, Setpoint
+from robotd_cia402.motion import Activity, ProfileEstimate, Setpoint, towards
+from robotd_cia402.object_numbers import DEMAND
 from robotd_cia402.options import DriveOptions
 from robotd_cia402.scaling import Scaling, wrapped
+from robotd_cia402.silent_drive import Acknowledgement, takes_away
 
 log = get_logger("cia402")
 
@@ -28,6 +37,8 @@ _GENERIC_ERROR = 0x1000  # of a drive that has no number for its fault
 _ENABLE_INTERPOLATION = int(Control.ENABLE_INTERPOLATION)
 _WATCHED = (Operation.POSITION, Operation.VELOCITY, Operation.STOPPING)  # end by the report
 _NOTHING_SENT = -1
+_REST_VELOCITY = 0.01  # rad/s or m/s, of a drive that keeps a setpoint
+_MAX_FOLLOWING_ERROR = 0.1  # rad or m; a drive that is further away has not kept it
 
 
 class Axis(Generic[DriveT]):
@@ -37,6 +48,7 @@ class Axis(Generic[DriveT]):
         options, drive, scaling: its section, the objects of its drive, and the drive's units.
         lock: held by the worker whose command runs.
         report, power, mode, setpoint, activity, estimate: the parts.
+        acknowledgement: of the setpoints, by the drive.
         controlword: of the last frame; -1 before the first.
     """
 
@@ -49,19 +61,27 @@ class Axis(Generic[DriveT]):
         self.setpoint = Setpoint(options.stop_deceleration_rad_s2)
         self.activity = Activity()
         self.estimate = ProfileEstimate(options.quick_stop_deceleration_rad_s2)
+        self.acknowledgement = Acknowledgement(drive.latency, drive.settling)
         self.controlword = _NOTHING_SENT
+        self._sent: tuple[int, ...] = ()  # outputs of the last frame
+        self._velocity = 0.0  # as sent
+        self._catches_up = False  # it follows the setpoint by a ramp
         self._shown: tuple[object, ...] = ()  # state that the image has
 
     def transmit(self, period_s: float, periods: int = 1) -> None:
         """Control loop: put the outputs of the next cyclic frame.
 
-        ``periods`` have passed since the frame before; the drive's own profiles have advanced.
+        A drive that does not answer gets no new setpoint, and of the controlword only what takes
+        away energy or motion. ``periods`` have passed since the frame before; the drive's own
+        profiles have advanced.
         """
         setpoint, scaling = self.setpoint, self.scaling
+        withheld = self._withholds(period_s)
         powered = self.report.powered or not self.report.known
         if not (powered and self.activity.streaming):
             self.estimate.advance(periods * period_s)
-            self._advance(period_s)
+            if not withheld or self.mode.requested.is_velocity:
+                self._advance(period_s)
         mode = self.mode.requested
         in_mode = self.report.displayed_mode == mode
         word = self.power.control | self.mode.bits
@@ -75,26 +95,29 @@ class Axis(Generic[DriveT]):
             if in_mode:  # else it may still follow the target position as a cyclic setpoint
                 target = wrapped(setpoint.target_counts)
         elif mode is OperationMode.CYCLIC_VELOCITY:
-            velocity = scaling.velocity_units(setpoint.velocity)
+            velocity = scaling.velocity_units(self._next_velocity(period_s, withheld=withheld))
         elif mode is OperationMode.PROFILE_VELOCITY:
             velocity = scaling.velocity_units(setpoint.target_velocity)
         elif mode.is_torque:
             torque = scaling.torque_units(setpoint.torque)
-        self.drive.put((word, mode, target, velocity, torque, counts))
-        self.controlword = word
-        setpoint.waits = False
+        outputs = word, mode, target, velocity, torque, counts
+        if withheld:
+            self._put_withheld(*outputs)
+        else:
+            self.acknowledgement.note(position)
+            self._put(outputs)
 
     def observe(self, image: ProcessImage) -> None:
         """Control loop: act on the drive's report, and write this axis' part of ``image``."""
-        report, activity = self.report, self.activity
+        report, activity, was_known = self.report, self.activity, self.report.known
         report.update()
         if not report.known:
+            if was_known:
+                self._lose()
             self.mode.forget()
-            # A lost drive may receive all the same: a ramp of ours goes on to its end.
-            ramp = self.mode.requested.is_ours and self.setpoint.velocity != 0.0
-            if not (ramp and activity.operation is Operation.STOPPING):
-                self.hold()
+            self.hold()
         else:
+            self._rejoin()
             if not report.powered:
                 self._note_off()
             elif report.state is DriveState.QUICK_STOP_ACTIVE:
@@ -105,6 +128,7 @@ class Axis(Generic[DriveT]):
                 self._watch_operation()
             self._fill_values(image)
         self._fill_state(image)
+        image.silent[self.number] = report.known and self.acknowledgement.withholds
 
     def follow(self, position: float, velocity: float) -> None:
         """Control loop: a streamed setpoint; the position does not count in a velocity mode."""
@@ -168,7 +192,10 @@ class Axis(Generic[DriveT]):
     def resume(self) -> None:
         """Control loop: the drive answers again; continue where it is."""
         self.report.update()
-        self.setpoint.stand_at(self.present_position())
+        if self._is_held_by_setpoint:
+            self.setpoint.stand_at(self._executed_setpoint())
+        else:
+            self.setpoint.stand_at(self.present_position())
         self.hold()
 
     def forget(self) -> None:
@@ -178,8 +205,96 @@ class Axis(Generic[DriveT]):
         self.power.reset()
         self.mode.bits = 0
         self.mode.forget()
+        self.acknowledgement.forget()
         self.activity.home_done = False
         self.hold()
+
+    def _put(self, outputs: tuple[int, ...]) -> None:
+        self._sent = outputs
+        self.drive.put(outputs)
+        self.controlword = outputs[0]
+        self.setpoint.waits = False
+
+    def _put_withheld(
+        self, word: int, mode: OperationMode, target: int, velocity: int, _: int, counts: int
+    ) -> None:
+        """Put what a drive that does not answer may get, if there is anything.
+
+        That is less energy or speed, or the setpoint before those that have not reached it.
+        """
+        _, mode_before, target_before, velocity_before, torque, _ = self._sent
+        slower = mode.is_velocity and abs(velocity) < abs(velocity_before)
+        back = mode.is_cyclic_position and self.drive.unreached and target != target_before
+        if slower or back or takes_away(word, self.controlword):
+            target = target if back else target_before
+            velocity = velocity if slower else velocity_before
+            self._put((word, mode_before, target, velocity, torque, counts))
+
+    @property
+    def _is_held_by_setpoint(self) -> bool:
+        """The drive keeps the last position that it was sent."""
+        enabled = self.report.state is DriveState.OPERATION_ENABLED
+        return enabled and self.mode.requested.is_cyclic_position
+
+    def _withholds(self, period_s: float) -> bool:
+        """Decide whether the next setpoint is withheld; a position stays at the last one then."""
+        acknowledgement, setpoint = self.acknowledgement, self.setpoint
+        if self.report.known:  # else it is lost, or not known yet
+            way = self.scaling.velocity_limit * period_s
+            drive = self.drive
+            acknowledgement.check(
+                drive.missed,
+                setpoint.position,
+                way,
+                unreached=drive.unreached,
+                blocked=drive.blocked,
+            )
+        if not acknowledgement.withholds:
+            return False
+        if self.mode.requested.is_cyclic_position:
+            setpoint.position, setpoint.velocity = acknowledgement.command(None), 0.0
+        self._catches_up = True
+        return True
+
+    def _rejoin(self) -> None:
+        """Continue where the drive is, which answers again; the next frame has that setpoint."""
+        if self.acknowledgement.withholds and not self.drive.missed and self._is_held_by_setpoint:
+            self.setpoint.position, self.setpoint.velocity = self._executed_setpoint(), 0.0
+
+    def _executed_setpoint(self) -> float:
+        """Return the last setpoint that the drive has executed."""
+        acknowledgement, report = self.acknowledgement, self.report
+        if DEMAND in self.drive.inputs:
+            return report.demand()
+        if not acknowledgement.withholds:
+            return self.setpoint.position
+        at_rest = abs(report.velocity) < _REST_VELOCITY
+        setpoint = acknowledgement.command(report.position if at_rest else None)
+        elsewhere = abs(report.position - setpoint) > _MAX_FOLLOWING_ERROR
+        return report.position if elsewhere else setpoint
+
+    def _lose(self) -> None:
+        """Stop a lost drive by its quick stop: its place and its setpoint are not known."""
+        self.acknowledgement.lose()
+        if not self.activity.is_idle:
+            self.power.quick_stop()
+
+    def _next_velocity(self, period_s: float, *, withheld: bool) -> float:
+        """Return the velocity to send: after a silence by a ramp from the last one.
+
+        While an answer is missing it becomes lower only: a drive that has not got the steps of a
+        ramp would make all of them in one.
+        """
+        velocity = self.setpoint.velocity
+        if self.drive.missed and self.report.known:
+            withheld = self._catches_up = True
+        if self._catches_up and not withheld:
+            step = self.options.stop_deceleration_rad_s2 * period_s
+            self._velocity = towards(self._velocity, velocity, step)
+            self._catches_up = self._velocity != velocity
+        elif not withheld or abs(velocity) < abs(self._velocity):
+            self._velocity = velocity
+        return self._velocity
 
     def _advance(self, period_s: float) -> None:
         """Compute the setpoint of the next frame, unless it is streamed."""
@@ -242,7 +357,7 @@ class Axis(Generic[DriveT]):
 
     def _watch_operation(self) -> None:
         # A drive may show for some time that it has reached the target of the move before.
-        reached = self.report.statusword & Status.TARGET_REACHED and self.estimate.ended
+        reached = self.report.statusword & StatusBits.TARGET_REACHED and self.estimate.ended
         match self.activity.operation:
             case Operation.POSITION if reached and self.mode.phase is Phase.DONE:
                 self._end_move()
@@ -256,7 +371,7 @@ class Axis(Generic[DriveT]):
                 pass
 
     def _end_move(self) -> None:
-        limited = self.report.statusword & Status.INTERNAL_LIMIT
+        limited = self.report.statusword & StatusBits.INTERNAL_LIMIT
         self.activity.complete = not limited
         if limited:
             node = self.drive.node.label

@@ -31,7 +31,7 @@ class DriveState(Enum):
     UNKNOWN = "unknown"
 
 
-class Status(IntFlag):
+class StatusBits(IntFlag):
     """Bits of the statusword that do not belong to the state."""
 
     TARGET_REACHED = 1 << 10
@@ -87,6 +87,7 @@ TOWARDS_ENABLED: dict[DriveState, Control] = {
 }
 """State → controlword that leads to OPERATION_ENABLED; other states need no command."""
 
+_POWERLESS = (Control.DISABLE_VOLTAGE, Control.SHUTDOWN)
 POWERED = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
 FAULTY = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
 
@@ -104,10 +105,12 @@ class PowerStage:
         requested: the servo is meant to be on.
         lost: why the servo went off by itself; "" if it did not.
         releases: number of times that it was switched off.
+        may_be_on: it was switched on, and the drive has not confirmed since that it is off.
     """
 
     def __init__(self) -> None:
         self.releases = 0
+        self.may_be_on = False
         self._lock = threading.Lock()  # a switch-off is final: what comes with it has no effect
         self.reset()
 
@@ -128,6 +131,7 @@ class PowerStage:
         with self._lock:
             if self.releases == releases:
                 self.control, self.requested = control.value, done
+                self.may_be_on |= control not in _POWERLESS
             return self.releases == releases
 
     def release(self, state: DriveState) -> None:
@@ -164,7 +168,7 @@ class PowerStage:
         with self._lock:
             if not self.requested:
                 return False
-            self.requested = False
+            self.requested = self.may_be_on = False
             self.control = Control.DISABLE_VOLTAGE.value
         self.lost = f"statusword 0x{statusword:04X} ({state.value})"
         return True
@@ -258,7 +262,7 @@ class ModeControl:
         in_mode = displayed_mode == OperationMode.PROFILE_POSITION
         self._frames += 1
         self._low_frames = self._low_frames + 1 if in_mode else 0
-        acknowledged = bool(statusword & Status.ACKNOWLEDGE)
+        acknowledged = bool(statusword & StatusBits.ACKNOWLEDGE)
         match before:
             case Phase.ENTERING if self._low_frames > _LOW_FRAMES and not acknowledged:
                 self.bits |= Control.NEW_SET_POINT

@@ -115,6 +115,8 @@ class Cia402Device(DeviceDriver, Generic[MasterT, SimulationT]):
             self.master.end()
         except RobotdError as error:
             log.warning("stopping the bus failed", reason=str(error))
+        if unconfirmed := [axis for axis in self.master.axes if axis.power.may_be_on]:
+            self.master.force_off(unconfirmed)
 
     def state(self) -> ConnectionState:
         return self.master.state
@@ -139,11 +141,14 @@ def switch_off(axes: Collection[Axis[Any]], timeout_s: float, clock: Clock) -> N
         timeout_s: for all to come to rest; then the servos are switched off in motion.
 
     A servo that does not go off is logged; the others are switched off all the same. A drive that
-    is lost may receive: it is switched off without an answer.
+    is lost may receive: it is switched off without an answer. ``PowerStage.may_be_on`` of an axis
+    says afterwards whether it has confirmed.
     """
     online = [axis for axis in axes if axis.drive.node.online]
-    lost = [axis for axis in axes if not axis.drive.node.online and axis.power.requested]
+    lost = [axis for axis in axes if not axis.drive.node.online and axis.power.may_be_on]
     live = [axis for axis in online if axis.report.powered]
+    for axis in live:
+        axis.power.may_be_on = True
     for axis in live:
         axis.brake(axis.options.stop_deceleration_rad_s2)
     wait_until(lambda: all(axis.activity.is_idle for axis in live), timeout_s, clock)
@@ -175,7 +180,7 @@ class Cia402Fieldbus(FieldbusDriver, Generic[MasterT]):
 
     @abstractmethod
     def _download(self, node: int, index: int, sub: int, data: bytes) -> None:
-        """Write an object once, raw. Raises as ``_upload``."""
+        """Write an object once, raw. Raises the errors of ``_upload``."""
 
     @property
     def buses(self) -> int:

@@ -36,19 +36,25 @@ class DriveAccess(ABC):
     Attributes:
         node: on the bus.
         inputs, outputs: objects in the cyclic frames, once it is configured.
+        latency: cyclic frames that are sent until the answer to the first of them is taken.
+        settling: frames that it answers after a longer silence before it gets a setpoint again.
         turn: frames from one to the next that hold the input which comes most rarely.
         velocity_turn: the same for the velocity.
+        unreacting: why it need not switch off when its connection is lost; "" if it does.
     """
 
     node: FieldbusNode
     inputs: Collection[int]
     outputs: Collection[int]
+    latency = 1
+    settling = 0
     turn = velocity_turn = 1
 
     def __init__(self) -> None:
         self._written: dict[tuple[int, int], int] = {}
         self._missing: set[int] = set()
         self._reported: set[int] = set()
+        self.unreacting = ""
 
     @property
     @abstractmethod
@@ -75,6 +81,24 @@ class DriveAccess(ABC):
     @abstractmethod
     def answered(self) -> int:
         """Number of the cyclic frame that the position taken last answers. Control loop."""
+
+    @property
+    @abstractmethod
+    def missed(self) -> int:
+        """Cyclic frames in a row whose answers should be there by now, and are not. Control loop.
+
+        0 for a drive whose answers belong to no frame.
+        """
+
+    @property
+    def unreached(self) -> bool:
+        """It is certain that the ``missed`` frames have not reached the drive. Control loop."""
+        return False
+
+    @property
+    def blocked(self) -> bool:
+        """Cyclic frames wait in this computer: none is sent now. Control loop."""
+        return False
 
     @abstractmethod
     def put(self, values: Sequence[int]) -> None:
@@ -114,14 +138,14 @@ class DriveAccess(ABC):
         """
 
     def set_value(self, index: int, sub: int, value: int) -> None:
-        """Write an object unless it has that value already. Worker. Raises as ``write``."""
+        """Write an object unless it has that value. Worker. Raises the errors of ``write``."""
         if self._written.get((index, sub)) != value:
             self._written.pop((index, sub), None)  # without an answer it may have been executed
             self.write(index, sub, value)
             self._written[index, sub] = value
 
     def set_optional(self, index: int, value: int) -> bool:
-        """Set an object if the drive has it; return whether it does. Raises as ``write``."""
+        """Set an object; False: the drive has none. Raises the errors of ``write``."""
         if index in self._missing:
             return False
         try:

@@ -14,8 +14,14 @@ from robotd_cia402.modes import needed_modes
 log = get_logger("cia402")
 
 _SUPPORTED_MODES, _QUICK_STOP_RAMP, _PERIOD = 0x6502, 0x6085, 0x60C2
+_CONNECTION_LOST = 0x6007  # reaction to it
+_STOPPING = (
+    1,
+    2,
+    3,
+)  # values of it with which a drive does not go on: fault, power off, quick stop
 _OPTION_CODES = {
-    0x6007: (1, "the drive may go on when robotd is lost"),
+    _CONNECTION_LOST: (1, "the drive may go on when robotd is lost"),
     0x605A: (6, "a quick stop may end with the servo off"),
     0x605D: (1, "the halt of a move may have another ramp"),
 }
@@ -37,7 +43,9 @@ def set_up(axis: Axis[Any], period_s: float) -> None:
     if axis.options.check_modes:
         _check_modes(axis)
     for index, (value, otherwise) in _OPTION_CODES.items():
-        _write(axis, index, 0, value, otherwise)
+        written = _write(axis, index, 0, value, otherwise)
+        if index == _CONNECTION_LOST:
+            axis.drive.unreacting = "" if written else _reaction(axis)
     _write_period(axis, period_s)
     axis.report.period_s = period_s
     write_quick_stop_ramp(axis)
@@ -49,7 +57,7 @@ def set_up(axis: Axis[Any], period_s: float) -> None:
 def write_quick_stop_ramp(axis: Axis[Any]) -> None:
     """Write the ramp of the quick stop, in the scale in force. Worker.
 
-    Raises as ``set_up``.
+    Raises the errors of ``set_up``.
     """
     ramp = axis.scaling.ramp_units(axis.options.quick_stop_deceleration_rad_s2)
     _write(axis, _QUICK_STOP_RAMP, 0, ramp, "a quick stop has the ramp that is set in the drive")
@@ -91,6 +99,15 @@ def _write_period(axis: Axis[Any], period_s: float) -> None:
     otherwise = f"the drive must expect a frame each {period_s * 1000:g} ms by its own setting"
     if _write(axis, _PERIOD, 2, exponent, otherwise):
         _write(axis, _PERIOD, 1, value, otherwise)
+
+
+def _reaction(axis: Axis[Any]) -> str:
+    """Return why a drive need not stop whose 0x6007 is not written; "": its own value stops it."""
+    try:
+        value = axis.drive.read(_CONNECTION_LOST)
+    except SdoAbort:
+        return "it has no object 0x6007"
+    return "" if value in _STOPPING else f"0x6007 is {value}, and is not written"
 
 
 def _write(axis: Axis[Any], index: int, sub: int, value: int, otherwise: str) -> bool:

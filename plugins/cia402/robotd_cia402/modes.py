@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import IntEnum
 
 from robotd.api import CommandMode
-from robotd_cia402.options import DriveOptions, StreamMode, VelocityMode
+from robotd_cia402.options import DriveOptions, SetpointMode, VelocityMode
 
 
 class OperationMode(IntEnum):
@@ -39,14 +39,16 @@ class OperationMode(IntEnum):
         return 1 << (self.value - 1)
 
 
+HOMING_AT_REST = (35, 37)
+"""Homing methods (0x6098) that take the present position; all others move, or may (CiA 402-2)."""
 TORQUE_MODES = (4, 10)
 """Numbers of profile torque, which robotd never requests, and of cyclic torque."""
 _NAMES = {mode.value: mode.name.lower().replace("_", " ") for mode in OperationMode}
 _NAMES |= {2: "velocity", 4: "profile torque"}  # which robotd never requests
 
 STREAM_MODES = {
-    StreamMode.CSP: OperationMode.CYCLIC_POSITION,
-    StreamMode.IP: OperationMode.INTERPOLATED_POSITION,
+    SetpointMode.CSP: OperationMode.CYCLIC_POSITION,
+    SetpointMode.IP: OperationMode.INTERPOLATED_POSITION,
 }
 VELOCITY_MODES = {
     VelocityMode.PV: OperationMode.PROFILE_VELOCITY,

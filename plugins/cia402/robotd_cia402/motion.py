@@ -90,7 +90,7 @@ class Setpoint:
 
     def brake(self, period_s: float) -> None:
         """Control loop: one period of a stop in a cyclic position mode."""
-        self.velocity = _towards(self.velocity, 0.0, self.deceleration * period_s)
+        self.velocity = towards(self.velocity, 0.0, self.deceleration * period_s)
         self.position += self.velocity * period_s
 
     def ramp(self, period_s: float) -> None:
@@ -98,7 +98,7 @@ class Setpoint:
         turns = self.velocity * self.target_velocity < 0.0
         goal = 0.0 if turns else self.target_velocity
         rate = self.deceleration if abs(goal) < abs(self.velocity) else self.acceleration
-        self.velocity = _towards(self.velocity, goal, rate * period_s)
+        self.velocity = towards(self.velocity, goal, rate * period_s)
 
 
 class ProfileEstimate:
@@ -162,5 +162,6 @@ class ProfileEstimate:
         self._segments = segments
 
 
-def _towards(value: float, target: float, step: float) -> float:
+def towards(value: float, target: float, step: float) -> float:
+    """Return ``value`` one ``step`` closer to ``target``, and not beyond it."""
     return min(target, value + step) if value < target else max(target, value - step)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from robotd.api import (
@@ -13,12 +14,11 @@ from robotd.api import (
     Profile,
 )
 from robotd_cia402.command_steps import STEP_TIMEOUT_S, CommandSteps
-from robotd_cia402.controlword import Control, Status
-from robotd_cia402.modes import VELOCITY_MODES, OperationMode
+from robotd_cia402.controlword import Control, StatusBits
+from robotd_cia402.modes import HOMING_AT_REST, VELOCITY_MODES, OperationMode
 from robotd_cia402.object_numbers import TARGET_VELOCITY
 from robotd_cia402.scaling import wrapped
 
-_HERE = (35, 37)  # homing methods that take the present position
 _FRESH_FRAMES = 5  # and a turn, after which every value is from after the event
 
 
@@ -65,16 +65,20 @@ class MotionCommands(CommandSteps):
                 axis.activity.begin(Operation.VELOCITY)
             self._require_no_stop(stops)
 
-    def home(self, timeout_s: float) -> None:
-        """Homing mode with the configured method; 35 and 37 do not move."""
+    def home(self, timeout_s: float, max_speed: float = math.inf) -> None:
+        """Run the configured homing method, which moves unless it is one at rest.
+
+        ``max_speed``: bound of the speeds of a method that moves, rad/s or m/s.
+        """
         axis, drive, options = self._axis, self._axis.drive, self._axis.options
         stops, braking_s = axis.activity.stops, 0.0
         with axis.lock:
             self._prepare_motion(stops)
             axis.activity.home_done = False
             drive.set_value(0x6098, 0, options.homing_method)
-            if options.homing_method not in _HERE:
-                speeds = options.homing_speed_rad_s, options.homing_creep_rad_s
+            if options.homing_method not in HOMING_AT_REST:
+                configured = options.homing_speed_rad_s, options.homing_creep_rad_s
+                speeds = [min(speed, max_speed) for speed in configured]
                 for sub, speed in enumerate(speeds, 1):
                     drive.set_value(0x6099, sub, self._speed_units(speed))
                 ramp = axis.scaling.ramp_units(options.homing_acceleration_rad_s2)
@@ -92,7 +96,9 @@ class MotionCommands(CommandSteps):
                     if not self._wait(lambda: axis.activity.is_idle, braking_s + STEP_TIMEOUT_S):
                         axis.power.quick_stop()  # some drives do not watch the bit
                         self._wait(lambda: axis.activity.is_idle, STEP_TIMEOUT_S)
-                self._wait_for_fresh_values()
+                if not self._wait_for_fresh_values():
+                    # The zero may have moved: a command from before would be a jump.
+                    axis.power.release(axis.report.state)
                 axis.report.rebase()
                 axis.setpoint.position = axis.report.position
                 axis.mode.requested = self._rest_mode()
@@ -132,12 +138,13 @@ class MotionCommands(CommandSteps):
         self._require_no_stop(stops)
         axis.mode.bits = int(Control.START_HOMING)
         started = self._wait(lambda: bool(axis.controlword & Control.START_HOMING), STEP_TIMEOUT_S)
-        self._wait_for_fresh_values()  # until then the statusword may be that of the homing before
-        done = Status.HOMING_ATTAINED | Status.TARGET_REACHED
+        # Until then the statusword may be that of the homing before.
+        started = started and self._wait_for_fresh_values()
+        done = StatusBits.HOMING_ATTAINED | StatusBits.TARGET_REACHED
 
         def failed() -> bool:
             interrupted = activity.operation is not Operation.HOMING
-            return interrupted or bool(report.statusword & Status.HOMING_ERROR)
+            return interrupted or bool(report.statusword & StatusBits.HOMING_ERROR)
 
         def ended() -> bool:
             return report.statusword & done == done or failed()
@@ -155,12 +162,13 @@ class MotionCommands(CommandSteps):
             return axis.options.stop_deceleration_rad_s2
         return axis.setpoint.deceleration
 
-    def _wait_for_fresh_values(self) -> None:
-        """Wait until every value is from after the present frame."""
+    def _wait_for_fresh_values(self) -> bool:
+        """Wait until every value is from after the present frame; False: the drive is silent."""
         drive = self._axis.drive
-        fresh = drive.frames + _FRESH_FRAMES + drive.turn
-        self._wait(
-            lambda: drive.frames >= fresh, STEP_TIMEOUT_S + drive.turn * self._report.period_s
+        sent, answered = drive.frames + _FRESH_FRAMES + drive.turn, drive.answered + _FRESH_FRAMES
+        return self._wait(
+            lambda: drive.frames >= sent and drive.answered >= answered,
+            STEP_TIMEOUT_S + drive.turn * self._report.period_s,
         )
 
     def _prepare_motion(self, stops: int) -> None:

@@ -67,6 +67,7 @@ class FieldbusNode:
         fault: why it is not online, without its name; "" while online and before bring-up.
         identity: as ``IDENTITY``; empty before it is read.
         emergency: in force; None without one.
+        unwatched: why it does not notice the loss of robotd; "" if it does.
     """
 
     def __init__(self, kind: str, number: int, what: str, history: deque[Emergency]) -> None:
@@ -76,6 +77,7 @@ class FieldbusNode:
         self.fault = ""
         self.identity: tuple[int, ...] = ()
         self.emergency: Emergency | None = None
+        self.unwatched = ""
         self._history = history
 
     @property

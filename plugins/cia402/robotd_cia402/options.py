@@ -39,7 +39,7 @@ STARTUP_WRITES = (0x1016, 0x6007, 0x605A, 0x605D, 0x6085, 0x60C2)
 
 def _one_of_startup_writes(index: int) -> int:
     if index not in STARTUP_WRITES:
-        known = ", ".join(f"0x{each:04X}" for each in STARTUP_WRITES)
+        known = ", ".join(f"0x{index:04X}" for index in STARTUP_WRITES)
         raise ValueError(f"0x{index:04X} is not written at start; these are: {known}")
     return index
 
@@ -47,13 +47,13 @@ def _one_of_startup_writes(index: int) -> int:
 StartupWrite = Annotated[Integer, AfterValidator(_one_of_startup_writes)]
 
 
-class Section(BaseModel):
+class BackendSection(BaseModel):
     """Base of the sections: frozen, and an unknown key is an error."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-class StreamMode(StrEnum):
+class SetpointMode(StrEnum):
     """Mode of operation for trajectories."""
 
     CSP = "csp"  # cyclic synchronous position
@@ -67,14 +67,14 @@ class VelocityMode(StrEnum):
     CSV = "csv"  # cyclic synchronous velocity: the ramps are sent with each frame
 
 
-class SdoWrite(Section):
+class SdoWrite(BackendSection):
     """One object that is written while the node starts."""
 
     object: ObjectName = Field(description="Object, `0x6085` or `0x607D:1`.")
     value: Integer = Field(description="Value in the object's own unit.")
 
 
-class Identity(Section):
+class Identity(BackendSection):
     """Expected object 0x1018; null is not compared."""
 
     vendor_id: Integer | None = None
@@ -83,7 +83,7 @@ class Identity(Section):
     serial: Integer | None = None
 
 
-class SimulatedSwitches(Section):
+class SimulatedSwitches(BackendSection):
     """Switches of a simulated axis, rad (or m) of the joint from power-on; null: none."""
 
     negative_limit_rad: float | None = Field(None, description="Closed here and below.")
@@ -92,7 +92,7 @@ class SimulatedSwitches(Section):
     home_width_rad: Positive = Field(0.02, description="Width of the home switch.")
 
 
-class DriveOptions(Section):
+class DriveOptions(BackendSection):
     """One axis of a drive: modes, scale, homing and ramps."""
 
     axis: int = Field(ge=0, description="Axis of the robot.")
@@ -107,10 +107,13 @@ class DriveOptions(Section):
     acceleration_per_rad_s2: Positive | None = Field(
         None, description="Drive's acceleration units per rad/s²; null: counts per second²."
     )
-    stream_mode: StreamMode = Field(StreamMode.CSP, description="Mode of trajectories.")
+    stream_mode: SetpointMode = Field(SetpointMode.CSP, description="Mode of trajectories.")
     velocity_mode: VelocityMode = Field(VelocityMode.PV, description="Mode of velocity commands.")
     homing_method: int = Field(
-        37, ge=-128, le=37, description="35 and 37 take the present position, others move."
+        37,
+        ge=-128,
+        le=37,
+        description="35 and 37 take the present position; all others move, at the speed in force.",
     )
     homing_speed_rad_s: Positive = Field(0.1, description="Speed towards the switch.")
     homing_creep_rad_s: Positive = Field(0.02, description="Speed towards the edge.")
@@ -145,7 +148,7 @@ class DriveOptions(Section):
         return self
 
 
-class ModuleOptions(Section):
+class ModuleOptions(BackendSection):
     """Bytes of the robot's I/O image that one I/O module serves."""
 
     input_byte: int = Field(0, ge=0, lt=8000, description="First byte of the input image.")
@@ -223,7 +226,7 @@ def parse_object(name: str) -> tuple[int, int]:
     return int(index, 16), int(sub or 0)
 
 
-class Problems:
+class OptionProblems:
     """Everything that is wrong with the section of a backend.
 
     Attributes:

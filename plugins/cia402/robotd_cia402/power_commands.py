@@ -73,6 +73,7 @@ class PowerCommands(CommandSteps):
             self.require_online()
             late = f"the servo did not go off within {timeout_s:g} s"
             self._require(lambda: not report.powered, left_s(), late)
+            axis.power.may_be_on = False
             axis.hold()
 
     def clear_alarm(self, timeout_s: float) -> None:

@@ -102,11 +102,11 @@ def scan(options: Mapping[str, str]) -> Mapping[str, Any]:
     """Return what is on the bus of ``interface``, for ``robotd new-robot --bus``.
 
     Args:
-        options: ``interface``, and ``esi`` for a folder or file of descriptions.
+        options: ``interface`` (or ``address``), and ``esi`` for a folder or file of descriptions.
 
     Raises InvalidArgument: no interface. RobotdError: the bus does not open.
     """
-    interface, esi = options.get("interface", ""), options.get("esi")
+    interface, esi = options.get("interface") or options.get("address"), options.get("esi")
     if not interface:
         raise InvalidArgument("name the network interface, for example interface=eth1")
     with open_bus(interface) as bus:

@@ -135,7 +135,7 @@ class _Reader:
         coe = element.find("Mailbox/CoE")
         slots = element.find("Slots")
         places = ("Profile/ProfileNo", "Profile/ChannelInfo/ProfileNo")
-        profiles = [self._value(each) for place in places for each in element.iterfind(place)]
+        profiles = [self._value(found) for place in places for found in element.iterfind(place)]
         return EsiDevice(
             path=self._path,
             vendor=self._vendor,

@@ -12,7 +12,6 @@ from robotd_cia402.drive_access import DriveAccess
 from robotd_cia402.module_io import ModuleIo
 from robotd_cia402.object_numbers import AXIS_STEP, INPUTS, OUTPUTS, PROFILE_AREA, on_axis
 from robotd_ethercat.al_status import AlState
-from robotd_ethercat.mapping import SlaveImage
 from robotd_ethercat.options import IoOptions
 from robotd_ethercat.slave import Slave
 from robotd_ethercat.soem import NO_FRAME, SlaveState, Soem
@@ -58,8 +57,8 @@ class IoImage(ModuleIo[Slave, IoOptions]):
 
     def clear(self, slave: Slave) -> None:
         """Switch the outputs of a lost module off: its return must not switch them on."""
-        for each, module in self.modules:
-            if each is slave:
+        for owner, module in self.modules:
+            if owner is slave:
                 first, length = module.output_byte, module.output_length
                 with self._lock:
                     self.outputs[first : first + length] = bytes(length)
@@ -87,8 +86,9 @@ class Exchange:
         good_frames: frames that came back from every slave that is online.
         bad_in_row: frames in a row, lost or incomplete.
         in_flight: a frame was sent and not received yet.
+        blocked: the last frame is not back, and waits in the interface of this computer.
         suspect: number of frames from now on that may be late ones, after a loss.
-        sent_ns: monotonic time at which the last frame was sent; the inputs are of that time.
+        sent_ns: monotonic time at which the last frame was sent; the inputs were sampled then.
         needed: working counter of the slaves that are online, and of those in Op that are not in
             the descriptor.
         working_counter: of the last frame; -1 if it did not come back.
@@ -100,25 +100,25 @@ class Exchange:
         self.working_counter = NO_FRAME
         self.counters = Counters()
         self._bus, self._slaves, self._io, self._clock = bus, slaves, io, clock
-        self._drives: list[tuple[SlaveImage, Any]] = []
-        self.in_flight = False
+        self._drives: list[tuple[Slave, Any]] = []
+        self.in_flight = self.blocked = False
         self.suspect = 0
 
     def begin(self) -> None:
         """Worker: the slaves are configured; send outputs of all, receive from all."""
         self._drives = [
-            (slave.image, self._bus.slaves[slave.number])
-            for slave in self._slaves
-            if slave.is_drive
+            (slave, self._bus.slaves[slave.number]) for slave in self._slaves if slave.is_drive
         ]
         self._io.begin(self._bus.slaves)
         self.needed = self._bus.expected_counter
-        self.bad_in_row, self.in_flight = 0, False
+        self.in_flight = self.blocked = False
+        self._forget_bad_frames()
 
     def go_live(self) -> None:
         """Worker: all slaves are in Op; the frames of bring-up do not count."""
         self.count_online(self._bus.states())
-        self.bad_in_row, self.counters = 0, Counters()
+        self.counters = Counters()
+        self._forget_bad_frames()
 
     def count_online(self, states: Sequence[SlaveState]) -> None:
         """Update ``needed`` after a slave was lost or has come back.
@@ -144,13 +144,25 @@ class Exchange:
 
         The time is taken right before: a process may be stopped while it encodes.
         """
-        for image, raw in self._drives:
-            raw.output = image.pack()
+        for slave, raw in self._drives:
+            raw.output = slave.image.pack()
         self._io.pack()
         self.sent_ns, self.in_flight = self._clock.now_ns(), True
         self._bus.send()
         self.frames += 1
         self.counters.sent += 1
+
+    def check_blocked(self) -> bool:
+        """Return True, and count a lost frame, while the last one has not left this computer.
+
+        What is sent then is executed late, and all of it at once. One frame can get late, because
+        it is sent before the interface is known to be blocked.
+        """
+        self.blocked = self.working_counter <= 0 and self._bus.is_blocked
+        if self.blocked:
+            self.bad_in_row += 1
+            self._note_missed(returned=False)
+        return self.blocked
 
     def receive(self, timeout_us: int = _LIVE_TIMEOUT_US) -> bool:
         """Receive the last frame and decode the inputs; False: it is lost or incomplete.
@@ -169,19 +181,44 @@ class Exchange:
                 self.counters.lost += 1
             else:
                 self.counters.incomplete += 1
+            self._note_missed(returned=counter > 0)
             return False
-        self.bad_in_row = 0
+        if self.bad_in_row:
+            self._forget_bad_frames()
         self.counters.received += 1
-        for image, raw in self._drives:
-            image.take(raw.input)
+        for slave, raw in self._drives:
+            slave.image.take(raw.input)
         self._io.take()
         self.good_frames += 1
         return True
 
+    def _forget_bad_frames(self) -> None:
+        self.bad_in_row = 0
+        for slave in self._slaves:
+            slave.missed = 0
+
+    def _note_missed(self, *, returned: bool) -> None:
+        """Count the frame as missed by every drive, but for those that it shows the opposite of.
+
+        Of a frame that returned incomplete, the working counter does not tell which slave has not
+        processed it; that leaves its inputs as they were sent, as they came before. A drive whose
+        inputs have changed has processed it.
+        """
+        for slave, raw in self._drives:
+            slave.unreached = returned
+            if returned and raw.input != slave.image.raw:
+                slave.image.take(raw.input)
+                slave.missed = 0
+            else:
+                slave.missed += 1
+
     def run_once(self) -> bool:
         """Worker: one frame there and back, while no control loop exchanges."""
         self.send()
-        return self.receive(_FIRST_TIMEOUT_US)
+        is_back = self.receive(_FIRST_TIMEOUT_US)
+        if is_back:
+            self._bus.note_all_sent()
+        return is_back
 
 
 def full_counter(output_size: int, input_size: int) -> int:
@@ -223,6 +260,18 @@ class EthercatDrive(DriveAccess):
     @property
     def answered(self) -> int:
         return self._exchange.good_frames
+
+    @property
+    def missed(self) -> int:
+        return self.node.missed
+
+    @property
+    def unreached(self) -> bool:
+        return self.node.unreached
+
+    @property
+    def blocked(self) -> bool:
+        return self._exchange.blocked
 
     def put(self, values: Sequence[int]) -> None:
         outputs = self._image.outputs

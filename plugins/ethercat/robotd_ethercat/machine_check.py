@@ -20,6 +20,7 @@ NETWORK = Path("/sys/class/net")
 REALTIME, ISOLATED = Path("/sys/kernel/realtime"), Path("/sys/devices/system/cpu/isolated")
 _OFFLOADS = ("generic-receive-offload", "large-receive-offload", "tcp-segmentation-offload")
 _COALESCING = re.compile(r"^(rx|tx)-usecs:\s*(\d+)", re.MULTILINE)
+_PAUSED = re.compile(r"^RX(?: negotiated)?:\s*(on|off)", re.MULTILINE)
 _TOOL_S = 5.0
 
 
@@ -30,7 +31,7 @@ def checks(context: MachineContext) -> Iterator[Finding]:
     """
     named = context.options.get("interface")
     found = [named] if named else [*map(_interface_of, context.robots)]
-    interfaces: list[str | None] = [each for each in found if each]
+    interfaces: list[str | None] = [finding for finding in found if finding]
     for interface in interfaces or [None]:
         has_failed = False
         for finding in check_machine(interface):
@@ -153,7 +154,7 @@ def _link(interface: str) -> Iterator[Finding]:
 
 
 def _settings(interface: str) -> Iterator[Finding]:
-    """Offloads and IRQ coalescing, by ``ethtool``."""
+    """Offloads, flow control and IRQ coalescing, by ``ethtool``."""
     if shutil.which("ethtool") is None:
         yield Finding(
             "warning", "no ethtool: offloads and coalescing unknown", "apt install ethtool"
@@ -166,6 +167,10 @@ def _settings(interface: str) -> Iterator[Finding]:
         yield Finding("warning", f"offloads on: {', '.join(active)}", advice)
     else:
         yield Finding("ok", "offloads off")
+    paused = _PAUSED.findall(_tool("ethtool", "-a", interface))
+    if paused and paused[-1] == "on":
+        advice = f"frames would wait, and be executed late: sudo ethtool -A {interface} rx off"
+        yield Finding("warning", "flow control on: another device may hold frames up", advice)
     waits = {kind: int(us) for kind, us in _COALESCING.findall(_tool("ethtool", "-c", interface))}
     if any(waits.values()):
         text = ", ".join(f"{kind} {us} µs" for kind, us in waits.items())

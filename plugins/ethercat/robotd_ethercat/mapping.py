@@ -165,13 +165,14 @@ class SlaveImage:
     data are exchanged.
 
     Attributes:
-        inputs: values received last, in the order of the mapping.
+        inputs: values received last, in the order of the mapping; ``raw``: as they came.
         outputs: values to send, in the order of the mapping.
         input_slots, output_slots: (index, subindex) → place in these.
     """
 
     def __init__(self) -> None:
         self.inputs: Sequence[int] = ()
+        self.raw = b""
         self.outputs: list[int] = []
         self.input_slots: dict[tuple[int, int], int] = {}
         self.output_slots: dict[tuple[int, int], int] = {}
@@ -199,7 +200,7 @@ class SlaveImage:
 
     def take(self, data: bytes) -> None:
         """Control loop: decode ``data``, ``input_size`` bytes."""
-        self.inputs = self._input.unpack(data)
+        self.raw, self.inputs = data, self._input.unpack(data)
 
     def pack(self) -> bytes:
         """Control loop: encode the outputs, ``output_size`` bytes."""

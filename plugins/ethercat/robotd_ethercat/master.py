@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 
 from robotd.api import (
     NANOSECONDS,
@@ -13,6 +14,8 @@ from robotd.api import (
     RobotDescriptor,
 )
 from robotd_cia402.axes import Cia402Master, name_and_scaling
+from robotd_cia402.axis import Axis
+from robotd_cia402.forced_off import switch_off_by_sdo
 from robotd_cia402.sync_timing import SyncTiming
 from robotd_ethercat.bring_up import BringUp
 from robotd_ethercat.exchange import ClockObserver, EthercatDrive, Exchange, IoImage
@@ -137,6 +140,11 @@ class Master(Cia402Master[EthercatDrive]):
         if was_running:
             self.bring_up.stop()
 
+    def force_off(self, axes: Sequence[Axis[EthercatDrive]]) -> None:
+        """Slaves that answer are in PreOp, where the mailbox takes the controlword."""
+        for axis in axes:
+            switch_off_by_sdo(axis, self.clock)
+
     def read(self, image: ProcessImage) -> None:
         """Control loop: exchange the frame of this period, supervise, fill the image.
 
@@ -157,7 +165,8 @@ class Master(Cia402Master[EthercatDrive]):
             if self.exchange.in_flight:
                 self._receive(image)
             self._transmit()
-            if not self.exchange.suspect and self.bus.await_process_data(self._await_s):
+            is_awaited = self.exchange.in_flight and not self.exchange.suspect
+            if is_awaited and self.bus.await_process_data(self._await_s):
                 self._receive(image)
         if problem := self.stream_problem(self.clock.now_ns()):
             self.supervision.stop(problem)
@@ -181,13 +190,19 @@ class Master(Cia402Master[EthercatDrive]):
     def _transmit(self) -> None:
         """Compute the outputs of all axes and send the frame of this period.
 
+        While the interface is blocked none is sent, and the period counts as one with a lost frame.
         After a stall it waits for up to a fifth of a period, for a time at which the drives count
         the missed periods as this master does: their profiles have advanced by as many.
         """
         self.clock.sleep_until_ns(self.timing.clear_ns(self.clock.now_ns()))
         periods, before_ns = self.timing.periods_at(self.clock.now_ns()), self.exchange.sent_ns
+        is_blocked = self.exchange.check_blocked()
         for axis in self.axes:
             axis.transmit(self.plan.period_s, periods)
+        if is_blocked:
+            self.supervision.note_bad_frame()
+            self.timing.note_event(self.clock.now_ns())
+            return
         self.exchange.send()
         sent_ns = self.exchange.sent_ns
         if before_ns and self.timing.time_ns:

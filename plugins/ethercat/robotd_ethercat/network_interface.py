@@ -7,11 +7,13 @@ import os
 import socket
 import stat
 import struct
+import termios
 from collections.abc import Sequence
 from pathlib import Path
 
 _GET_FLAGS, _UP = 0x8913, 1  # ioctl SIOCGIFFLAGS, IFF_UP
 _REQUEST = struct.Struct("=16sH22x")
+_COUNT = struct.Struct("=i")
 
 
 def problem_of(interfaces: Sequence[str]) -> tuple[str, bool]:
@@ -56,6 +58,15 @@ def raw_sockets() -> set[int]:
         except OSError:  # closed meanwhile
             continue
     return found
+
+
+def unsent_bytes(packet_socket: socket.socket) -> int:
+    """Return the memory of frames that the interface has not sent yet; 0: none.
+
+    The kernel counts a frame until the network driver has done with it.
+    """
+    answer = fcntl.ioctl(packet_socket.fileno(), termios.TIOCOUTQ, bytes(_COUNT.size))
+    return int(_COUNT.unpack(answer)[0])
 
 
 def prepared(descriptor: int) -> socket.socket:

@@ -13,6 +13,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from robotd_cia402.options import (
+    BackendSection,
     DriveOptions,
     FieldbusOptions,
     Identity,
@@ -21,7 +22,6 @@ from robotd_cia402.options import (
     ObjectName,
     Positive,
     SdoWrite,
-    Section,
     VelocityMode,
 )
 
@@ -40,7 +40,7 @@ class Clocks(StrEnum):
     SYNC0 = "sync0"  # drives act on SYNC0, one pulse in each period
 
 
-class PdoOptions(Section):
+class PdoOptions(BackendSection):
     """One PDO in the assignment 0x1C12 or 0x1C13."""
 
     index: PdoIndex = Field(description="Number of the PDO, `0x1600` or `0x1A00`.")
@@ -51,7 +51,7 @@ class PdoOptions(Section):
     )
 
 
-class SlaveOptions(Section):
+class SlaveOptions(BackendSection):
     """Options common to drives and I/O modules."""
 
     slave: int = Field(ge=0, lt=MAX_SLAVES, description="Place on the cable, 0 is the first.")

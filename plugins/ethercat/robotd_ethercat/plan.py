@@ -16,7 +16,13 @@ from robotd_cia402.object_numbers import (
     TARGET_VELOCITY,
     on_axis,
 )
-from robotd_cia402.options import Problems, StreamMode, VelocityMode, parse_object, with_robot_ramps
+from robotd_cia402.options import (
+    OptionProblems,
+    SetpointMode,
+    VelocityMode,
+    parse_object,
+    with_robot_ramps,
+)
 from robotd_ethercat.options import AxisOptions, EthercatOptions, PdoOptions, SlaveOptions
 
 _SECTION = "backends.ethercat"
@@ -56,7 +62,7 @@ class BusPlan:
 
 def plan_bus(robot: RobotDescriptor, options: EthercatOptions) -> BusPlan:
     """Raises DescriptorError with every problem."""
-    problems = Problems(robot, _SECTION)
+    problems = OptionProblems(robot, _SECTION)
     if options.interface is None and not options.simulated:
         problems.add(
             "interface",
@@ -66,7 +72,7 @@ def plan_bus(robot: RobotDescriptor, options: EthercatOptions) -> BusPlan:
     problems.check_axes(options.axes)
     for number, drive in enumerate(options.axes):
         key = f"axes.{number}"
-        if drive.stream_mode is not StreamMode.CSP:
+        if drive.stream_mode is not SetpointMode.CSP:
             what = f"{drive.stream_mode.value!r} is a mode of CANopen drives, EtherCAT takes 'csp'"
             problems.add(f"{key}.stream_mode", what)
         pdos = (("rx_pdos", needed_outputs(drive)), ("tx_pdos", NEEDED_INPUTS))
@@ -74,7 +80,7 @@ def plan_bus(robot: RobotDescriptor, options: EthercatOptions) -> BusPlan:
             given: tuple[PdoOptions, ...] = getattr(drive, name)
             if not given or any(not pdo.objects for pdo in given):
                 continue  # contents of the drive's own are checked on the bus
-            held = {parse_object(each)[0] for pdo in given for each in pdo.objects}
+            held = {parse_object(entry)[0] for pdo in given for entry in pdo.objects}
             missing = [base for base in needed if on_axis(base, drive.axis_offset) not in held]
             if missing:
                 what = f"no PDO holds {missing_text(missing, drive.axis_offset)}"

@@ -31,6 +31,8 @@ class Slave(FieldbusNode):
         counter: part of the working counter that it adds while it is operational.
         sizes: bytes of outputs and of inputs; 0 before bring-up.
         image: process data of a drive; empty for an I/O module.
+        missed: frames in a row that it has not processed, as far as is known; of a drive.
+        unreached: the last of these returned, so that it was not lost behind the slave.
     """
 
     def __init__(
@@ -48,6 +50,7 @@ class Slave(FieldbusNode):
         self.alias = self.counter = self.losses = 0
         self.sizes = (0, 0)
         self.image = SlaveImage()
+        self.missed, self.unreached = 0, False
         self._bus, self._clock = bus, clock
 
     @property

@@ -19,7 +19,12 @@ from typing import Any, NamedTuple
 from robotd.api import ConnectError, DeviceTimeout, OperationError, PluginError
 from robotd_cia402.drive_access import SdoAbort
 from robotd_ethercat.al_status import ERROR_FLAG, AlState, al_state
-from robotd_ethercat.network_interface import prepared, problem_of, raw_sockets
+from robotd_ethercat.network_interface import (
+    prepared,
+    problem_of,
+    raw_sockets,
+    unsent_bytes,
+)
 
 INSTALL = "pip install 'robotd[ethercat]' (robotd docs how-to/ethercat)"
 NO_FRAME = -1  # working counter of a frame that did not come back
@@ -84,6 +89,7 @@ class Soem:
         self._master: Any = None
         self._sockets: list[socket.socket] = []
         self._several_frames = False
+        self._kept_bytes = 0  # that count as unsent although all frames are back
         self.plain_sdo: set[int] = set()
 
     def open(self, interface: str, redundant_interface: str | None) -> None:
@@ -216,6 +222,18 @@ class Soem:
     def bus_time_ns(self) -> int:
         """Time of the reference clock when the last frame passed it; 0 without clocks."""
         return int(self._master.dc_time)
+
+    def note_all_sent(self) -> None:
+        """Note that all frames are back: what counts as unsent now, the driver frees late."""
+        self._kept_bytes = self._unsent_bytes()
+
+    @property
+    def is_blocked(self) -> bool:
+        """Frames wait in a network interface, as far as its driver tells. Control loop."""
+        return self._unsent_bytes() > self._kept_bytes
+
+    def _unsent_bytes(self) -> int:
+        return sum([unsent_bytes(one) for one in self._sockets])
 
     def send(self) -> None:
         """Send the process data of all slaves."""

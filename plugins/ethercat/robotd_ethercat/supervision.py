@@ -194,6 +194,8 @@ class Supervision:
 
     def _frame_fault(self) -> str:
         exchange, count = self._exchange, self._exchange.bad_in_row
+        if exchange.blocked:
+            return f"the network interface has sent no frame for {count} periods"
         if exchange.working_counter <= 0:
             return f"no frame came back for {count} periods: check the cable of the first slave"
         return (

@@ -35,7 +35,12 @@ def robotd_backend() -> BackendInfo:
         summary="simulated robot with gravity, contacts and objects (MuJoCo)",
         api_version=1,
         capabilities=frozenset(
-            {Capability.VELOCITY_MODE, Capability.SIMULATED, Capability.CONTACTS}
+            {
+                Capability.VELOCITY_MODE,
+                Capability.HAND_GUIDING,
+                Capability.SIMULATED,
+                Capability.CONTACTS,
+            }
         ),
         options=MujocoOptions,
     )

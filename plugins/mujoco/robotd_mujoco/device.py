@@ -42,7 +42,7 @@ class Renderer:
 
     def __init__(self, physics: Physics) -> None:
         self._physics, self._model = physics, physics.model
-        self._cameras = {each.name: each for each in physics.robot_model.cameras}
+        self._cameras = {camera.name: camera for camera in physics.robot_model.cameras}
         self._data = mujoco.MjData(self._model)
         self._context: Any = None  # of OpenGL
         self._drawing: Any = None  # of MuJoCo
@@ -65,8 +65,8 @@ class Renderer:
         return self._draw(self._cameras[name])
 
     def _open(self) -> None:
-        width = max(each.width for each in self._cameras.values())
-        height = max(each.height for each in self._cameras.values())
+        width = max(camera.width for camera in self._cameras.values())
+        height = max(camera.height for camera in self._cameras.values())
         self._context = _context(width, height)
         self._context.make_current()
         self._drawing = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
@@ -292,6 +292,24 @@ class MujocoAxes(ProfiledAxes):
         with self._physics.lock:
             if self._physics.talking:
                 self._physics.follow(positions)
+
+    def let_go(self, axes: Sequence[int], timeout_s: float) -> None:
+        with self._physics.lock:
+            self._physics.advance()
+            for axis in axes:
+                if not self._physics.servo_on[axis]:
+                    raise NotReady("the servo is off", axis=axis)
+            for axis in axes:
+                self._physics.guide(axis)
+
+    def catch(self, axes: Sequence[int]) -> None:
+        with self._physics.lock:
+            self._physics.advance()
+            for axis in axes:
+                self._physics.catch(axis)
+
+    def is_let_go(self, axis: int) -> bool:
+        return bool(self._physics.let_go[axis])
 
     def servo(self, axis: int, on: bool, timeout_s: float) -> None:
         with self._physics.lock:

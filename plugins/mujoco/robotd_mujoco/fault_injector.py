@@ -26,7 +26,7 @@ class MujocoFaultInjector(FaultInjector):
 
     def move_by_hand(self, axis: int, delta: float) -> None:
         with self._now() as physics:
-            if physics.servo_on[axis]:
+            if physics.servo_on[axis] and not physics.let_go[axis]:
                 raise InvalidArgument("the servo holds the axis")
             physics.turn(axis, delta)
 

@@ -52,7 +52,9 @@ def add_gripper(spec: mujoco.MjSpec, robot: RobotDescriptor, options: MujocoOpti
     force = options.gripper_force_n
     stiffness = force / (GRIP_DEPTH * abs(gripper.closed_m - gripper.open_m))
     damping = 2.0 * float(np.sqrt(stiffness * FINGER_ROTOR_KG))
-    coupled = {each.name1 for each in spec.equalities if each.type == mujoco.mjtEq.mjEQ_JOINT}
+    coupled = {
+        equality.name1 for equality in spec.equalities if equality.type == mujoco.mjtEq.mjEQ_JOINT
+    }
     for name in gripper.joints:
         joint = spec.joint(name)
         joint.armature = max(joint.armature, FINGER_ROTOR_KG)

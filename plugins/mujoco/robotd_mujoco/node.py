@@ -50,15 +50,15 @@ class MujocoNode(Node):
             HotPublisher(self, topic, 10, WrenchStamped(header=_header(link)), ["wrench"])
             for topic, link in wrench_topics(physics)
         ]
-        self._views = [each.view("wrench") for each in self._wrenches]
+        self._views = [wrench.view("wrench") for wrench in self._wrenches]
         if self._wrenches:
             rate_hz = min(WRENCH_RATE_HZ, robot.descriptor.cycle.rate_hz)
             robot.control_loop.every(rate_hz, "wrench", self._publish_wrench)
-            self.rates_hz |= {each.topic: rate_hz for each in self._wrenches}
+            self.rates_hz |= {wrench.topic: rate_hz for wrench in self._wrenches}
         if physics.robot_model.is_free:
             self._add_ground_truth()
         cameras = physics.robot_model.cameras
-        self._cameras = {each.name: CameraTopics(self, each) for each in cameras}
+        self._cameras = {camera.name: CameraTopics(self, camera) for camera in cameras}
         self._stop = threading.Event()
         self._thread = threading.Thread(
             target=self._render, args=(robot.world,), name="robotd-cameras", daemon=True
@@ -140,7 +140,7 @@ class CameraTopics:
     def have_subscribers(self) -> bool:
         """A picture is wanted."""
         topics = (self._raw, self._compressed, self._info)
-        return any(each.get_subscription_count() for each in topics)
+        return any(topic.get_subscription_count() for topic in topics)
 
     def publish(self, picture: NDArray[np.uint8], stamp_ns: int) -> None:
         """Publish what has subscribers."""

@@ -25,7 +25,13 @@ class MujocoOptions(BackendOptions):
     mjcf: str | None = Field(
         None,
         description="MJCF of the robot, relative to the robot's file, instead of the URDF. Its"
-        " joints have the names of the robot's joints; its actuators are not used.",
+        " joints have the names of the robot's joints; its actuators, and the sensors of these,"
+        " are not used.",
+    )
+    mjcf_joints: dict[str, str] = Field(
+        {},
+        description="Names that joints of the robot have in the MJCF, where these are others:"
+        " `{waist: vx300s_left/waist}`.",
     )
     base_m: tuple[Finite, Finite, Finite] = Field(
         (0.0, 0.0, 0.0), description="Position of the robot's root in the scene."

@@ -25,7 +25,9 @@ from robotd_mujoco.options import MujocoOptions
 from robotd_mujoco.robot_model import BRAKE_NM, BRAKE_SHARE, UNLIMITED, build_model, start_positions
 
 IMAGE_BYTES = 64
-AT_REST = 0.02  # rad/s or m/s, below which a brake has stopped its axis
+AT_REST = 0.02  # rad/s or m/s, below which a brake, or the catch of a guided axis, is done
+GUIDING_DAMPING = 0.005  # part of the drive's own: N·m per rad/s that a hand has to overcome
+CATCH_S = 0.5  # in which a guided axis comes to rest, unless it is pushed on
 FOLLOWING_ERROR, DIVERGED = 0x8611, 0x6100
 _DIVERGENCE = (
     mujoco.mjtWarning.mjWARN_INERTIA,
@@ -53,6 +55,7 @@ class Physics:
         is_open, talking, frozen: state of the connection; frozen: no further values arrive.
         lost_because: what ended it, until it is opened or communicates again; "": nothing.
         servo_on, connected, alarm_code, reason: of each drive.
+        let_go: (n_axes,) a hand moves the axis, or it is being caught; its servo is on.
         encoder_offset: (n_axes,) measured minus true position.
         inputs, outputs: I/O images.
         stuck_outputs: outputs that keep a value, by byte and bit.
@@ -69,7 +72,7 @@ class Physics:
         self.axes = len(self.drives)
         self.is_open = self.talking = self.frozen = False
         self.lost_because = ""
-        self.servo_on = np.zeros(self.axes, bool)
+        self.servo_on, self.let_go, self._blocked = np.zeros((3, self.axes), bool)
         self.connected = np.ones(self.axes, bool)
         self.alarm_code = np.zeros(self.axes, np.int64)
         self.reason = [""] * self.axes
@@ -88,8 +91,8 @@ class Physics:
         self._velocity = np.array([drive.velocity for drive in self.drives])
         self._gains = self.model.actuator_gainprm.copy(), self.model.actuator_biasprm.copy()
         self._friction = self.model.dof_frictionloss.copy()
-        self._blocked = np.zeros(self.axes, bool)
         self._braking: set[int] = set()
+        self._catching: dict[int, int] = {}  # axis, and tick at which it is held in any case
         self._from = self._to = start_positions(robot, options).copy()
         self._speed = np.zeros(self.axes)
         self._gripper_m = robot.gripper.open_m if robot.gripper else 0.0  # commanded
@@ -155,11 +158,15 @@ class Physics:
                 if abs(self.data.qvel[self.drives[axis].dof]) < AT_REST:
                     self._braking.discard(axis)
                     self._update_lock(axis)
+        for axis, until in [*self._catching.items()]:
+            if self.tick >= until or abs(self.data.qvel[self.drives[axis].dof]) < AT_REST:
+                self._switch(axis, on=True)
         self._good[:] = self.data.qpos
         self._sense_part()
         if self.servo_on.any():
             error = np.abs(self._to - self.data.qpos[self._qpos])
-            for late in np.flatnonzero(self.servo_on & (error > self.options.following_error_rad)):
+            follows = self.servo_on & ~self.let_go
+            for late in np.flatnonzero(follows & (error > self.options.following_error_rad)):
                 self.trip(int(late), FOLLOWING_ERROR)
 
     def _restore(self) -> None:
@@ -167,7 +174,7 @@ class Physics:
 
         MuJoCo resets a state that diverges and goes on; only its counters of warnings show it.
         """
-        diverged = self._warnings[[int(each) for each in _DIVERGENCE]].any()
+        diverged = self._warnings[[int(warning) for warning in _DIVERGENCE]].any()
         self._warnings[:] = 0
         if not diverged:  # a buffer is full: contacts are missing, which it has logged
             return
@@ -201,7 +208,7 @@ class Physics:
         """Reach ``targets`` (n_axes,), as measured, one control period from now."""
         command = self.data.ctrl[self._position]
         targets = targets - self.encoder_offset
-        np.copyto(targets, command, where=~np.isfinite(targets) | ~self.servo_on)
+        np.copyto(targets, command, where=~np.isfinite(targets) | ~self.servo_on | self.let_go)
         self._from, self._to, self._begin = command, targets, self.tick
         self._speed = (targets - command) / (self._period_ticks * self.options.step_s)
 
@@ -218,6 +225,22 @@ class Physics:
         """Switch the drive off; its brake stops the axis."""
         if self.servo_on[axis]:
             self._switch(axis, on=False)
+
+    def guide(self, axis: int) -> None:
+        """Let a hand move the axis: its drive carries its weight, and damps its speed a little."""
+        drive, (gain, bias) = self.drives[axis], self._gains
+        self.let_go[axis] = True
+        self._set_gains(drive.position, 0.0 * gain[drive.position], 0.0 * bias[drive.position])
+        damping = GUIDING_DAMPING * gain[drive.velocity], GUIDING_DAMPING * bias[drive.velocity]
+        self._set_gains(drive.velocity, *damping)
+
+    def catch(self, axis: int) -> None:
+        """Slow a guided axis down by the damping of its drive, then hold it where it is."""
+        if self.let_go[axis]:
+            gain, bias = self._gains
+            velocity = self.drives[axis].velocity
+            self._set_gains(velocity, gain[velocity], bias[velocity])
+            self._catching[axis] = self.tick + round(CATCH_S / self.options.step_s)
 
     def trip(self, axis: int, code: int) -> None:
         """Put the drive into alarm."""
@@ -262,11 +285,11 @@ class Physics:
 
     def _switch(self, axis: int, *, on: bool) -> None:
         drive, model = self.drives[axis], self.model
-        self.servo_on[axis] = on
-        gain, bias = self._gains
+        self.servo_on[axis], self.let_go[axis] = on, False
+        self._catching.pop(axis, None)
         for actuator in (drive.position, drive.velocity):
-            model.actuator_gainprm[actuator] = gain[actuator] if on else 0.0
-            model.actuator_biasprm[actuator] = bias[actuator] if on else 0.0
+            gain, bias = (values[actuator] * float(on) for values in self._gains)
+            self._set_gains(actuator, gain, bias)
         model.jnt_actfrcrange[drive.joint] = (-drive.effort, drive.effort) if on else 0.0
         position = self.data.qpos[drive.qpos]
         self._from, self._to = self._from.copy(), self._to.copy()
@@ -276,6 +299,9 @@ class Physics:
         if self.options.brakes and not on:
             self._braking.add(axis)
         self._update_lock(axis)
+
+    def _set_gains(self, actuator: int, gain: FloatArray, bias: FloatArray) -> None:
+        self.model.actuator_gainprm[actuator], self.model.actuator_biasprm[actuator] = gain, bias
 
     def _update_lock(self, axis: int) -> None:
         """Let the friction of the brake, or the lock behind it, act."""
@@ -294,7 +320,7 @@ class Physics:
         """
         sensors = self.robot_model.sensors
         with self.lock:  # MuJoCo has the force of the arm on the link
-            return -np.array([self.data.sensordata[each : each + 6] for each in sensors])
+            return -np.array([self.data.sensordata[address : address + 6] for address in sensors])
 
     # I/O and gripper
 
@@ -375,7 +401,7 @@ class Physics:
 
     def place_object(self, name: str, pose: FloatArray) -> None:
         """Put an object to ``pose`` (7,), at rest. Raises InvalidArgument."""
-        names = [each.name for each in self.robot_model.objects]
+        names = [item.name for item in self.robot_model.objects]
         if name not in names:
             raise InvalidArgument(f"object {name!r} is unknown (available: {', '.join(names)})")
         free = self.robot_model.free_qpos[names.index(name)]

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -117,7 +118,7 @@ class RobotModel:
 def build_model(robot: RobotDescriptor, options: MujocoOptions) -> RobotModel:
     """Put the model together. Raises DescriptorError: a file is wrong, or MuJoCo rejects it."""
     try:
-        return _build_model(robot, options)
+        return _build_model(_called_as_in_mjcf(robot, options), options)
     except ValueError as error:
         raise DescriptorError(f"MuJoCo rejects the model: {error}", path=robot.path) from error
 
@@ -167,17 +168,49 @@ def start_positions(robot: RobotDescriptor, options: MujocoOptions) -> FloatArra
     return start
 
 
+def _called_as_in_mjcf(robot: RobotDescriptor, options: MujocoOptions) -> RobotDescriptor:
+    """Return the robot with the joint names of its MJCF. Raises DescriptorError: no such joint."""
+    names, drive, gripper = options.mjcf_joints, robot.drive, robot.gripper
+    if not names:
+        return robot
+
+    def renamed(joints: Sequence[str]) -> tuple[str, ...]:
+        return tuple(names.get(joint, joint) for joint in joints)
+
+    own = [joint.name for joint in robot.joints]
+    own += [*(drive.wheel_joints if drive else ()), *(gripper.joints if gripper else ())]
+    if unknown := names.keys() - set(own):
+        text = f"{', '.join(sorted(unknown))}: no joint of the robot ({', '.join(own)})"
+        raise DescriptorError(text, path=robot.path, key="backends.mujoco.mjcf_joints")
+    joints = [
+        joint.model_copy(update={"name": names.get(joint.name, joint.name)})
+        for joint in robot.joints
+    ]
+    changed: dict[str, Any] = {"joints": type(robot.joints)(joints)}
+    if drive is not None:
+        changed["drive"] = drive.model_copy(update={"wheel_joints": renamed(drive.wheel_joints)})
+    if gripper is not None:
+        changed["gripper"] = gripper.model_copy(update={"joints": renamed(gripper.joints)})
+    return robot.model_copy(update=changed)
+
+
 def _robot_spec(robot: RobotDescriptor, options: MujocoOptions) -> mujoco.MjSpec:
-    if options.mjcf is not None:
-        spec = _read(robot_file(robot, options.mjcf))
-        for actuator in list(spec.actuators):
-            spec.delete(actuator)
-        for key in list(spec.keys):
-            spec.delete(key)
-        if not all(body.name for body in spec.bodies):
-            raise DescriptorError("a body has no name", path=robot_file(robot, options.mjcf))
-        return spec
-    return import_urdf(robot.urdf) if robot.urdf else mujoco.MjSpec()
+    if options.mjcf is None:
+        return import_urdf(robot.urdf) if robot.urdf else mujoco.MjSpec()
+    file = robot_file(robot, options.mjcf)
+    spec = _read(file)
+    for name in options.mjcf_joints.values():
+        if spec.joint(name) is None:
+            known = ", ".join(joint.name for joint in spec.joints if joint.name)
+            raise DescriptorError(f"the MJCF has no joint {name!r} (it has {known})", path=file)
+    for sensor in list(spec.sensors):
+        if sensor.objtype == mujoco.mjtObj.mjOBJ_ACTUATOR:
+            spec.delete(sensor)
+    for element in (*spec.actuators, *spec.keys):
+        spec.delete(element)
+    for number, body in enumerate(spec.bodies):
+        body.name = body.name or f"body{number}"  # names are optional in MuJoCo
+    return spec
 
 
 def _read(path: Path) -> mujoco.MjSpec:
@@ -298,7 +331,7 @@ def _exclude_touching(
     start: FloatArray,
 ) -> None:
     """Exclude contacts of neighbours, and of links that touch at 0 or at the start."""
-    pairs = {frozenset((each, spec.body(each).parent.name)) for each in links}
+    pairs = {frozenset((link, spec.body(link).parent.name)) for link in links}
     data = mujoco.MjData(model)
     for positions in (np.zeros(len(joints)), start):
         for name, position in zip(joints, positions, strict=True):
@@ -365,10 +398,10 @@ def _described(
                 effort,
             )
         )
-    bodies = [_body(model, each.name) for each in objects]
+    bodies = [_body(model, item.name) for item in objects]
     free = [
-        int(model.jnt_qposadr[model.body_jntadr[body]]) if each.moves else -1
-        for each, body in zip(objects, bodies, strict=True)
+        int(model.jnt_qposadr[model.body_jntadr[body]]) if item.moves else -1
+        for item, body in zip(objects, bodies, strict=True)
     ]
     return RobotModel(
         model=model,

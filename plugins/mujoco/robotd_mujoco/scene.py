@@ -86,7 +86,7 @@ class Scene(_Keys):
 
     @model_validator(mode="after")
     def _check_names(self) -> Scene:
-        names = [*(each.name for each in self.objects), *(each.name for each in self.cameras)]
+        names = [*(item.name for item in self.objects), *(camera.name for camera in self.cameras)]
         if twice := sorted({name for name in names if names.count(name) > 1}):
             raise ValueError(f"names are used twice: {', '.join(twice)}")
         return self
@@ -133,26 +133,26 @@ def add_objects(spec: mujoco.MjSpec, scene: Scene, folder: Path) -> None:
             size=[5.0, 5.0, 0.1],
             rgba=[0.82, 0.84, 0.86, 1.0],
         )
-    for each in scene.objects:
-        body = world.add_body(name=each.name, pos=each.at_m, quat=_quaternion(each.rpy_rad))
+    for item in scene.objects:
+        body = world.add_body(name=item.name, pos=item.at_m, quat=_quaternion(item.rpy_rad))
         geom = body.add_geom(
-            name=each.name, rgba=each.color, friction=[each.friction, 0.005, 0.0001], condim=4
+            name=item.name, rgba=item.color, friction=[item.friction, 0.005, 0.0001], condim=4
         )
-        _set_shape(spec, geom, each, folder)
-        if each.mass_kg is not None:
-            geom.mass = each.mass_kg
+        _set_shape(spec, geom, item, folder)
+        if item.mass_kg is not None:
+            geom.mass = item.mass_kg
             body.add_freejoint()
 
 
 def add_cameras(spec: mujoco.MjSpec, cameras: tuple[SceneCamera, ...]) -> None:
     """Add cameras to a whole model."""
-    for each in cameras:
-        body = spec.worldbody if each.link is None else spec.body(each.link)
+    for camera in cameras:
+        body = spec.worldbody if camera.link is None else spec.body(camera.link)
         body.add_camera(
-            name=each.name,
-            pos=each.at_m,
-            quat=_view(np.array(each.look_at_m) - np.array(each.at_m)),
-            fovy=each.fov_deg,
+            name=camera.name,
+            pos=camera.at_m,
+            quat=_view(np.array(camera.look_at_m) - np.array(camera.at_m)),
+            fovy=camera.fov_deg,
         )
 
 
@@ -160,13 +160,13 @@ def describe_cameras(cameras: tuple[SceneCamera, ...]) -> list[WorldCamera]:
     """Return what a client has to know of the cameras."""
     return [
         WorldCamera(
-            each.name,
-            each.width,
-            each.height,
-            0.5 * each.height / math.tan(0.5 * math.radians(each.fov_deg)),
-            each.rate_hz,
+            camera.name,
+            camera.width,
+            camera.height,
+            0.5 * camera.height / math.tan(0.5 * math.radians(camera.fov_deg)),
+            camera.rate_hz,
         )
-        for each in cameras
+        for camera in cameras
     ]
 
 
@@ -196,18 +196,18 @@ def describe_objects(spec: mujoco.MjSpec, links: Sequence[str]) -> list[WorldObj
     return found
 
 
-def _set_shape(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, each: SceneObject, folder: Path) -> None:
-    if each.box_m is not None:
-        geom.type, geom.size = mujoco.mjtGeom.mjGEOM_BOX, [0.5 * edge for edge in each.box_m]
-    elif each.cylinder_m is not None:
-        radius, length = each.cylinder_m
+def _set_shape(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, item: SceneObject, folder: Path) -> None:
+    if item.box_m is not None:
+        geom.type, geom.size = mujoco.mjtGeom.mjGEOM_BOX, [0.5 * edge for edge in item.box_m]
+    elif item.cylinder_m is not None:
+        radius, length = item.cylinder_m
         geom.type, geom.size = mujoco.mjtGeom.mjGEOM_CYLINDER, [radius, 0.5 * length, 0.0]
-    elif each.sphere_m is not None:
-        geom.type, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, [each.sphere_m, 0.0, 0.0]
+    elif item.sphere_m is not None:
+        geom.type, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, [item.sphere_m, 0.0, 0.0]
     else:
-        file = folder / str(each.mesh)
-        spec.add_mesh(name=each.name, file=str(file.resolve()), scale=[each.scale] * 3)
-        geom.type, geom.meshname = mujoco.mjtGeom.mjGEOM_MESH, each.name
+        file = folder / str(item.mesh)
+        spec.add_mesh(name=item.name, file=str(file.resolve()), scale=[item.scale] * 3)
+        geom.type, geom.meshname = mujoco.mjtGeom.mjGEOM_MESH, item.name
 
 
 def _quaternion(rpy: Point) -> np.ndarray:

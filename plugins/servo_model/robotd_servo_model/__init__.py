@@ -5,6 +5,6 @@ which they run. The simulation backend and the simulated CANopen drives move in 
 """
 
 from robotd_servo_model.servo import Mechanics, Servo
-from robotd_servo_model.world import FOREVER, World
+from robotd_servo_model.world import FOREVER, ServoWorld
 
-__all__ = ["FOREVER", "Mechanics", "Servo", "World"]
+__all__ = ["FOREVER", "Mechanics", "Servo", "ServoWorld"]

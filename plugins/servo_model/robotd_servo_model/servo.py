@@ -13,7 +13,7 @@ In a steady ramp the following error is (1−f)·τ·c'.
 Computed in plain floats: a robot has few axes, and the control loop comes out of a sleep. For six
 axes both ways take 2 µs a tick in a tight loop; after a sleep of 2 ms NumPy takes 25, this takes 9.
 
-Nothing here locks: ``World`` does.
+Nothing here locks: ``ServoWorld`` does.
 """
 
 from __future__ import annotations

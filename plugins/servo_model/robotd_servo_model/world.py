@@ -18,7 +18,7 @@ FOREVER = 2**62
 Action = Callable[[], None]
 
 
-class World:
+class ServoWorld:
     """Discrete-time simulation of a servo. Hold ``lock`` for every call; it is not re-entrant.
 
     Attributes:

@@ -27,6 +27,7 @@ from robotd_sim.simulation import Simulation
 CAPABILITIES = frozenset(
     {
         Capability.VELOCITY_MODE,
+        Capability.HAND_GUIDING,
         Capability.HOMING,
         Capability.PARAMETERS_FILE,
         Capability.SCALING,

@@ -38,6 +38,7 @@ class SimAxes(AxisDriver):
     def read(self, image: ProcessImage) -> None:
         with self._world.lock:
             self._world.advance()
+            self._motion.note_read()
             self._readout.fill(image)
 
     def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
@@ -129,6 +130,15 @@ class SimAxes(AxisDriver):
             self._require_free(axis)
             self._require_way(axis, profile.velocity)
             self._motion.jog(axis, profile)
+
+    def begin_guiding(self, axes: Sequence[int], timeout_s: float) -> None:
+        with self._world.lock:
+            self._world.advance()
+            for axis in axes:
+                self._require_free(axis, CommandMode.POSITION)
+                self._simulation.require_rest(axis, "it cannot be guided by hand")
+            for axis in axes:
+                self._motion.guide(axis, float(self._simulation.servo.position[axis]))
 
     def stop(self, axes: Sequence[int]) -> None:
         self._each(axes, self._motion.stop)
@@ -261,7 +271,11 @@ class Readout:
         else:
             image.offline[:] = True
         # Without a position loop the engine lets the commanded position follow the measured one.
-        follows = (states.mode_feedback != CommandMode.POSITION) | ~states.servo_on
+        follows = (
+            (states.mode_feedback != CommandMode.POSITION)
+            | ~states.servo_on
+            | (states.operation == Operation.GUIDING)
+        )
         self._followers = np.flatnonzero(follows).tolist()
 
     def _show_motion(self, image: ProcessImage) -> None:

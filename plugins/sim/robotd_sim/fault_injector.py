@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from robotd.api import ConnectionState, FaultInjector, InvalidArgument, NotReady
+from robotd.api import ConnectionState, FaultInjector, InvalidArgument, NotReady, Operation
 from robotd_sim.simulation import Simulation
 
 
@@ -26,14 +26,18 @@ class SimFaultInjector(FaultInjector):
             return simulation.servo.measure(simulation.servo.state())[1][axis]
 
     def move_by_hand(self, axis: int, delta: float) -> None:
-        """Raises NotReady while the servo of the axis is on."""
+        """Raises NotReady while the servo of the axis is on, unless it is guided by hand."""
         with self._now() as simulation:
-            if simulation.states.servo_on[axis]:
+            guided = simulation.states.operation[axis] == Operation.GUIDING
+            if simulation.states.servo_on[axis] and not guided:
                 raise NotReady("cannot be moved by hand while the servo is on", axis=axis)
             position = float(simulation.servo.position[axis]) + delta
             if not -1e6 < position < 1e6:
                 raise InvalidArgument(f"{position:g} rad is out of reach", axis=axis)
-            self._place(axis, position)
+            if guided:
+                simulation.motion.guide(axis, position)
+            else:
+                self._place(axis, position)
 
     def trip(self, axis: int, code: int) -> None:
         with self._now() as simulation:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from robotd.api import ConnectionState, InvalidArgument, IoDriver, NotReady
-from robotd_sim.simulation import IMAGE_BYTES, Simulation
+from robotd_sim.options import IMAGE_BYTES
+from robotd_sim.simulation import Simulation
 
 
 class SimIo(IoDriver):

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from robotd.api import FloatArray
-from robotd_servo_model.world import World
+from robotd_servo_model.world import ServoWorld
 from robotd_sim.axis_states import AxisStates, AxisSwitches, Flags
 from robotd_sim.motion import Motion
 from robotd_sim.power import Power
@@ -38,7 +38,7 @@ class Guards:
 
     def __init__(
         self,
-        world: World,
+        world: ServoWorld,
         states: AxisStates,
         motion: Motion,
         power: Power,

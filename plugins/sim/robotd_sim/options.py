@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from robotd.api import BackendOptions, DescriptorError, FloatArray
 
+IMAGE_BYTES = 8000  # of the inputs, and of the outputs
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -73,6 +74,12 @@ class SimOptions(BackendOptions):
     )
     limit_switches: dict[int, LimitSwitches] = Field({}, description="Axis to limit switches.")
     home_switches: dict[int, HomeSwitch] = Field({}, description="Axis to home switch.")
+    initial_inputs: tuple[Annotated[int, Field(ge=0, le=255)], ...] = Field(
+        (),
+        max_length=IMAGE_BYTES,
+        description="Bytes of the inputs at power-on, from byte 0: `[8]` is an input 0.3 that is"
+        " on.",
+    )
     io_loopback: bool = Field(False, description="Inputs show the outputs one cycle later.")
     io_module: bool | None = Field(
         None, description="An I/O module on the fieldbus; null: if the robot has a gripper."

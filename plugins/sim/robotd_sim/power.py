@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from robotd.api import FloatArray, NotReady
-from robotd_servo_model.world import World
+from robotd_servo_model.world import ServoWorld
 from robotd_sim.alarms import NO_ANSWER, alarm_text
 from robotd_sim.axis_states import AxisStates
 from robotd_sim.motion import Motion
@@ -21,7 +21,7 @@ class Power:
 
     def __init__(
         self,
-        world: World,
+        world: ServoWorld,
         states: AxisStates,
         motion: Motion,
         scaling: Scaling,

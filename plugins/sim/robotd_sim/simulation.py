@@ -21,12 +21,12 @@ from robotd.api import (
     Operation,
     RobotDescriptor,
 )
-from robotd_servo_model import Mechanics, Servo, World
+from robotd_servo_model import Mechanics, Servo, ServoWorld
 from robotd_sim.axis_states import AxisStates, AxisSwitches
 from robotd_sim.limit_guards import Guards
 from robotd_sim.motion import Motion
 from robotd_sim.network import Network
-from robotd_sim.options import SimOptions
+from robotd_sim.options import IMAGE_BYTES, SimOptions
 from robotd_sim.power import Power
 from robotd_sim.scaling import Scaling, gains, wrap32
 from robotd_wmx_parameters import (
@@ -36,14 +36,13 @@ from robotd_wmx_parameters import (
     require_same_scaling,
 )
 
-IMAGE_BYTES = 8000
-
 
 class IoImage:
     """The two images. Hold the world's lock. With ``loopback`` outputs are wired to inputs."""
 
-    def __init__(self, world: World, *, loopback: bool) -> None:
-        self.inputs, self.outputs = bytearray(IMAGE_BYTES), bytearray(IMAGE_BYTES)
+    def __init__(self, world: ServoWorld, *, initial_inputs: bytes, loopback: bool) -> None:
+        self._initial_inputs = initial_inputs.ljust(IMAGE_BYTES, b"\0")
+        self.inputs, self.outputs = bytearray(self._initial_inputs), bytearray(IMAGE_BYTES)
         self._world, self._loopback = world, loopback
         self._stuck: dict[tuple[int, int], bool] = {}
 
@@ -63,8 +62,8 @@ class IoImage:
             self._world.at(self._world.tick + 1, lambda: self._arrive(byte, copy))
 
     def clear(self) -> None:
-        """Both images to zero, as at the end of the engine."""
-        self.inputs[:] = self.outputs[:] = bytes(IMAGE_BYTES)
+        """Both images as at power-on, at the end of the engine."""
+        self.inputs[:], self.outputs[:] = self._initial_inputs, bytes(IMAGE_BYTES)
         self._keep_stuck()
 
     def _keep_stuck(self) -> None:
@@ -92,7 +91,7 @@ class Simulation:
             )
         )  # fmt: skip
         self.servo = Servo(mechanics, options.tick_s)
-        self.world = World(clock, self.servo, options.max_catch_up_s)
+        self.world = ServoWorld(clock, self.servo, options.max_catch_up_s)
         self.states = AxisStates(self.axes)
         self.engine = ConnectionState.IDLE
         self.failures_left = options.fail_open
@@ -112,7 +111,11 @@ class Simulation:
         self.power = Power(self.world, self.states, self.motion, self.scaling, coasting)
         self.switches = AxisSwitches(self.axes, options)
         self.guards = Guards(self.world, self.states, self.motion, self.power, self.switches)
-        self.io = IoImage(self.world, loopback=options.io_loopback)
+        self.io = IoImage(
+            self.world,
+            initial_inputs=bytes(options.initial_inputs),
+            loopback=options.io_loopback,
+        )
         self.network = Network(robot, options)
         self._initial = _initial_positions(robot, options)
         self._configure()

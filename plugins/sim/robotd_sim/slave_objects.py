@@ -28,7 +28,7 @@ ABORTS = {
     0x0800_0022: "the master commands it in each cycle",
 }
 
-_PROFILE = {(each.index, each.sub): each for each in DRIVE_OBJECTS}
+_PROFILE = {(entry.index, entry.sub): entry for entry in DRIVE_OBJECTS}
 Key = tuple[int, int]
 
 
@@ -96,7 +96,7 @@ class SlaveObjects:
         states, servo, scaling = simulation.states, simulation.servo, simulation.scaling
         gain = float(scaling.gain[axis])
         place, demand = (
-            wrap32(scaling.counts(each))[axis] for each in (servo.position, servo.command)
+            wrap32(scaling.counts(value))[axis] for value in (servo.position, servo.command)
         )
         status = FAULT if states.amp_alarm[axis] else ENABLED if states.servo_on[axis] else DISABLED
         return {

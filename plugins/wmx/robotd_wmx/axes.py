@@ -25,7 +25,7 @@ from robotd.api import (
     wait_until,
 )
 from robotd_wmx._native import CallError, Device, Snapshot
-from robotd_wmx.connection import Connection
+from robotd_wmx.connection import WmxConnection
 from robotd_wmx.errors import text_of, translate, translated
 from robotd_wmx.position_stream import PositionStream
 from robotd_wmx.readout import Readout
@@ -45,7 +45,7 @@ POLL_S = 0.002
 class WmxAxes(AxisDriver):
     """The axes 0 … n - 1 of the engine."""
 
-    def __init__(self, connection: Connection) -> None:
+    def __init__(self, connection: WmxConnection) -> None:
         self._connection = connection
         self._scaling = connection.scaling
         self._stream = VelocityStream(connection, self._slow_down)

@@ -44,7 +44,7 @@ _STATES = {
 }
 
 
-class Connection:
+class WmxConnection:
     """All devices, opened and closed together. Nothing is opened by the constructor."""
 
     def __init__(self, robot: RobotDescriptor, options: WmxOptions, clock: Clock) -> None:

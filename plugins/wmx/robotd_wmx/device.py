@@ -26,7 +26,7 @@ from robotd.api import (
     wait_until,
 )
 from robotd_wmx._native import CallError, Master, Snapshot
-from robotd_wmx.connection import Connection
+from robotd_wmx.connection import WmxConnection
 from robotd_wmx.errors import name_of, text_of, translate, translated
 
 log = get_logger("wmx")
@@ -38,7 +38,7 @@ LICENCE = "the licence is invalid or has expired"
 class WmxDevice(DeviceDriver):
     """Opens, starts and stops the engine. Any worker thread may call."""
 
-    def __init__(self, connection: Connection) -> None:
+    def __init__(self, connection: WmxConnection) -> None:
         self.connection = connection
         self._attached = False  # whether we take part in the communication
 

@@ -9,7 +9,7 @@ RECOVERY = 0.01  # share of the passing time by which an estimate yields
 class EngineTime:
     """Time of each engine cycle, estimated from its cycle counter.
 
-    The moment of a read says little when the computer, and a counting engine with it, stood
+    The moment of a read says little when the computer, and a counting engine with it, paused
     still in between. All cycles are equally long: the fastest read so far gives the time of cycle
     0, and so of every other. The estimate yields slowly, because the clocks of
     engine and computer differ, and an engine may lose cycles.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from robotd.api import BusNode, BusState, BusStatus, FieldbusDriver, OperationError
 from robotd_wmx._native import Master, Slave
 from robotd_wmx.al_status import text_of_al
-from robotd_wmx.connection import Connection
+from robotd_wmx.connection import WmxConnection
 from robotd_wmx.errors import translated
 
 NO_ANSWER = "it does not answer"
@@ -30,7 +30,7 @@ _SLAVE_EXTRA = ("inaccessible", "new", "reverse", "alias", "input_address", "out
 class WmxFieldbus(FieldbusDriver):
     """The masters of the engine; a call may take as long as the network does."""
 
-    def __init__(self, connection: Connection) -> None:
+    def __init__(self, connection: WmxConnection) -> None:
         self._connection = connection
 
     @property

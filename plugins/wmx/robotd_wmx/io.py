@@ -8,7 +8,7 @@ from contextlib import suppress
 from robotd.api import IoDriver, NotReady
 from robotd_wmx import _native
 from robotd_wmx._native import CallError, Device
-from robotd_wmx.connection import Connection
+from robotd_wmx.connection import WmxConnection
 from robotd_wmx.errors import translated
 
 LIVE_BYTES = 256  # of each image
@@ -37,7 +37,7 @@ class WmxIo(IoDriver):
     Without an engine a read answers what was read last, 0 before that.
     """
 
-    def __init__(self, connection: Connection) -> None:
+    def __init__(self, connection: WmxConnection) -> None:
         self._connection = connection
         self._copy = IoCopy()
         connection.after_read(self._copy.update)

@@ -13,7 +13,7 @@ from robotd.api import (
     hookimpl,
 )
 from robotd_wmx.axes import WmxAxes
-from robotd_wmx.connection import Connection
+from robotd_wmx.connection import WmxConnection
 from robotd_wmx.device import WmxDevice
 from robotd_wmx.fieldbus import WmxFieldbus
 from robotd_wmx.io import WmxIo
@@ -49,7 +49,7 @@ def robotd_backend() -> BackendInfo:
 @hookimpl
 def robotd_open_device(context: DeviceContext[WmxOptions]) -> DeviceDriver:
     """The engine, not started yet."""
-    return WmxDevice(Connection(context.robot, context.options, context.clock))
+    return WmxDevice(WmxConnection(context.robot, context.options, context.clock))
 
 
 @hookimpl

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from robotd.api import FloatArray
 from robotd_wmx import _native
 from robotd_wmx._native import Device
-from robotd_wmx.connection import Connection
+from robotd_wmx.connection import WmxConnection
 
 
 class PositionStream:
@@ -20,7 +20,7 @@ class PositionStream:
     ``put`` and ``ran_dry`` are for the control-loop thread, everything else for any thread.
     """
 
-    def __init__(self, connection: Connection) -> None:
+    def __init__(self, connection: WmxConnection) -> None:
         self._connection = connection
         self._of: Device | None = None
         self._native: _native.PositionStream | None = None

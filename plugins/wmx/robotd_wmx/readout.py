@@ -6,17 +6,20 @@ import numpy as np
 
 from robotd.api import Operation, ProcessImage
 from robotd_wmx._native import StatusReader
-from robotd_wmx.connection import Connection
+from robotd_wmx.connection import WmxConnection
 from robotd_wmx.engine_time import EngineTime
 from robotd_wmx.position_stream import PositionStream
 from robotd_wmx.velocity_stream import VelocityStream
+
+# NumPy compares an array with an int in 1 µs, with a member of an enum in 8 (Python 3.11).
+IDLE, VELOCITY, STREAM = int(Operation.IDLE), int(Operation.VELOCITY), int(Operation.STREAM)
 
 
 class Readout:
     """Fills the process image in place by one call of the binding."""
 
     def __init__(
-        self, connection: Connection, stream: VelocityStream, positions: PositionStream
+        self, connection: WmxConnection, stream: VelocityStream, positions: PositionStream
     ) -> None:
         self._connection = connection
         self._stream = stream
@@ -56,17 +59,17 @@ class Readout:
     def _mark_streaming(self, image: ProcessImage) -> None:
         """The engine knows streamed axes as idle or as executing a velocity command."""
         streaming = self._stream.active & image.servo_on
-        streaming &= (image.operation == Operation.IDLE) | (image.operation == Operation.VELOCITY)
+        streaming &= (image.operation == IDLE) | (image.operation == VELOCITY)
         image.operation[streaming] = Operation.STREAM
 
     def _mark_positions(self, image: ProcessImage) -> None:
         """Show a stop by ramp commands as stopping: the engine reports direct control."""
-        for axis in np.flatnonzero(image.operation == Operation.STREAM).tolist():
+        for axis in np.flatnonzero(image.operation == STREAM).tolist():
             if self._positions.stopping(axis):
                 image.operation[axis] = Operation.STOPPING
         if reason := self._positions.fault:
             self._alarms = True
-            for axis in np.flatnonzero(image.operation != Operation.STREAM).tolist():
+            for axis in np.flatnonzero(image.operation != STREAM).tolist():
                 image.reason[axis] = image.reason[axis] or reason
 
     def _bind(self, image: ProcessImage) -> StatusReader:

@@ -1,6 +1,6 @@
 """Trajectories as point-time cubic splines on the engine.
 
-The engine starts where the command stands, at time 0, both implicitly, passes every point and
+The engine starts at the present command, at time 0, both implicitly, passes every point and
 ends at rest. It drops points closer than 1e-6 user units to the one before and refuses times
 less than 1e-3 ms apart; both would change or lose the path, so that neither is ever sent.
 """
@@ -14,7 +14,7 @@ import numpy as np
 from robotd.api import FloatArray, OperationError
 from robotd_wmx import _native
 from robotd_wmx._native import CallError
-from robotd_wmx.connection import Connection
+from robotd_wmx.connection import WmxConnection
 from robotd_wmx.errors import name_of, translate, translated
 
 SHORTEST_MS = 1e-3  # between two points
@@ -29,7 +29,7 @@ class Splines:
     fragmentation. The engine keeps it over the death of a process.
     """
 
-    def __init__(self, connection: Connection) -> None:
+    def __init__(self, connection: WmxConnection) -> None:
         self._connection = connection
         self._channel = connection.options.spline_channel
 

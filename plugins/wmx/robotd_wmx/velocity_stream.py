@@ -16,7 +16,7 @@ import numpy as np
 
 from robotd.api import BoolArray, FloatArray, RobotdError, get_logger
 from robotd_wmx._native import CallError
-from robotd_wmx.connection import Connection
+from robotd_wmx.connection import WmxConnection
 from robotd_wmx.errors import text_of
 
 log = get_logger("wmx")
@@ -35,7 +35,9 @@ class VelocityStream:
         active: (n,) the axes that are streamed now.
     """
 
-    def __init__(self, connection: Connection, slow_down: Callable[[Sequence[int]], None]) -> None:
+    def __init__(
+        self, connection: WmxConnection, slow_down: Callable[[Sequence[int]], None]
+    ) -> None:
         axes = connection.robot.axes
         self.active = np.zeros(axes, bool)
         self._connection, self._slow_down = connection, slow_down
@@ -101,9 +103,9 @@ class VelocityStream:
         except CallError:
             if len(axes) == 1:
                 raise
-            with ExitStack() as each:
+            with ExitStack() as stack:
                 for axis in axes:
-                    each.callback(self._send, [axis])
+                    stack.callback(self._send, [axis])
 
     def _feeds(self) -> list[int]:
         """Return the axes that have got a setpoint since their stream began."""

@@ -14,6 +14,7 @@ using namespace wmx3Api;
 
 constexpr unsigned int CAPACITY = 4000;     // commands of a buffer; a stop must fit
 constexpr double GAP_PERIODS = 1.5;         // as the core's: a longer gap is an underrun
+constexpr double BURST_PERIODS = 2;
 constexpr double MAX_RATE_CHANGE = 0.01, RATE_PER_TARGET = 0.05, DEPTH_FILTER = 0.05;
 constexpr double STEEPEST_S = 1e-3;         // shortest ramp to rest
 
@@ -217,8 +218,13 @@ bool PositionStream::try_send(const Setpoint &setpoint) {
     const auto looked = std::chrono::steady_clock::now();
     const Fill fill = look(axes);
     const double gap_s = (setpoint.due_ns - last_due_ns_) * 1e-9;
-    // No room: the engine does not execute. The image shows that, and the control loop judges it.
-    if (axes.empty() || fill.room < CAPACITY / 2) return true;
+    if (axes.empty()) return true;
+    // The engine does not execute: what it were given would be executed when it does, late. The
+    // control loop waits as for dry buffers, until these are less full.
+    if (fill.depth > overfull() || fill.room < CAPACITY / 2) {
+        queue_.wait_for_gap();
+        return true;
+    }
     const bool first = last_due_ns_ == 0 && begins(axes, setpoint);
     const bool gap = gap_s <= 0 || gap_s > bridged_s();
     if (fill.dry && !gap && !begins(axes, setpoint)) {
@@ -242,6 +248,13 @@ bool PositionStream::try_send(const Setpoint &setpoint) {
     add(axes);
     last_due_ns_ = setpoint.due_ns;
     return true;
+}
+
+// Commands in a buffer that an engine which executes never has: twice as many as are kept, and those
+// of the setpoints that come at once after a delay here.
+unsigned int PositionStream::overfull() const {
+    const double periods = BURST_PERIODS * settings_.period_s / cycle_s_;
+    return 2 * target_ + static_cast<unsigned int>(std::lround(periods));
 }
 
 // True for a setpoint that the axes can reach from rest within a period.

@@ -19,7 +19,8 @@ namespace robotd {
 // each cycle of the engine. The buffers are kept `target` cycles full, by sampling the cubics up to
 // 1 % faster or slower than the clock. A gap that the buffers cannot bridge ends in rest; from there
 // the commands come back to the setpoints within the limits, see Deviation. Where buffers run dry in
-// motion without such a gap, setpoints are ignored until there is one (`ran_dry`).
+// motion without such a gap, setpoints are ignored until there is one (`ran_dry`); likewise where the
+// engine stands still, and the buffers become too full.
 //
 // `put` is for one thread and never waits for the engine; everything else may be called by any
 // thread, without the interpreter's lock.
@@ -68,6 +69,7 @@ private:
     void run();
     void send(const Setpoint &setpoint);
     bool try_send(const Setpoint &setpoint);
+    unsigned int overfull() const;
     bool begins(const std::vector<int> &axes, const Setpoint &setpoint) const;
     void rejoin(const std::vector<int> &axes, const Setpoint &setpoint, const Fill &fill);
     void sample(const std::vector<int> &axes, const Setpoint &setpoint);

@@ -34,14 +34,14 @@ def main() -> None:
     from robotd.descriptor import load_robot_descriptor
     from robotd.device.process_image import ProcessImage
     from robotd_wmx.axes import WmxAxes
-    from robotd_wmx.connection import Connection
+    from robotd_wmx.connection import WmxConnection
     from robotd_wmx.io import WmxIo
     from robotd_wmx.options import WmxOptions
     from robotd_wmx.plugin import CAPABILITIES
 
     print(f"capabilities: {', '.join(sorted(CAPABILITIES))}")
     robot = load_robot_descriptor("cr3a")
-    connection = Connection(robot, WmxOptions(), MonotonicClock())
+    connection = WmxConnection(robot, WmxOptions(), MonotonicClock())
     connection.open("", "bench")
     connection.command.start_communication(5000)
     axes, image = WmxAxes(connection), ProcessImage(robot.axes)

@@ -79,8 +79,8 @@ def build_all() -> Path:
 
 def _newest_source_s() -> float:
     roots = [PLUGIN / name for name in SOURCES]
-    files = [each for root in roots for each in (root, *root.rglob("*"))]
-    return max(each.stat().st_mtime for each in files if "__pycache__" not in each.parts)
+    files = [path for root in roots for path in (root, *root.rglob("*"))]
+    return max(path.stat().st_mtime for path in files if "__pycache__" not in path.parts)
 
 
 @contextmanager

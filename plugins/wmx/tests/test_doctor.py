@@ -80,5 +80,5 @@ def test_a_library_that_is_missing_at_run_time_is_no_missing_backend() -> None:
     finally:
         aside.rename(library)
     assert done.returncode == 1
-    assert "does not load: libioapi.so" in done.stdout
+    assert "cannot be imported: ImportError: libioapi.so" in done.stdout
     assert "a library that it needs is missing" in done.stdout

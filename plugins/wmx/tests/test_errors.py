@@ -43,7 +43,7 @@ def test_remedies_name_codes_that_exist_and_help_with_those_that_operators_meet(
 
 def test_the_alarm_of_a_drive_has_the_remedy_of_its_own_code() -> None:
     tables = [DRIVE_ALARMS, AL_STATUS, WMX_ERRORS]  # in the order of their entry points
-    found = [advice for each in tables if (advice := each.advice(0x2310))]
+    found = [advice for table in tables if (advice := table.advice(0x2310))]
     assert found[0] == drive_remedy(0x2310)
     assert "blocked axis" in found[0]
 

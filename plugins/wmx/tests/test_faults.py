@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
+from robotd.control.loop.setpoint_source import Outcome
+from robotd.control.sources.trajectory_execution import TrajectoryExecution
 from robotd.device.axes import Move
 from robotd.device.state import ConnectionState, Operation
 from robotd.errors import ConnectError, DeviceTimeout, NotReady, OperationError

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.device.state import Operation
 from robotd.errors import Unsupported
 from robotd.motion import TrajectoryRequest

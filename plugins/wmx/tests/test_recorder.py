@@ -45,6 +45,6 @@ def test_a_goal_on_the_engine_is_recorded_with_its_client(tmp_path: Path) -> Non
     assert np.isfinite(frames["setpoint"][:, 0]).any()
     ((_, points),) = recording.goals
     np.testing.assert_array_equal(points["positions"][-1], [0.2] * 6)
-    assert "/move_group" in {each.sender for each in recording.events}
+    assert "/move_group" in {event.sender for event in recording.events}
     assert [data[0] for _, data in recording.outputs][-2:] == [8, 0]
     assert FIELDBUS in {topic for _, topic, _ in recorder.tap.samples.since(0)[0]}

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.device.axes import Jog, Move
 from robotd.device.state import ConnectionState, Operation
 from robotd.errors import OperationError

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from robotd_testing.domain import own_domain
 
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.device.axes import Move
 from robotd.motion.profile import Profile
 from robots import descriptor, eventually, goal, running

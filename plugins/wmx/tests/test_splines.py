@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.errors import ConnectError, OperationError
 from robotd_wmx import _native
 from robotd_wmx.splines import CLOSEST_UNITS, check, engine_points

@@ -115,7 +115,7 @@ def addressed_robots(client: RosClient, namespace: str = "") -> tuple[Neighbour,
         return bool(found) and len(found) >= expected()
 
     def expected() -> int:
-        return max([node.count_publishers(topic), *(1 + each.sharing for each in found.values())])
+        return max([node.count_publishers(topic), *(1 + robot.sharing for robot in found.values())])
 
     made = node.create_subscription(String, topic, keep, LATCHED)
     try:
@@ -212,13 +212,15 @@ class Fleet:
             for _, robot, seen_s in self._robots.values()
         ]
         return tuple(
-            sorted(found, key=lambda each: (each.identity.namespace, each.identity.robot, each.pid))
+            sorted(
+                found, key=lambda robot: (robot.identity.namespace, robot.identity.robot, robot.pid)
+            )
         )
 
     def close(self) -> None:
         """End the subscriptions."""
-        for each in self._subscriptions.values():
-            self._client.node.destroy_subscription(each)
+        for subscription in self._subscriptions.values():
+            self._client.node.destroy_subscription(subscription)
 
     def _keep(self, topic: str, message: String) -> None:
         robot = read_summary(message.data)
@@ -235,8 +237,8 @@ def read_summary(text: str) -> FleetRobot | None:
             read_identity(text),
             int(given["pid"]),
             printable(str(given["state"])),
-            tuple(printable(str(each)) for each in given["problems"]),
-            tuple(printable(str(each)) for each in given["owners"]),
+            tuple(printable(str(problem)) for problem in given["problems"]),
+            tuple(printable(str(owner)) for owner in given["owners"]),
             float(given["uptime_s"]),
         )
     except (ValueError, KeyError, TypeError):

@@ -65,7 +65,7 @@ class JogClient:
         self._jogged: set[int] = set()
         self._rejection = ""
         self.identities = read_axes(client)
-        self.choices: Sequence[str] = [each.name for each in self.identities]
+        self.choices: Sequence[str] = [identity.name for identity in self.identities]
         self._publisher = client.node.create_publisher(self.message_type, self.topic, 1)
         self._axes = stack.enter_context(client.listen(AxisState, AXIS_STATE))
         self._problems = ProblemListener(client, stack)

@@ -15,7 +15,7 @@ from tf2_msgs.msg import TFMessage
 from wmx_ros2_message.msg import AxisState
 
 from robotd.clock import NANOSECONDS
-from robotd.control.problem import Problem
+from robotd.control.groups.problem import Problem
 from robotd_ros.client.fleet import SILENCE_S
 from robotd_ros.client.motion_client import action_servers
 from robotd_ros.client.operator_client import ProblemListener
@@ -66,7 +66,7 @@ class LiveReport:
     @property
     def takes_motion(self) -> bool:
         """True where the robot is ready, and neither a fault nor a stop forbids motion."""
-        return bool(self.ready) and not any(each.forbids_motion for each in self.problems)
+        return bool(self.ready) and not any(problem.forbids_motion for problem in self.problems)
 
 
 class DiagnosticsListener(Listener):
@@ -109,8 +109,8 @@ class LiveStatus:
         is_ready = None if ready is None else bool(ready.data)
         statuses = self._diagnostics.newest.status if self._diagnostics.newest else ()
         parts = tuple(
-            PartReport(each.name.rpartition(": ")[2], each.level[0], each.message)
-            for each in statuses
+            PartReport(status.name.rpartition(": ")[2], status.level[0], status.message)
+            for status in statuses
         )
         has_axes = is_ready and axes is not None and self._identities
         reports = axis_reports(axes, self._identities) if has_axes else None

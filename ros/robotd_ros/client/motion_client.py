@@ -269,7 +269,7 @@ def _check_only_one(client: RosClient, groups: Groups) -> None:
     The actions of ``groups`` are one arm.
     """
     client.settle(_SETTLE_S)
-    servers = [each for each in action_servers(client.node) if each[0] not in groups]
+    servers = [server for server in action_servers(client.node) if server[0] not in groups]
     if groups:
         servers += [(", ".join(groups), "joint groups of one robot")]
     if len(servers) > 1 and len({*servers}) == 1:

@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from robotd.control.problem import Problem, ProblemKind
+from robotd.control.groups.problem import Problem, ProblemKind
 from robotd.errors import DeviceTimeout, InvalidArgument, OperationError, unknown_name
 from robotd_ros.client.ros_client import RosClient
 from robotd_ros.node_registry import OPERATOR_NODE
@@ -57,7 +57,7 @@ class ProblemListener:
 
     def first(self, *kinds: ProblemKind) -> Problem | None:
         """Return the first one of ``kinds``, None without one; never waits."""
-        return next((each for each in self.newest if each.kind in kinds), None)
+        return next((event for event in self.newest if event.kind in kinds), None)
 
 
 def with_remedy(problem: Problem) -> str:
@@ -145,7 +145,7 @@ def recover(client: RosClient, on_step: Callable[[str], None]) -> bool:
 def _publishers(client: RosClient) -> set[bytes]:
     """Return which processes report a recovery: another one each time that robotd is started."""
     found = client.node.get_publishers_info_by_topic(RECOVERY)
-    return {bytes(each.endpoint_gid) for each in found}
+    return {bytes(endpoint.endpoint_gid) for endpoint in found}
 
 
 def _print_new(text: str, printed: list[str], on_step: Callable[[str], None]) -> None:

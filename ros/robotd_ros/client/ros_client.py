@@ -100,6 +100,8 @@ class RosClient:
             context=self._context,
             enable_rosout=False,
             start_parameter_services=False,
+            # It needs NumPy, which takes longer to import than a robot to stop.
+            parameter_overrides=[Parameter("start_type_description_service", value=False)],
         )
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
@@ -177,17 +179,17 @@ class RosClient:
         return response
 
     def trigger(self, name: str) -> str:
-        """Call service ``name`` of the type Trigger; return its message. Raises as ``call``."""
+        """Call a Trigger service; return its message. Raises the errors of ``call``."""
         return str(self.call(Trigger, name).message)
 
     def switch(self, name: str, on: bool) -> str:
-        """Call service ``name`` of the type SetBool; return its message. Raises as ``call``."""
+        """Call a SetBool service; return its message. Raises the errors of ``call``."""
         return str(self.call(SetBool, name, data=on).message)
 
     def call_named(self, name: str, values: Mapping[str, Any]) -> str:
         """Call service ``name`` with values by name; return its answer as text.
 
-        Raises as ``call``, OperationError with the reason of a rejection.
+        Raises the errors of ``call``; OperationError with the reason of a rejection.
         """
         parameters = [
             Parameter(key, value=value).to_parameter_msg() for key, value in values.items()
@@ -200,7 +202,7 @@ class RosClient:
     def parameters(self, node: str, names: Sequence[str]) -> list[Any]:
         """Return the values of parameters of ``node``, None for one that is not set.
 
-        Empty where the node has not declared all of them. Raises as ``call``.
+        Empty where the node has not declared all of them. Raises the errors of ``call``.
         """
         response = self.call(GetParameters, f"{node}/get_parameters", names=names)
         return list(map(parameter_value_to_python, response.values))
@@ -267,8 +269,8 @@ def escape_texts(message: Any) -> None:
         if isinstance(value, str):
             setattr(message, field, escaped(value))
         elif isinstance(value, list) and value and isinstance(value[0], str):
-            setattr(message, field, [escaped(each) for each in value])
+            setattr(message, field, [escaped(item) for item in value])
         else:
-            for each in value if isinstance(value, list) else [value]:
-                if hasattr(each, "get_fields_and_field_types"):
-                    escape_texts(each)
+            for item in value if isinstance(value, list) else [value]:
+                if hasattr(item, "get_fields_and_field_types"):
+                    escape_texts(item)

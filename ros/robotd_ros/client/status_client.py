@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass
 
 from geometry_msgs.msg import TransformStamped
@@ -14,7 +14,7 @@ from wmx_ros2_message.msg import AxisState
 from wmx_ros2_message.srv import SetAxis
 
 from robotd.clock import MonotonicClock, wait_until
-from robotd.control.problem import Problem
+from robotd.control.groups.problem import Problem
 from robotd.errors import DeviceTimeout, InvalidArgument, OperationError, unknown_name
 from robotd_ros.client.fleet import RobotIdentity, read_identity
 from robotd_ros.client.operator_client import (
@@ -138,7 +138,7 @@ class RobotReport:
     @property
     def takes_motion(self) -> bool:
         """True where neither the engine, a fault nor a stop forbids motion."""
-        return self.ready and not any(each.forbids_motion for each in self.problems)
+        return self.ready and not any(problem.forbids_motion for problem in self.problems)
 
 
 def _owners(text: str) -> dict[str, str]:
@@ -205,7 +205,7 @@ def set_gripper(client: RosClient, closed: bool) -> str:
     except DeviceTimeout as error:
         if client.node.count_services(GRIPPER):
             raise
-        what = "no gripper: a robot offers it whose file has 'gripper'"
+        what = "no gripper: a robot offers it whose file has 'gripper' or one of 'servo_grippers'"
         raise DeviceTimeout(f"{what} ({error})") from error
 
 
@@ -219,7 +219,8 @@ def set_servos(client: RosClient, axes: Sequence[str], on: bool) -> str:
     Returns what the robot answers for each axis. Raises DeviceTimeout without an answer,
     OperationError when one axis refuses, InvalidArgument for a name that no axis has.
     """
-    with reason_of_silence(client):
+    # To switch off needs no state of the device.
+    with reason_of_silence(client) if on else nullcontext():
         names = [axis.name for axis in read_axes(client)]
     index = [_axis_number(axis, names) for axis in axes or names]
     if on:
@@ -252,8 +253,8 @@ def axis_reports(message: AxisState, axes: Sequence[AxisIdentity]) -> tuple[Axis
         what = f"{len(message.servo_on)} axes now, {len(axes)} when this command was started"
         raise OperationError(f"the robot has {what}: start it again")
     columns = zip(
-        (each.name for each in axes),
-        (each.unit for each in axes),
+        (axis.name for axis in axes),
+        (axis.unit for axis in axes),
         message.servo_on,
         message.amp_alarm,
         message.home_done,

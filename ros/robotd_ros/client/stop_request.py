@@ -1,10 +1,11 @@
 """Stop of a robot, by message and service, repeated until it is confirmed.
 
-On a link that loses datagrams either way may be discovered first: the message on the topic needs
-one endpoint, the service two in each direction. The message is repeated until the robot's latched
-reason shows that it has come, and the service until it answers, which is at standstill. Both may
-come twice: a stop of what is stopped has no effect. Where robots share a namespace, the service
-reaches those that are discovered by then, and one answers: the message goes to each other one.
+The message on the topic goes first: it needs one endpoint, the service two in each direction, and
+half of the processor time of the command to be made. The message is repeated until the robot's
+latched reason shows that it has come, and then the service is called until it answers, which is at
+standstill. Both may come twice: a stop of what is stopped has no effect. Where robots share a
+namespace, the service reaches those that are discovered by then, and one answers: the message goes
+to each other one.
 """
 
 from __future__ import annotations
@@ -19,13 +20,40 @@ from std_srvs.srv import Trigger
 from robotd.errors import OperationError
 from robotd.log import escaped
 from robotd_ros.client.ros_client import RosClient
-from robotd_ros.node_registry import OPERATOR_NODE
+from robotd_ros.node_registry import OPERATOR_NODE, STOP_ALL
 from robotd_ros.qos import LATCHED
 
 REPEAT_S = 0.1
-MESSAGE_AFTER_S = 0.3  # of a call: on a link without losses its answer comes before
+SERVICE_AFTER_S = 0.5  # without an effect of the message
 DELIVERY_S = 1.0  # of the message to several robots
 RETRY_S = 3.0  # of a call whose answer does not come; the robot may take as long to come to rest
+
+
+class StopOfAll:
+    """Stop of all robots of the ROS domain by one message, before any of them is looked up.
+
+    It says nothing of who has got it: see ``StopRequest``. One thread, the client's.
+    """
+
+    def __init__(self, client: RosClient) -> None:
+        self._node = client.node
+        self._publisher = client.node.create_publisher(Empty, STOP_ALL, 1)
+        self._reached, self._message_s = 0, 0.0
+
+    def send(self, *, again: bool) -> None:
+        """Send it to robots that are newly discovered, and every ``REPEAT_S`` to all if ``again``.
+
+        After each event of the client.
+        """
+        count, now_s = self._publisher.get_subscription_count(), time.monotonic()
+        if count > self._reached or (again and count and now_s >= self._message_s + REPEAT_S):
+            self._message_s = now_s
+            self._publisher.publish(Empty())
+        self._reached = count
+
+    def close(self) -> None:
+        """End what it has made at the client's node."""
+        self._node.destroy_publisher(self._publisher)
 
 
 class StopRequest:
@@ -46,7 +74,9 @@ class StopRequest:
         self._client, node = client, client.node
         self._publisher = node.create_publisher(Empty, f"{prefix}{OPERATOR_NODE}/stop", 1)
         self._stopped = client.listen(String, f"{prefix}{OPERATOR_NODE}/stopped", LATCHED)
-        self._service = node.create_client(Trigger, f"{prefix}{OPERATOR_NODE}/stop")
+        self._service_name = f"{prefix}{OPERATOR_NODE}/stop"
+        self._service: Any = None  # it is made when the message was sent
+        self._began_s = time.monotonic()
         self._call: Any = None
         self._call_s = -RETRY_S
         self._message_s = 0.0
@@ -58,7 +88,14 @@ class StopRequest:
         if self.is_done:
             return
         now_s = time.monotonic()
-        if self._call is not None and self._call.done():
+        is_found = self._publisher.get_subscription_count() > 0
+        if is_found and not self.is_engaged and now_s >= self._message_s + REPEAT_S:
+            self._message_s = now_s
+            self._publisher.publish(Empty())
+        if self._service is None:
+            if self.is_engaged or now_s >= self._began_s + SERVICE_AFTER_S:
+                self._service = self._client.node.create_client(Trigger, self._service_name)
+        elif self._call is not None and self._call.done():
             response, self._call = self._call.result(), None
             text = escaped(response.message)
             self.answer, self.failure = (text, "") if response.success else ("", text)
@@ -67,10 +104,6 @@ class StopRequest:
                 self._service.remove_pending_request(self._call)
             self._call_s = now_s
             self._call = self._service.call_async(Trigger.Request())
-        is_called = self._service.service_is_ready() and now_s < self._call_s + MESSAGE_AFTER_S
-        if not self.is_engaged and not is_called and now_s >= self._message_s + REPEAT_S:
-            self._message_s = now_s
-            self._publisher.publish(Empty())
 
     def reaches(self, robots: int) -> bool:
         """Return whether this many robots have got the stop, and send it to further ones."""
@@ -95,7 +128,8 @@ class StopRequest:
         """State for people, while it is not done."""
         if self.is_engaged:
             return "stopped, standstill is not confirmed yet"
-        if self._publisher.get_subscription_count() or self._service.service_is_ready():
+        is_served = self._service is not None and self._service.service_is_ready()
+        if self._publisher.get_subscription_count() or is_served:
             return "found, no confirmation yet"
         own = self._client.node.get_namespace()
         return f"no robot found yet in namespace {own} (robotd stop --all: in all)"
@@ -106,7 +140,8 @@ class StopRequest:
             self._publisher.wait_for_all_acked(Duration(seconds=DELIVERY_S))
         self._stopped.__exit__()
         self._client.node.destroy_publisher(self._publisher)
-        self._client.node.destroy_client(self._service)
+        if self._service is not None:
+            self._client.node.destroy_client(self._service)
 
     def result(self) -> str:
         """Return the answer. Raises OperationError with the robot's reason: axes still move."""

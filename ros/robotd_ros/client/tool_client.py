@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from geometry_msgs.msg import Pose, PoseStamped
+from geometry_msgs.msg import Pose, PoseStamped, TransformStamped
 from robotd_msgs.action import MoveTool
-from robotd_msgs.srv import ComputeFk, ComputeIk, SelectFrame
+from robotd_msgs.msg import Scene, SceneObject
+from robotd_msgs.srv import ChangeScene, ComputeFk, ComputeIk, SelectFrame
 from sensor_msgs.msg import JointState
+from tf2_msgs.msg import TFMessage
 
 from robotd_ros.client.motion_client import Ending, GoalRun
 from robotd_ros.client.ros_client import RosClient
 from robotd_ros.node_registry import OPERATOR_NODE
+from robotd_ros.qos import LATCHED
 
 ACTION = f"{OPERATOR_NODE}/move_tool"
 FRAMES = {
@@ -72,6 +75,15 @@ def tool_pose(client: RosClient, group: str = "") -> tuple[Pose, str, str]:
     return stamped.pose, str(stamped.header.frame_id), str(answer.message)
 
 
+def chosen_frames(client: RosClient) -> list[TransformStamped]:
+    """Return the chosen tool in its link and the chosen work frame in the base, of each group.
+
+    What is not chosen is not among them. Raises DeviceTimeout.
+    """
+    with client.listen(TFMessage, f"{OPERATOR_NODE}/tool_frames", LATCHED) as messages:
+        return list(messages.wait().transforms)
+
+
 def joint_solutions(
     client: RosClient, pose: Pose, *, group: str = "", everything: bool = False
 ) -> list[Mapping[str, float]]:
@@ -79,7 +91,9 @@ def joint_solutions(
     request = {"group": group, "all": everything, "seed": JointState()}
     stamped = PoseStamped(pose=pose)
     answer = client.call(ComputeIk, f"{OPERATOR_NODE}/compute_ik", pose_stamped=stamped, **request)
-    return [dict(zip(each.name, each.position, strict=True)) for each in answer.solutions]
+    return [
+        dict(zip(solution.name, solution.position, strict=True)) for solution in answer.solutions
+    ]
 
 
 def select_tool(client: RosClient, name: str, group: str = "") -> str:
@@ -95,6 +109,29 @@ def select_work_frame(client: RosClient, name: str, group: str = "") -> str:
 def set_reduced_speed(client: RosClient, *, on: bool) -> str:
     """Limit the speed of the arms, or end that; return the state. Raises OperationError."""
     return client.switch(f"{OPERATOR_NODE}/set_reduced_speed", on)
+
+
+def scene_objects(client: RosClient) -> list[Any]:
+    """Return the objects of the scene. Raises DeviceTimeout."""
+    with client.listen(Scene, f"{OPERATOR_NODE}/scene", LATCHED) as messages:
+        return list(messages.wait().objects)
+
+
+def change_scene(client: RosClient, operation: str, **fields: Any) -> str:
+    """Change the scene; return what the robot says.
+
+    Args:
+        operation: "add", "remove", "move", "attach" or "detach".
+        fields: of the object.
+
+    Raises OperationError: with the reason.
+    """
+    number = getattr(ChangeScene.Request, operation.upper())
+    item = SceneObject(**fields)
+    answer = client.call(
+        ChangeScene, f"{OPERATOR_NODE}/change_scene", operation=number, object=item
+    )
+    return str(answer.message)
 
 
 def _select(client: RosClient, service: str, name: str, group: str) -> str:

@@ -64,7 +64,7 @@ def bar(part: float) -> str:
     return "━" * filled + "╌" * (BAR_WIDTH - filled)
 
 
-class Progress:
+class ProgressLine:
     """Shows the progress of a motion on standard error, on one line.
 
     Args:

@@ -66,9 +66,11 @@ class JogKeys:
         elif key.isdigit() and 0 < int(key) <= self._joints:
             self.joint = int(key) - 1
         elif key in (b"+", b"="):
-            self.speed = next((each for each in SPEEDS if each > self.speed), self.speed)
+            self.speed = next((speed for speed in SPEEDS if speed > self.speed), self.speed)
         elif key == b"-":
-            self.speed = next((each for each in reversed(SPEEDS) if each < self.speed), self.speed)
+            self.speed = next(
+                (speed for speed in reversed(SPEEDS) if speed < self.speed), self.speed
+            )
 
     def _keys(self, data: bytes) -> Iterator[bytes]:
         """Yield one item per key; an escape sequence may come in two pieces."""

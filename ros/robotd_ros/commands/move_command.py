@@ -12,7 +12,7 @@ from robotd.cli.exit_codes import ExitCode, Rejected
 from robotd.cli.preflight import import_ros
 from robotd.cli.shell_values import joint_completion
 from robotd.number_argument import NumberRange, parse_number
-from robotd_ros.commands.goal import Progress, carry_out, print_ending
+from robotd_ros.commands.goal import ProgressLine, carry_out, print_ending
 from robotd_ros.commands.robot_client import (
     ROS_EPILOG,
     client_options,
@@ -102,7 +102,7 @@ def move(
 
     For example: robotd move joint1=0.5 joint3=-0.4. Positions are rad, or m for a prismatic joint.
     Joints that are not named stay where they are, and other joint groups go on. Ctrl-C, or
-    the loss of the terminal, stops the motion and waits until the arm stands.
+    the loss of the terminal, stops the motion and waits until the arm is at rest.
 
     With --tool or --pose the tool moves: robotd move --tool z+0.05 --line goes up by 5 cm, and
     robotd move --pose x=0.3 yaw=1.2 to a pose whose other components stay.
@@ -119,7 +119,7 @@ def move(
             joint: math.radians(value) if joint in turning else value
             for joint, value in targets.items()
         }
-        progress = Progress(tuple(targets), time_s, degrees=turning)
+        progress = ProgressLine(tuple(targets), time_s, degrees=turning)
         try:
             code, reason = carry_out(client, arm, positions, time_s, progress.show)
         except Rejected as error:

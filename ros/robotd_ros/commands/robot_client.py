@@ -12,7 +12,7 @@ import click
 
 from robotd.cli.exit_codes import ExitCode, Rejected, RosUnavailable
 from robotd.cli.group import STATUS, ros_args
-from robotd.cli.options import Command, log_options
+from robotd.cli.options import Command, log_options, namespace_option
 from robotd.cli.preflight import import_ros
 from robotd.errors import DeviceTimeout, OperationError
 from robotd.number_argument import NumberRange
@@ -26,17 +26,19 @@ ROS_EPILOG = "What follows --ros-args goes to ROS; give the same remaps as to th
 
 
 def client_options(command: Command) -> Command:
-    """Add the time-out of the robot's answer, and the options of every command."""
+    """Add time-out of the robot's answer, namespace, and the options of every command."""
     timeout = click.option(
         "--timeout",
         "timeout_s",
         metavar="SECONDS",
         type=NumberRange(0.1, 600),
         default=5.0,
+        envvar="ROBOTD_TIMEOUT",
+        show_envvar=True,
         show_default=True,
         help="How long the robot may take to answer.",
     )
-    return timeout(log_options(command))
+    return timeout(namespace_option(log_options(command)))
 
 
 @contextmanager
@@ -79,7 +81,7 @@ def _running_robots(client: RosClient) -> str:
         f"{robot.text} runs here, and does not answer this"
         if robot.namespace == own
         else f"{robot.text} runs: add --ros-args -r __ns:={robot.namespace}"
-        for robot in (each.identity for each in found)
+        for robot in (robot.identity for robot in found)
     ]
     return "".join(f"\n  {line}" for line in lines)
 
@@ -107,26 +109,27 @@ def print_addressed_robots(client: RosClient, namespace: str = "") -> int:
     return len(robots)
 
 
-def require_one_robot(client: RosClient, namespace: str = "") -> None:
-    """Print to standard error which robot is commanded; as ``print_addressed_robots``.
+def require_one_robot(client: RosClient, namespace: str = "", *, prints: bool = True) -> None:
+    """Check that one robot is asked, and print to standard error which; also before reading.
 
     Where none has announced itself yet, again before the first request of ``client``.
 
     Raises OperationError for several robots that share the namespace: a command would reach those
-    that are discovered by then, one or all. A stop has to reach them all the same.
+    that are discovered by then, one or all, and what is read would be of one or of the other. A
+    stop has to reach them all the same.
     """
-    if not _require_one(client, namespace):
-        client.before_request = partial(_require_one, client, namespace)
+    if not _require_one(client, namespace, prints=prints):
+        client.before_request = partial(_require_one, client, namespace, prints=prints)
 
 
-def _require_one(client: RosClient, namespace: str) -> bool:
+def _require_one(client: RosClient, namespace: str, *, prints: bool) -> bool:
     """As ``require_one_robot``; returns False where none has announced itself."""
     robots = import_ros("robotd_ros.client.fleet").addressed_robots(client, namespace)
     if len(robots) > 1:
         names = "".join(f"\n  {robot.text}" for robot in robots)
         what = f"{len(robots)} robots share this namespace, none gets the command: {OWN_NAMESPACES}"
         raise OperationError(f"{what}; robotd stop stops all of them{names}")
-    for robot in robots:
+    for robot in robots if prints else ():
         click.echo(f"robot: {robot.identity.text}", err=True)
     return bool(robots)
 

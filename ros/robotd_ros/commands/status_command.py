@@ -19,6 +19,7 @@ from robotd_ros.commands.robot_client import (
     ROS_EPILOG,
     check_watch,
     client_options,
+    require_one_robot,
     robot_client,
 )
 
@@ -46,14 +47,15 @@ def status(*, as_json: bool, watch: bool, timeout_s: float) -> ExitCode:
 def _status(timeout_s: float, *, as_json: bool) -> ExitCode:
     """Print the state; OK when the robot takes motion commands, else FAILED."""
     with robot_client(timeout_s) as client:
+        require_one_robot(client, prints=False)
         report = import_ros("robotd_ros.client.status_client").read_report(client)
     if as_json:
         click.echo(json.dumps(asdict(report, dict_factory=_without_nan), indent=2))
     else:
         click.echo(field("robot", [report.robot.text]))
         click.echo(field("engine", [f"{report.state}, {_readiness(report)}"]))
-        for each in report.problems:
-            click.echo(field("problem", [*filter(None, (warning(str(each)), each.remedy))]))
+        for problem in report.problems:
+            click.echo(field("problem", [*filter(None, (warning(str(problem)), problem.remedy))]))
         if report.speed != 1.0:
             click.echo(field("speed", [f"{100.0 * report.speed:g} %"]))
         if report.owners:
@@ -80,9 +82,9 @@ def _readiness(report: RobotReport) -> str:
     """Return the state in words; a robot that cannot move is never "ready"."""
     if not report.ready:
         return warning("not ready")
-    if any(each.prevents_motion for each in report.problems):
+    if any(problem.prevents_motion for problem in report.problems):
         return warning("cannot move")
-    outside = any(each.kind == "outside limits" for each in report.problems)
+    outside = any(problem.kind == "outside limits" for problem in report.problems)
     return warning("ready, a joint is outside its limits") if outside else "ready"
 
 
@@ -97,6 +99,7 @@ def _watch(timeout_s: float) -> ExitCode:
     from robotd_ros.commands.status_view import view
 
     with robot_client(timeout_s, searches=True) as client:
+        require_one_robot(client, prints=False)
         live_status = import_ros("robotd_ros.client.live_status").live_status
         with Interrupt() as interrupt, live_status(client) as status:
             report = status.report()

@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 if TYPE_CHECKING:  # it needs rclpy
-    from robotd.control.problem import Problem
+    from robotd.control.groups.problem import Problem
     from robotd_ros.client.live_status import LiveReport
 
 LEVELS = ("green", "yellow", "bold red", "dim")
@@ -36,7 +36,7 @@ def view(report: LiveReport) -> Group:
 def _head(report: LiveReport) -> Table:
     words = {True: "ready", False: "not ready", None: "no answer"}
     text, style = words[report.ready], "bold green" if report.ready else "bold red"
-    if report.ready and any(each.prevents_motion for each in report.problems):
+    if report.ready and any(problem.prevents_motion for problem in report.problems):
         text, style = "cannot move", "bold red"
     grid = Table.grid(padding=(0, 1))
     grid.add_row(Text(text, style=style), Text("stop with Ctrl-C", style="dim"))
@@ -53,16 +53,16 @@ def _axes(report: LiveReport) -> Table:
     table = Table(*columns, box=None, header_style="dim", pad_edge=False)
     for heading in ("position", "velocity", "torque", "following error"):
         table.add_column(heading, justify="right")
-    for each in report.axes or ():
+    for axis in report.axes or ():
         table.add_row(
-            str(each.axis),
-            each.name,
-            Text("on", style="green") if each.servo_on else Text("off", style="yellow"),
-            Text("ALARM", style="bold red") if each.alarm else "-",
-            f"{each.position:+z.4f} {each.unit}",
-            f"{each.velocity:+z.4f} {each.unit}/s",
-            each.effort,
-            f"{each.position_command - each.position:+z.5f} {each.unit}",
+            str(axis.axis),
+            axis.name,
+            Text("on", style="green") if axis.servo_on else Text("off", style="yellow"),
+            Text("ALARM", style="bold red") if axis.alarm else "-",
+            f"{axis.position:+z.4f} {axis.unit}",
+            f"{axis.velocity:+z.4f} {axis.unit}/s",
+            axis.effort,
+            f"{axis.position_command - axis.position:+z.5f} {axis.unit}",
         )
     return table
 

@@ -10,7 +10,7 @@ import click
 
 from robotd.cli.exit_codes import ExitCode
 from robotd.cli.layout import warn
-from robotd.cli.options import log_options
+from robotd.cli.options import log_options, namespace_option
 from robotd.cli.preflight import import_ros
 from robotd.errors import DeviceTimeout, OperationError
 from robotd.number_argument import NumberRange
@@ -21,7 +21,8 @@ if TYPE_CHECKING:  # it needs rclpy
     from robotd_ros.client.ros_client import RosClient
     from robotd_ros.client.stop_request import StopRequest
 
-FIRST_REPORT_S, REPORT_INTERVAL_S = 1.0, 2.0
+FIRST_REPORT_S, REPORT_INTERVAL_S = 3.0, 2.0  # discovery takes 2 s on a busy computer
+HASTENED_S = 0.3  # from the stop to the first line, where the answer has not come by then
 SETTLE_S = 2.0  # without a new discovery, while the robots that are known are stopped
 
 
@@ -36,6 +37,7 @@ SETTLE_S = 2.0  # without a new discovery, while the robots that are known are s
     show_default=True,
     help="How long to try.",
 )
+@namespace_option
 @log_options
 def stop(timeout_s: float, *, stops_all: bool) -> ExitCode:
     """Stop all motion of the running robot, until a reset.
@@ -53,6 +55,8 @@ def stop(timeout_s: float, *, stops_all: bool) -> ExitCode:
             while not request.is_done:
                 client.spin()
                 request.advance()
+                if request.is_engaged:
+                    progress.hasten()
                 progress.report(request.progress)
                 if progress.is_over:
                     raise DeviceTimeout(_unconfirmed(client, request, timeout_s))
@@ -66,19 +70,22 @@ def stop(timeout_s: float, *, stops_all: bool) -> ExitCode:
 
 
 def _stop_all(client: RosClient) -> ExitCode:
-    """Stop each robot as soon as it is found; name those that do not confirm."""
+    """Stop each robot as soon as it is found, and name it when it confirms, or does not."""
+    stop_of_all = import_ros("robotd_ros.client.stop_request").StopOfAll(client)
     fleet: Fleet = import_ros("robotd_ros.client.fleet").Fleet(client)
     make_request = import_ros("robotd_ros.client.stop_request").StopRequest
     requests: dict[str, StopRequest] = {}
     discovery = import_ros("robotd_ros.client.ros_client").Discovery(client.node)
     progress = _Progress(client.timeout_s)
     while not progress.is_over:
+        is_engaged = requests and all(request.is_engaged for request in requests.values())
+        stop_of_all.send(again=not is_engaged)
         fleet.update()
         for namespace in fleet.namespaces:
             if namespace not in requests:
                 requests[namespace] = make_request(client, namespace)
-        for request in requests.values():
-            request.advance()
+        for namespace, request in requests.items():
+            _advance(namespace, request)
         waiting = [name for name, request in requests.items() if not request.is_done]
         is_settled = discovery.quiet_s() > SETTLE_S
         if requests and not waiting and is_settled:
@@ -89,11 +96,20 @@ def _stop_all(client: RosClient) -> ExitCode:
     if not requests:
         raise OperationError("no robot runs in this ROS domain: nothing was stopped")
     for namespace, request in sorted(requests.items()):
-        text = request.answer or request.failure or f"NOT CONFIRMED: {request.progress}"
-        click.echo(f"{namespace}: {text}")
+        if not request.is_done:
+            click.echo(f"{namespace}: NOT CONFIRMED: {request.progress}")
         request.close()
     fleet.close()
-    return ExitCode.OK if all(each.answer for each in requests.values()) else ExitCode.FAILED
+    stop_of_all.close()
+    return ExitCode.OK if all(request.answer for request in requests.values()) else ExitCode.FAILED
+
+
+def _advance(namespace: str, request: StopRequest) -> None:
+    """Advance a request, and name its robot when it has answered."""
+    was_done = request.is_done
+    request.advance()
+    if request.is_done and not was_done:
+        click.echo(f"{namespace}: {request.answer or request.failure}")
 
 
 def _unconfirmed(client: RosClient, request: StopRequest, timeout_s: float) -> str:
@@ -105,22 +121,32 @@ def _unconfirmed(client: RosClient, request: StopRequest, timeout_s: float) -> s
 
 
 class _Progress:
-    """Prints on standard error, every few seconds, that the command still tries."""
+    """Prints on standard error that the command still tries, more rarely while nothing changes."""
 
     def __init__(self, timeout_s: float) -> None:
         self._began_s = time.monotonic()
         self._timeout_s = timeout_s
         self._due_s = self._began_s + FIRST_REPORT_S
+        self._text, self._interval_s = "", REPORT_INTERVAL_S
+        self._is_hastened = False
 
     @property
     def is_over(self) -> bool:
         """The time is over."""
         return time.monotonic() - self._began_s > self._timeout_s
 
+    def hasten(self) -> None:
+        """Make the first line due soon: there is something to say."""
+        if not self._is_hastened:
+            self._is_hastened = True
+            self._due_s = min(self._due_s, time.monotonic() + HASTENED_S)
+
     def report(self, text: str) -> None:
         """Print ``text`` where a line is due."""
         now_s = time.monotonic()
         if now_s >= self._due_s:
-            self._due_s = now_s + REPORT_INTERVAL_S
+            is_same, self._text = text == self._text, text
+            self._interval_s = 2.0 * self._interval_s if is_same else REPORT_INTERVAL_S
+            self._due_s = now_s + self._interval_s
             with suppress(OSError):  # of a lost terminal, or a pipe that nobody reads
                 warn(f"still trying to stop after {now_s - self._began_s:.0f} s: {text}")

@@ -1,4 +1,4 @@
-"""Publisher of ``/diagnostics``, once a second and on every change, and of the problems.
+"""Observer of a robot: ``/diagnostics``, its problems and its summary, from one look.
 
 One part is the detection of other processes that serve nodes of the same names. ROS allows it
 without a word: two robots of one name both receive every command and answer every service.
@@ -17,7 +17,7 @@ from rclpy.node import Node
 from robotd.clock import NANOSECONDS, MonotonicClock
 from robotd.log import get_logger
 from robotd.robot import Robot
-from robotd_ros.diagnostics.part_status import Level, Status
+from robotd_ros.diagnostics.part_status import DiagnosticLevel, PartStatus
 from robotd_ros.diagnostics.robot_health import Health
 from robotd_ros.middleware import NODE_GONE, Participant
 from robotd_ros.nodes.operator_node import OperatorNode
@@ -28,6 +28,7 @@ TOPIC = "/diagnostics"  # absolute: aggregators and monitors of ROS listen there
 DEPTH = 10
 PERIOD_NS = NANOSECONDS  # 1 Hz
 CHECK_PERIOD_S = 0.1  # period of the check for changes
+BUS_AGE_S = 0.9  # within which another reader has asked the fieldbus
 END_TIMEOUT_S = 1.0  # for a check that is under way
 ros_log = get_logger("ros")
 
@@ -39,13 +40,14 @@ _TOPIC = "/parameter_events"  # every node publishes it
 class Diagnostics:
     """Diagnostics of a process: ``with Diagnostics(nodes, robot, operator):``.
 
-    A thread of its own, ``robotd-diagnostics``, does it: reading the fieldbus may block, which
-    neither the control loop nor the executor can afford.
+    They go out once a second and on every change. A thread of its own, ``robotd-diagnostics``,
+    looks at the robot: reading the fieldbus may block, and so may the driver of a lost device
+    that is asked for its reason, which neither the control loop nor the executor can afford.
 
     Args:
         nodes: all of the process; the first one publishes, and its namespace distinguishes robots
             that share the topic.
-        operator: publishes the problems.
+        operator: publishes the problems and the summary.
     """
 
     def __init__(self, nodes: Sequence[Node], robot: Robot, operator: OperatorNode) -> None:
@@ -56,7 +58,7 @@ class Diagnostics:
         self._hardware = f"{node.get_namespace()}/{robot.descriptor.name}".lstrip("/")
         self._health = Health(robot)
         self._clash = NameClash(nodes)
-        self._clash_status: Status | None = None
+        self._clash_status: PartStatus | None = None
         self._published: object = None
         self._due_ns = 0
         self._failing = False
@@ -87,13 +89,14 @@ class Diagnostics:
             now_ns = MonotonicClock.now_ns()
             seen = self._health.fingerprint()
             is_due = now_ns >= self._due_ns
-            if seen == self._published and not is_due:
+            unchanged = seen == self._published
+            if unchanged and not is_due:
                 return
             if is_due:  # on a grid of whole periods, unless one was left out
                 self._due_ns = max(self._due_ns + PERIOD_NS, now_ns)
                 self._clash_status = self._clash.check()
             self._published = seen
-            statuses = self._health.statuses()
+            statuses = self._health.statuses(BUS_AGE_S if unchanged else 0.0)
             self._publish([*statuses, self._clash_status] if self._clash_status else statuses)
             self._failing = False
         except NODE_GONE:
@@ -103,12 +106,12 @@ class Diagnostics:
                 log.exception("the diagnostics failed")
             self._failing = True
 
-    def _publish(self, statuses: list[Status]) -> None:
+    def _publish(self, statuses: list[PartStatus]) -> None:
         message = DiagnosticArray(status=[self._message(status) for status in statuses])
         message.header.stamp = self._clock.now().to_msg()
         self._publisher.publish(message)
 
-    def _message(self, status: Status) -> DiagnosticStatus:
+    def _message(self, status: PartStatus) -> DiagnosticStatus:
         return DiagnosticStatus(
             level=bytes([status.level]),
             name=f"robotd/{self._hardware}: {status.part}",
@@ -131,7 +134,7 @@ class NameClash:
         self._known: frozenset[str] = frozenset()
         self._is_logged = False
 
-    def check(self) -> Status | None:
+    def check(self) -> PartStatus | None:
         """Warning while another process has nodes of these names.
 
         Beginning and end are logged once each, when two checks agree: names come and go one by one
@@ -160,7 +163,9 @@ class NameClash:
                 advice=ADVICE,
             )
         text = f"another process serves {len(doubled)} nodes of the same names; {ADVICE}"
-        return Status(PART, Level.WARN, text, {"other": others, "nodes": " ".join(sorted(doubled))})
+        return PartStatus(
+            PART, DiagnosticLevel.WARN, text, {"other": others, "nodes": " ".join(sorted(doubled))}
+        )
 
     def _others(self, doubled: frozenset[str]) -> list[str]:
         """Descriptions of the other processes, as far as the middleware shows them."""

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import IntEnum
 
-from robotd.control.period_timing import LoopReport
+from robotd.control.loop.period_timing import LoopReport
 from robotd.device.bus_status import BusNode, BusState, BusStatus
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, ConnectionState, Operation
@@ -15,7 +15,7 @@ from robotd.device.state import CommandMode, ConnectionState, Operation
 SLOW = 0.95  # part of the control loop's rate below which it is too slow
 
 
-class Level(IntEnum):
+class DiagnosticLevel(IntEnum):
     """The numbers of diagnostic_msgs/DiagnosticStatus."""
 
     OK = 0  # as it should be
@@ -25,18 +25,18 @@ class Level(IntEnum):
 
 
 @dataclass(frozen=True)
-class Status:
+class PartStatus:
     """Status of one part: ``message`` explains its level, ``values`` give details."""
 
     part: str
-    level: Level
+    level: DiagnosticLevel
     message: str
     values: dict[str, str] = field(default_factory=dict)
 
 
 def engine_status(
     state: ConnectionState, backend: str, fault: str = "", step: str = "", *, ready: bool
-) -> Status:
+) -> PartStatus:
     """Status of the connection: OK when commandable, ERROR when lost, else WARN.
 
     Args:
@@ -45,17 +45,19 @@ def engine_status(
     """
     values = {"state": state.value, "ready": "yes" if ready else "no", "backend": backend}
     if ready and fault:
-        return Status("engine", Level.ERROR, fault, values)
+        return PartStatus("engine", DiagnosticLevel.ERROR, fault, values)
     if ready:
-        return Status("engine", Level.OK, state.value, values)
+        return PartStatus("engine", DiagnosticLevel.OK, state.value, values)
     if step:
-        return Status("engine", Level.WARN, f"{state.value}: {step}", values)
+        return PartStatus("engine", DiagnosticLevel.WARN, f"{state.value}: {step}", values)
     text = f"{state.value}: axes cannot be commanded"
     if state is ConnectionState.UNKNOWN:
         text = "the device gives no fresh values"
     lost = bool(fault) or state is ConnectionState.UNKNOWN
     message = f"{text}: {fault}" if fault else text
-    return Status("engine", Level.ERROR if lost else Level.WARN, message, values)
+    return PartStatus(
+        "engine", DiagnosticLevel.ERROR if lost else DiagnosticLevel.WARN, message, values
+    )
 
 
 def axis_status(
@@ -66,7 +68,7 @@ def axis_status(
     outside: str = "",
     *,
     used: bool,
-) -> Status:
+) -> PartStatus:
     """Status of one axis; a servo that should be on warns when off.
 
     Args:
@@ -78,7 +80,7 @@ def axis_status(
         return unknown_status(part, state)
     servo = "on" if image.servo_on[axis] else "off"
     level, message = next(
-        _complaints(axis, image, outside, used=used), (Level.OK, f"servo {servo}")
+        _complaints(axis, image, outside, used=used), (DiagnosticLevel.OK, f"servo {servo}")
     )
     error = image.position_command[axis] - image.position[axis]
     values = {
@@ -94,10 +96,10 @@ def axis_status(
     }
     if image.mode[axis] != CommandMode.POSITION:
         del values["following error (rad or m)"]
-    return Status(part, level, message, values)
+    return PartStatus(part, level, message, values)
 
 
-def fieldbus_status(part: str, network: BusStatus, *, losing: bool) -> Status:
+def fieldbus_status(part: str, network: BusStatus, *, losing: bool) -> PartStatus:
     """Status of a bus: ERROR for a lost node, WARN for one not operational."""
     errors = [f"node {node.id} {fault}" for node in network.nodes if (fault := _node_fault(node))]
     warnings = [
@@ -107,7 +109,13 @@ def fieldbus_status(part: str, network: BusStatus, *, losing: bool) -> Status:
     ]
     if losing:
         warnings.append("packets are being lost")
-    level = Level.ERROR if errors else Level.WARN if warnings else Level.OK
+    level = (
+        DiagnosticLevel.ERROR
+        if errors
+        else DiagnosticLevel.WARN
+        if warnings
+        else DiagnosticLevel.OK
+    )
     message = "; ".join([*errors, *warnings]) or f"{len(network.nodes)} nodes operational"
     values = {
         "bus state": network.state.value,
@@ -117,12 +125,12 @@ def fieldbus_status(part: str, network: BusStatus, *, losing: bool) -> Status:
         "over cycle": str(network.late_cycles),
         **network.details,
     }
-    return Status(part, level, message, values)
+    return PartStatus(part, level, message, values)
 
 
 def cycle_status(
     report: LoopReport, rate_hz: float, realtime: str, *, running: bool, missing: bool
-) -> Status:
+) -> PartStatus:
     """Status of the control loop: ERROR when stopped, WARN for missed deadlines.
 
     Args:
@@ -143,18 +151,18 @@ def cycle_status(
         "real-time priority": realtime,
     }
     if report.cycles == 0:
-        return Status("cycle", Level.STALE, "not started", values)
+        return PartStatus("cycle", DiagnosticLevel.STALE, "not started", values)
     if not running:
-        return Status("cycle", Level.ERROR, "stands still", values)
+        return PartStatus("cycle", DiagnosticLevel.ERROR, "stands still", values)
     if missing:
-        return Status("cycle", Level.WARN, "deadlines are being missed", values)
+        return PartStatus("cycle", DiagnosticLevel.WARN, "deadlines are being missed", values)
     if report.rate_hz < SLOW * rate_hz:
         message = f"{report.rate_hz:.0f} Hz instead of {rate_hz:g} Hz"
-        return Status("cycle", Level.WARN, message, values)
-    return Status("cycle", Level.OK, f"{rate_hz:g} Hz", values)
+        return PartStatus("cycle", DiagnosticLevel.WARN, message, values)
+    return PartStatus("cycle", DiagnosticLevel.OK, f"{rate_hz:g} Hz", values)
 
 
-def motion_status(stopped: str, speed: str, inactive: str = "") -> Status:
+def motion_status(stopped: str, speed: str, inactive: str = "") -> PartStatus:
     """Status of the motion of all axes.
 
     Args:
@@ -164,23 +172,27 @@ def motion_status(stopped: str, speed: str, inactive: str = "") -> Status:
     """
     values = {"speed": speed}
     if inactive:
-        return Status("motion", Level.WARN, f"not allowed: the robot is {inactive}", values)
+        return PartStatus(
+            "motion", DiagnosticLevel.WARN, f"not allowed: the robot is {inactive}", values
+        )
     if stopped:
-        return Status("motion", Level.WARN, f"stopped: {stopped}", values)
-    return Status("motion", Level.OK, f"allowed, {speed}", values)
+        return PartStatus("motion", DiagnosticLevel.WARN, f"stopped: {stopped}", values)
+    return PartStatus("motion", DiagnosticLevel.OK, f"allowed, {speed}", values)
 
 
-def gripper_status(state: ConnectionState, *, closed: bool) -> Status:
+def gripper_status(state: ConnectionState, *, closed: bool) -> PartStatus:
     """Status of the gripper: its command; no sensor measures its position."""
     if state is not ConnectionState.COMMUNICATING:
         return unknown_status("gripper", state)
-    return Status("gripper", Level.OK, "commanded closed" if closed else "commanded open")
+    return PartStatus(
+        "gripper", DiagnosticLevel.OK, "commanded closed" if closed else "commanded open"
+    )
 
 
-def unknown_status(part: str, state: ConnectionState) -> Status:
+def unknown_status(part: str, state: ConnectionState) -> PartStatus:
     """STALE, because the engine does not communicate."""
     text = f"not known: the device does not communicate (engine state {state.value})"
-    return Status(part, Level.STALE, text)
+    return PartStatus(part, DiagnosticLevel.STALE, text)
 
 
 def _node_fault(node: BusNode) -> str:
@@ -192,18 +204,18 @@ def _node_fault(node: BusNode) -> str:
 
 def _complaints(
     axis: int, image: ProcessImage, outside: str, *, used: bool
-) -> Iterator[tuple[Level, str]]:
+) -> Iterator[tuple[DiagnosticLevel, str]]:
     """Yield the problems of an axis, the worst first."""
     if fault := image.fault(axis):
-        yield Level.ERROR, fault
+        yield DiagnosticLevel.ERROR, fault
     if outside:
-        yield Level.WARN, outside
+        yield DiagnosticLevel.WARN, outside
     if image.negative_limit[axis]:
-        yield Level.WARN, "on the negative limit switch"
+        yield DiagnosticLevel.WARN, "on the negative limit switch"
     if image.positive_limit[axis]:
-        yield Level.WARN, "on the positive limit switch"
+        yield DiagnosticLevel.WARN, "on the positive limit switch"
     if used and not image.servo_on[axis]:
-        yield Level.WARN, "servo off"
+        yield DiagnosticLevel.WARN, "servo off"
 
 
 def _number(value: float) -> str:

@@ -9,8 +9,8 @@ from robotd.device.state import ConnectionState
 from robotd.errors import RobotdError
 from robotd.robot import Robot
 from robotd_ros.diagnostics.part_status import (
-    Level,
-    Status,
+    DiagnosticLevel,
+    PartStatus,
     axis_status,
     cycle_status,
     engine_status,
@@ -43,8 +43,11 @@ class Health:
         motion = latch.reason, latch.inactive, robot.axes.speed.text
         return (*states, *motion, *(array.tobytes() for array in flags))
 
-    def statuses(self) -> list[Status]:
-        """Of the engine, each axis, each fieldbus, the control loop, motion, and the gripper."""
+    def statuses(self, bus_age_s: float = 0.0) -> list[PartStatus]:
+        """Of the engine, each axis, each fieldbus, the control loop, motion, and the gripper.
+
+        ``bus_age_s``: see ``Fieldbus.status``.
+        """
         robot = self._robot
         state, now_ns = robot.connection.state, robot.clock.now_ns()
         connection = robot.connection
@@ -52,36 +55,45 @@ class Health:
         fault = image.controller_fault or connection.fault
         step, ready = "" if connection.established else connection.step.text, connection.ready
         found = [engine_status(state, robot.backend.name, fault, step, ready=ready)]
-        used = {*robot.joint_axes, *robot.wheel_axes}
         for axis, (name, limits) in enumerate(
             zip(robot.axes.names, robot.axes.limits, strict=True)
         ):
             outside = limits.excess(float(image.position[axis]))
-            found.append(axis_status(name, axis, image, state, outside, used=axis in used))
-        found += [self._fieldbus(master, state, now_ns) for master in range(len(self._lost))]
+            found.append(
+                axis_status(name, axis, image, state, outside, used=axis in robot.servos.used)
+            )
+        found += [
+            self._fieldbus(master, state, now_ns, bus_age_s) for master in range(len(self._lost))
+        ]
         found += [self._control_loop(now_ns), self._motion()]
         if robot.gripper is not None:
             found.append(gripper_status(state, closed=robot.gripper.is_commanded_closed))
         return found
 
-    def _motion(self) -> Status:
+    def _motion(self) -> PartStatus:
         axes = self._robot.axes
         latch = axes.stop_latch
         return motion_status(latch.reason, axes.speed.text, latch.inactive)
 
-    def _fieldbus(self, master: int, state: ConnectionState, now_ns: int) -> Status:
+    def _fieldbus(
+        self, master: int, state: ConnectionState, now_ns: int, age_s: float
+    ) -> PartStatus:
         part = "fieldbus" if len(self._lost) == 1 else f"fieldbus {master}"
         if state not in (ConnectionState.COMMUNICATING, ConnectionState.UNKNOWN):
             fault = self._robot.connection.fault
-            return Status(part, Level.ERROR, fault) if fault else unknown_status(part, state)
+            return (
+                PartStatus(part, DiagnosticLevel.ERROR, fault)
+                if fault
+                else unknown_status(part, state)
+            )
         try:
-            network = self._robot.fieldbus.status(master)
+            network = self._robot.fieldbus.status(master, age_s)
         except RobotdError as error:
-            return Status(part, Level.ERROR, str(error))
+            return PartStatus(part, DiagnosticLevel.ERROR, str(error))
         losing = self._lost[master].is_recent(network.lost_frames, now_ns)
         return fieldbus_status(part, network, losing=losing)
 
-    def _control_loop(self, now_ns: int) -> Status:
+    def _control_loop(self, now_ns: int) -> PartStatus:
         control_loop, settings = self._robot.control_loop, self._robot.descriptor.cycle
         report = control_loop.stats.report()
         granted = f"SCHED_FIFO {settings.realtime_priority}" if control_loop.realtime else "none"

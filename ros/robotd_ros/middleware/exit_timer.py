@@ -6,6 +6,7 @@ and only SIGKILL ends the process. A POSIX timer whose notification is ``_exit``
 needs no interpreter, and keeps the exit status.
 Measured: 2 of 600 orderly stops hung.
 Upstream: https://github.com/eProsima/Fast-DDS/issues/6193 (hang on destruction; open).
+Ends with: no version yet.
 Shown by: tests/ros/test_exit_timer.py.
 """
 

@@ -24,6 +24,7 @@ the same. Longer messages are sent in fragments, each in a datagram of its own.
 And a client of a discovery server is told of the endpoints that match its own only: it is meant so.
 Without ``see_whole_graph`` `robotd status` does not find an action whose name it does not know.
 Upstream: https://github.com/ros2/rmw_fastrtps/issues/844 (the same 3 s; closed without a change).
+Ends with: no version yet.
 Shown by: tools/bench/middleware.py, tests/ros/test_discovery_server.py.
 """
 

@@ -5,6 +5,7 @@ duration for each point. The answer needs the identity of the goal alone.
 Measured: 0.5 ms at best and 1.2 ms at the median of 2.9 ms from a request with 20 points of six
 joints to its answer (x86_64, two cores at load 16).
 Upstream: none known.
+Ends with: no version yet.
 Shown by: tests/ros/test_goal_requests.py, tools/bench/goal_client.py.
 """
 
@@ -33,7 +34,7 @@ class GoalRequest:
 
     Args:
         message: address of the C message, which is freed with this object.
-        requester: as above.
+        requester: identity of the request.
     """
 
     def __init__(self, message: int, functions: MessageFunctions, requester: RequestId) -> None:
@@ -62,7 +63,7 @@ class GoalRequest:
 class GoalRequests:
     """Takes and answers the goal requests of an action server. Executor thread.
 
-    Raises LayoutError: rcl or rclpy have other internals.
+    Raises InternalsError: rcl or rclpy have other internals.
     """
 
     def __init__(self, action_type: Any) -> None:
@@ -99,7 +100,7 @@ class GoalRequests:
         """Send the answer to ``request``. Raises RCLError: it was not sent.
 
         Args:
-            handle: as above.
+            handle: of the action server, from rclpy.
             request: from ``take``.
             accepted_ns: ROS time at which the goal was accepted; None: it is rejected.
         """

@@ -3,7 +3,8 @@
 Works around: rcl refuses to start where its folder of logs cannot be made. robotd has a log of its
 own, and no use for these files.
 Measured: nothing; once at start.
-Upstream: https://github.com/ros2/rcl_logging.
+Upstream: https://github.com/ros2/rcl_logging, none known.
+Ends with: no version yet.
 Shown by: tests/ros/unit/test_log_files.py.
 """
 

@@ -138,8 +138,8 @@ class MessageEncoder(CdrWriter):
                 for text in elements:
                     self.string(text)
             elif "/" in element:
-                for index, each in enumerate(elements):
-                    self._add(each, f"{path}.{index}." if is_array else f"{path}.")
+                for index, item in enumerate(elements):
+                    self._add(item, f"{path}.{index}." if is_array else f"{path}.")
             else:
                 raise ValueError(f"{path}: {type_name} is not known")
 

@@ -5,6 +5,7 @@ EventsExecutor calls it with one tuple of both, which a function of two argument
 ("SystemError: null argument to internal routine", and the message is lost).
 Measured: nothing; rclpy makes the dictionary for every message anyway.
 Upstream: none known; https://github.com/ros2/rclpy/pull/922 added such callbacks.
+Ends with: no version yet; both ways of the call are taken.
 Shown by: tests/ros/test_middleware.py.
 """
 

@@ -4,6 +4,7 @@ Works around: ``RCLError`` is a name of rclpy's extension module alone, which wa
 before. Where it is not there, its base class ``RuntimeError`` is caught in its place.
 Measured: nothing; once at import.
 Upstream: none known.
+Ends with: no version yet.
 Shown by: tests/ros/test_plain_rclpy.py.
 """
 

@@ -6,7 +6,8 @@ them.
 Measured: during one such call another thread that sleeps 1 ms at a time runs 90 times, and 15
 times with the interpreter held.
 Upstream: https://github.com/ros2/rclpy/issues/1025 (the same for ``take_message``; open).
-Where rclpy or rcl have other internals, ``LayoutError`` says so before anything is called.
+Ends with: no version yet.
+Where rclpy or rcl have other internals, ``InternalsError`` says so before anything is called.
 Shown by: tests/ros/test_service_responses.py, tests/ros/test_plain_rclpy.py.
 """
 
@@ -23,7 +24,7 @@ from rclpy.service import Service
 _HEADER_BYTES = 56  # of an object of pybind11 2: head, value, holder, weak references, flags
 
 
-class LayoutError(Exception):
+class InternalsError(Exception):
     """rclpy or rcl have other internals than this package knows."""
 
 
@@ -63,7 +64,7 @@ class MessageFunctions:
         destroy: frees a message.
         to_python: returns the message at an address as an object.
 
-    Raises LayoutError: its class has no such capsules.
+    Raises InternalsError: its class has no such capsules.
     """
 
     def __init__(self, message_type: Any) -> None:
@@ -74,7 +75,7 @@ class MessageFunctions:
                 _pointer_in(getattr(support, name), None) for name in _CAPSULES
             )
         except (AttributeError, ValueError) as error:
-            raise LayoutError(f"{message_type.__name__}: {error}") from error
+            raise InternalsError(f"{message_type.__name__}: {error}") from error
         self.create, self.destroy = _CREATE(create), _DESTROY(destroy)
         self.to_python, self._from_python = _TO_PYTHON(to_python), _FROM_PYTHON(from_python)
 
@@ -92,7 +93,7 @@ class MessageFunctions:
 class ResponseSender:
     """Sends the responses of one service. Any thread; one at a time.
 
-    Raises LayoutError: rcl or rclpy have other internals.
+    Raises InternalsError: rcl or rclpy have other internals.
     """
 
     def __init__(self, service: Service) -> None:
@@ -107,7 +108,7 @@ class ResponseSender:
         """Send; return the reason of a failure, "" for none.
 
         Raises:
-            TypeError: ``response`` is of another type than the service's.
+            TypeError: ``response`` has another type than the service.
             rclpy.exceptions.InvalidHandle: the service is gone.
         """
         if not isinstance(response, self._type):
@@ -127,11 +128,11 @@ class _ErrorString(ctypes.Structure):
 def c_function(
     library: str, name: str, arguments: Sequence[Any], result: Any = ctypes.c_int
 ) -> Any:
-    """Return a function of a library that rclpy has loaded. Raises LayoutError: there is none."""
+    """Return a function of a library that rclpy has loaded; raises InternalsError."""
     try:
         function = getattr(ctypes.CDLL(library), name)
     except (AttributeError, OSError) as error:
-        raise LayoutError(str(error)) from error
+        raise InternalsError(str(error)) from error
     function.argtypes, function.restype = arguments, result
     return function
 

@@ -9,6 +9,7 @@ in one place only: in the call of ``Service.send_response``.
 Measured: the look-up takes 27 us, once for each client of the service (x86_64).
 Upstream: https://github.com/ros2/rmw_fastrtps/pull/390 introduced the wait,
 https://github.com/ros2/ros2/issues/1253 asks for another solution (closed).
+Ends with: no version yet; since rclpy 5.0.1 the time-out is no error.
 Shown by: tests/ros/test_service_responses.py.
 """
 
@@ -25,7 +26,12 @@ from rclpy.service import Service
 
 from robotd.log import get_logger
 from robotd_ros.middleware.rcl_error import NODE_GONE
-from robotd_ros.middleware.release_gil import LayoutError, RequestId, ResponseSender, request_id_of
+from robotd_ros.middleware.release_gil import (
+    InternalsError,
+    RequestId,
+    ResponseSender,
+    request_id_of,
+)
 
 log = get_logger("ros")
 
@@ -33,6 +39,7 @@ _READER_TIMEOUT_S = 10.0  # discovery on a busy computer; rmw_fastrtps: 0.1, and
 _MAX_WAITING = 512  # responses; beyond that the oldest is dropped
 _CHECK_PERIOD_S = 0.01
 _GRAPH_VALIDITY_S = 0.002  # one look-up serves a burst
+PREFIX_BYTES = 12  # of a GUID: the participant; RTPS 2.5, table 9.1
 _READER = 0x04  # bit of the last byte of a GUID: RTPS 2.5, table 9.1
 _MAX_KNOWN = 64  # readers remembered without a look-up
 
@@ -48,7 +55,7 @@ class ServiceResponses:
         self._send_unlocked: ResponseSender | None = None
         try:
             self._send_unlocked = ResponseSender(service)
-        except LayoutError as error:
+        except InternalsError as error:
             log.warning("responses are sent by plain rclpy", service=self._name, reason=str(error))
         self._checks_readers = "fastrtps" in rclpy.get_rmw_implementation_identifier()
         self._known: set[bytes] = set()
@@ -98,15 +105,15 @@ class ServiceResponses:
             ready = []
             with self._lock:
                 waiting, self._waiting = self._waiting, []
-                for each in waiting:
-                    if each.can_be_sent(readers):
-                        ready.append(each)
-                    elif time.monotonic() < each.until_s:
-                        self._waiting.append(each)
+                for response in waiting:
+                    if response.can_be_sent(readers):
+                        ready.append(response)
+                    elif time.monotonic() < response.until_s:
+                        self._waiting.append(response)
                 left = len(self._waiting)
-            for each in ready:
+            for response in ready:
                 try:
-                    self._send(each)
+                    self._send(response)
                 except Exception:  # of one response, such as a text that is no UTF-8
                     log.exception("response not sent", service=self._name)
 
@@ -145,11 +152,11 @@ class ServiceResponses:
             found = self._node.get_subscriptions_info_by_topic(topic, no_mangle=True)
         except NODE_GONE:
             return None
-        return {bytes(each.endpoint_gid) for each in found}
+        return {bytes(endpoint.endpoint_gid) for endpoint in found}
 
 
 class _Waiting(NamedTuple):
-    """A response; ``until_s`` is of the monotonic clock."""
+    """A response; ``until_s`` is monotonic time."""
 
     response: Any
     header: Any

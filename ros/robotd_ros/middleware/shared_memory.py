@@ -5,6 +5,7 @@ it a file that the owner keeps locked while it runs. The two of a process that w
 robot that a supervisor kills and restarts would fill the memory.
 Measured: the search takes 0.2 ms, once at start.
 Upstream: https://github.com/eProsima/Fast-DDS/issues/2790 (answer: ``fastdds shm clean``).
+Ends with: no version, as it is meant so.
 Shown by: tests/ros/unit/test_shared_memory.py, tests/ros/test_middleware.py.
 """
 
@@ -25,7 +26,7 @@ _LOCK = re.compile(r"fastrtps_[0-9a-f]{16}_el")
 def remove_leftovers(folder: Path = FOLDER) -> int:
     """Remove the segments whose owners are dead; return their number. Any thread.
 
-    What is of another user, and what is in use, stays.
+    Files of other users, and those in use, stay.
     """
     removed = 0
     for lock in _orphans(folder):

@@ -4,6 +4,7 @@ Works around: ``Clock.now()`` takes 2 us, and to ask whether ROS time is the sys
 long; 10 us each in a loop that comes out of a sleep. The clock says by itself when that changes.
 Measured: 0.3 us instead of 18 us (x86_64, two cores at load 7).
 Upstream: none known.
+Ends with: no version yet.
 Shown by: tests/ros/test_stamp.py, tools/bench/middleware.py.
 """
 
@@ -31,7 +32,7 @@ class StampClock:
     def at_ns(self, monotonic_ns: int) -> int:
         """Time that ``now_ns`` had at ``monotonic_ns`` of the operating system, a moment ago.
 
-        Simulated time stands during a period: the present one.
+        Simulated time is held during a period: the present one.
         """
         if self._follows_topic:
             return self.now_ns()

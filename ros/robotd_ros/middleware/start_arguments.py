@@ -3,13 +3,14 @@
 Nodes keep their names: parameters of descriptors and the commands of robotd find them by name.
 
 Works around: rclpy ignores an override that no node declares, so that a misspelled limit has no
-effect. rcl of Jazzy remaps (``-r``) nodes, topics and services; an action's own services and topics
-have other names (``NAME/_action/send_goal``), so that a rule for the action matches none of them:
-``Parameters.action`` resolves the name before the action is made.
+effect. rcl before 9.2.8 remaps (``-r``) nodes, topics and services; an action's own services and
+topics have other names (``NAME/_action/send_goal``), so that a rule for the action matches none of
+them: ``Parameters.action`` resolves the name before the action is made.
 Measured: nothing; once at start.
 Upstream: by design (https://github.com/ros2/rclcpp/pull/1751 documents it); for actions
-https://github.com/ros2/ros2/issues/1312, done in later versions by
+https://github.com/ros2/ros2/issues/1312, done by
 https://github.com/ros2/rcl/pull/1170.
+Ends with: rcl 9.2.8 of Jazzy, for actions; no version for the parameters, as it is meant so.
 Shown by: tests/ros/test_unknown_parameters.py, tests/ros/test_middleware.py.
 """
 

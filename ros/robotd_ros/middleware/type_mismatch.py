@@ -3,6 +3,7 @@
 Works around: the middleware never matches the two and says nothing, so that a base does not move.
 Measured: 18 us a look, once a second (x86_64, two cores at load 7).
 Upstream: https://github.com/ros-infrastructure/rep/pull/358 (REP 2011 proposes an event; open).
+Ends with: no version yet.
 Shown by: tests/ros/test_diff_drive.py.
 """
 

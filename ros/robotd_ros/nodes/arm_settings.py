@@ -108,12 +108,13 @@ def read_trajectory_server(
         )
         for group, prefix in group_prefixes(descriptor).items()
     }
-    has_gripper = descriptor.gripper is not None
+    has_output = descriptor.gripper is not None
     gripper = parameters.topic(
-        "wmx_gripper_topic", "service that closes the gripper", required=has_gripper
+        "wmx_gripper_topic", "service that closes the gripper", required=has_output
     )
-    if gripper and not has_gripper:
-        what = f"{gripper!r} is given, but {descriptor.name} has no gripper"
+    if gripper and not has_output and len(descriptor.servo_grippers) != 1:
+        count = "several grippers" if descriptor.servo_grippers else "no gripper"
+        what = f"{gripper!r} is given, but {descriptor.name} has {count}"
         parameters.reject("wmx_gripper_topic", what)
     return TrajectoryServerSettings(actions, gripper, read_constraints(parameters, descriptor))
 
@@ -206,8 +207,8 @@ class JointCommandSettings(NamedTuple):
     state_rate_hz: int
 
 
-class GripperControllerSettings(NamedTuple):
-    """Names of the two actions of ``gripper_controller``; "" is not offered."""
+class GripperActions(NamedTuple):
+    """Names of the two actions of a gripper; "" is not offered."""
 
     single: str
     parallel: str
@@ -252,9 +253,21 @@ def _joint_topics(parameters: ParameterReader, prefix: str) -> JointTopics:
 
 def read_gripper_controller(
     parameters: ParameterReader, descriptor: RobotDescriptor
-) -> GripperControllerSettings:
-    """Declare the parameters of ``gripper_controller``."""
-    return GripperControllerSettings(
-        parameters.topic("gripper_action", "name of the GripperCommand action"),
-        parameters.topic("parallel_gripper_action", "name of the ParallelGripperCommand action"),
-    )
+) -> Mapping[str, GripperActions]:
+    """Declare the parameters of ``gripper_controller``; return the actions by gripper.
+
+    "" is the gripper on an output. The parameters of the only gripper have no prefix.
+    """
+    servos = list(descriptor.servo_grippers)
+    prefixes = {"": ""} if descriptor.gripper is not None or not servos else {}
+    is_only = len(servos) == 1 and not prefixes
+    prefixes |= {name: "" if is_only else f"{name}." for name in servos}
+    return {
+        name: GripperActions(
+            parameters.topic(f"{prefix}gripper_action", "name of the GripperCommand action"),
+            parameters.topic(
+                f"{prefix}parallel_gripper_action", "name of the ParallelGripperCommand action"
+            ),
+        )
+        for name, prefix in prefixes.items()
+    }

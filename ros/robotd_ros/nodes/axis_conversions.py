@@ -2,12 +2,31 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from robotd.device.axes import Jog, Move
 from robotd.errors import InvalidArgument, reason_of
 from robotd.motion.profile import Profile
+
+NO_AXES = frozenset({-1})
+LENGTH = 4  # byte of serialized messages at which the length of their first array is
+
+
+def axes_of(data: bytes, count: int) -> frozenset[int]:
+    """Return the axes of a serialized AxisVelocity or AxisPose, of a device with ``count``.
+
+    ``NO_AXES`` where it is rejected: without an axis, or with a number that is none.
+    """
+    order = "<" if data[1:2] == b"\x01" else ">"
+    try:
+        (length,) = struct.unpack_from(f"{order}I", data, LENGTH)
+        index = struct.unpack_from(f"{order}{min(length, count)}i", data, LENGTH + 4)
+    except struct.error:
+        return NO_AXES
+    axes = frozenset(index)
+    return axes if axes and axes <= frozenset(range(count)) else NO_AXES
 
 
 def parallel(axes: Sequence[int], **columns: Sequence[float]) -> list[tuple[Any, ...]]:

@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from typing import Any
 
 from robotd.clock import NANOSECONDS
-from robotd.control.joint_stream import JointCommands
-from robotd.control.rearming import CommandSource
+from robotd.control.groups.joint_stream import JointCommands
+from robotd.control.loop.rearming import CommandSource
 from robotd.device.axes import Jog, Move
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode
@@ -139,7 +139,8 @@ class AxisJog:
         jogs = axis_conversions.jogs(message)
         axes, image = self._robot.axes, self._robot.image
         self._sources.admit([(jog.axis, jog.profile.velocity != 0.0) for jog in jogs])
-        axes.check_axes([jog.axis for jog in jogs])
+        if any(jog.profile.velocity for jog in jogs):
+            axes.check_axes([jog.axis for jog in jogs])
         streamed = [jog for jog in jogs if self._is_streamed(jog.axis, image)]
         others = [jog for jog in jogs if jog not in streamed]
         if others:

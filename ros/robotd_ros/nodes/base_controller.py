@@ -10,13 +10,12 @@ from typing import Any
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
 from robotd.arrays import FloatArray
-from robotd.control.mobile_base import MobileBase
+from robotd.control.groups.mobile_base import MobileBase
 from robotd.descriptor import RobotDescriptor
 from robotd.device.process_image import ProcessImage
 from robotd.errors import DescriptorError, InvalidArgument
@@ -35,10 +34,9 @@ from robotd_ros.nodes.command_subscription import RejectionLog, add_command_subs
 from robotd_ros.nodes.hot_topics import HotTopics
 from robotd_ros.nodes.latched_topics import publish_description
 from robotd_ros.nodes.node_parameters import read_settings
+from robotd_ros.qos import STREAM
 from robotd_ros.services import add_service, add_subscription
 
-# As ``STREAM``, but only the newest twist means anything.
-NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 ECHO_DEPTH = 10
 MAX_TILT = 1e-3  # of a quaternion about z
 
@@ -96,7 +94,7 @@ class BaseController(Node):
             taken,
             self._topic,
             self._command,
-            NEWEST,
+            STREAM,
             self._base.settings.command_timeout_s,
         )
         if self._topic.startswith("~"):
@@ -152,7 +150,7 @@ class OdometryTopics(HotTopics):
     def __init__(self, node: Node, robot: Robot, base: MobileBase, settings: BaseSettings) -> None:
         super().__init__(node, robot)
         self._base = base
-        self._axes = list(robot.wheel_axes)
+        self._axes = list(base.settings.axes)
         paths = [f"pose.pose.{name}" for name in _POSE] + [f"twist.twist.{name}" for name in _TWIST]
         views = self._add(settings.odometry, DEPTH, _odometry(settings), paths)
         self._poses, self._twists = [views[: len(_POSE)]], [views[len(_POSE) :]]

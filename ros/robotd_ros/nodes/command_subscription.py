@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -17,13 +17,14 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
 from robotd.clock import NANOSECONDS, Clock, MonotonicClock
+from robotd.control.loop.rearming import Reception
 from robotd.errors import InvalidArgument, RobotdError
 from robotd.events import EventKind
-from robotd.log import get_logger
+from robotd.log import get_logger, shortened
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
 from robotd_ros.nodes.trajectory_conversions import stamp_ns
-from robotd_ros.services import HANDLER_SHARE, add_timed_subscription
+from robotd_ros.services import HANDLER_SHARE, WHOLE, Targets, add_informed_subscription
 
 log = get_logger("commands")
 
@@ -35,7 +36,7 @@ SAME_SOURCE = "this node takes the time from /clock (use_sim_time): does the cli
 MAX_KNOWN = 256  # axes that are remembered
 MAX_AXES = 128  # of one message
 MAX_KINDS = 16  # of texts, which may contain names that a client makes up
-PAUSE_S = 2.0  # without a rejection; the next is of another attempt
+PAUSE_S = 2.0  # without a rejection; the next one belongs to another attempt
 
 _NUMBERS = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
 
@@ -57,6 +58,7 @@ def add_command_subscription(
     timeout_s: float | Callable[[Any], float],
     sent_at_ns: Callable[[Any], int] = header_stamp_ns,
     share: float = HANDLER_SHARE,
+    targets: Callable[[bytes], Targets] = lambda data: WHOLE,
 ) -> Subscription:
     """Create a subscription of commands, ``handler(message, sent_ns)``; see ``CommandTimes``.
 
@@ -70,12 +72,18 @@ def add_command_subscription(
         timeout_s: age at which a command is dropped, or a function of the message.
         sent_at_ns: time in the message, by the node's clock; 0: it says none.
         share: highest of the executor's time.
+        targets: see ``add_informed_subscription``.
     """
     times, rejections = CommandTimes(node, robot.clock), RejectionLog(host)
+    reception = Reception(robot.rearming)
     shown = node.resolve_topic_name(topic) if topic.startswith("~") else topic
     dropped = 0
 
-    def on_message(message: Any, source_ns: int) -> None:
+    def on_message(message: Any, info: Mapping[str, Any]) -> None:
+        with reception.message(info["publication_sequence_number"]):
+            take(message, info["source_timestamp"])
+
+    def take(message: Any, source_ns: int) -> None:
         nonlocal dropped
         limit_s = timeout_s(message) if callable(timeout_s) else timeout_s
         try:
@@ -91,13 +99,15 @@ def add_command_subscription(
         rejections.accepted(shown, ())
         handler(message, sent_ns)
 
-    return add_timed_subscription(node, host, message_type, topic, on_message, qos, share)
+    return add_informed_subscription(
+        node, host, message_type, topic, on_message, qos, share, targets
+    )
 
 
 class CommandTimes:
     """Finds when commands were sent: by the middleware, and by the time in the message.
 
-    Both are checked: with simulated time, ``/clock`` may have stood while a link was cut.
+    Both are checked: with simulated time, ``/clock`` may have been held while a link was cut.
 
     Args:
         node: its clock is the one of times in messages.
@@ -180,6 +190,7 @@ class RejectionLog:
             self._known[concerned] = set()
             if len(self._known) == MAX_KNOWN:
                 log.warning("rejections of other axes are hidden until a command is accepted")
+        reason = shortened(reason)
         kinds = self._known[concerned]
         kind = _NUMBERS.sub("#", reason)
         if kind not in kinds and len(kinds) < MAX_KINDS:

@@ -12,8 +12,9 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from std_srvs.srv import SetBool
 
-from robotd.control.completion import Outcome
-from robotd.control.joint_group import JointGroup, JointGroups
+from robotd.control.groups.joint_group import JointGroup, JointGroups
+from robotd.control.loop.setpoint_source import Outcome
+from robotd.errors import NotReady
 from robotd.log import get_logger
 from robotd.motion import TrajectoryRejected
 from robotd.robot import Robot
@@ -72,9 +73,20 @@ class FollowJointTrajectoryServer(Node):
         ]
 
     def _set_gripper(self, request: Any, response: Any) -> str:
-        if self._robot.gripper is not None:
-            self._robot.gripper.command(request.data)
+        if self._robot.gripper is None:
+            return self._move_servo_gripper(closes=request.data)
+        self._robot.gripper.command(request.data)
         return "gripper closes" if request.data else "gripper opens"
+
+    def _move_servo_gripper(self, *, closes: bool) -> str:
+        """Worker: open or close the only gripper that is a joint, until it rests."""
+        (gripper,) = self._robot.servo_grippers.values()
+        state = gripper.move(gripper.checked(gripper.closed_m if closes else gripper.open_m))
+        if not state.at_rest:
+            raise NotReady(f"{gripper.name}: another command has replaced it")
+        if state.stalled:
+            return f"{gripper.name} is stalled at {state.position_m:.3g}, as by a part"
+        return f"{gripper.name} is {'closed' if closes else 'open'}"
 
 
 class ConstraintParameters:
@@ -94,16 +106,20 @@ class ConstraintParameters:
         node.add_post_set_parameters_callback(self._changed)
 
     def _check(self, parameters: Sequence[Any]) -> SetParametersResult:
-        for each in parameters:
-            value = each.value
-            is_tolerance = each.name in self._values and each.name != END_VELOCITY
+        for parameter in parameters:
+            value = parameter.value
+            is_tolerance = parameter.name in self._values and parameter.name != END_VELOCITY
             if is_tolerance and not (math.isfinite(value) and value >= 0.0):
-                what = f"{each.name}: {value} is not a finite number of at least 0"
+                what = f"{parameter.name}: {value} is not a finite number of at least 0"
                 return SetParametersResult(successful=False, reason=what)
         return SetParametersResult(successful=True)
 
     def _changed(self, parameters: Sequence[Any]) -> None:
-        changed = {each.name: each.value for each in parameters if each.name in self._values}
+        changed = {
+            parameter.name: parameter.value
+            for parameter in parameters
+            if parameter.name in self._values
+        }
         if changed:
             self._values.update(changed)
             self._apply()

@@ -9,8 +9,9 @@ from typing import Any
 from control_msgs.action import GripperCommand, ParallelGripperCommand
 from rclpy.node import Node
 
-from robotd.control.completion import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.device.gripper import Gripper, GripperState
+from robotd.device.servo_gripper import ServoGripper
 from robotd.errors import DescriptorError, InvalidArgument
 from robotd.log import get_logger
 from robotd.robot import Robot
@@ -22,24 +23,31 @@ from robotd_ros.worker_action import WorkerAction
 log = get_logger("gripper")
 
 NAME = "gripper_controller"
+AnyGripper = Gripper | ServoGripper
 
 
 class GripperController(Node):
-    """Opens and closes the gripper for MoveIt's gripper controllers.
+    """Moves the grippers for MoveIt's gripper controllers.
 
     Raises DescriptorError: the robot has no gripper, or a parameter is wrong.
     """
 
     def __init__(self, robot: Robot, host: RosHost) -> None:
         super().__init__(NAME, context=host.context)
-        if robot.gripper is None:
+        if not (grippers := robot.grippers):
             raise DescriptorError(f"{NAME} needs a gripper, which {robot.descriptor.name} has not")
-        single, parallel = read_settings(self, robot.descriptor, read_gripper_controller)
+        settings = read_settings(self, robot.descriptor, read_gripper_controller)
         self._actions = [
-            GripperAction(self, host, robot.gripper, action_type, name, wanted, fill)
+            GripperAction(self, host, gripper, action_type, name, wanted, fill)
+            for of, gripper in grippers.items()
             for action_type, name, wanted, fill in (
-                (GripperCommand, single, _wanted, _fill),
-                (ParallelGripperCommand, parallel, _wanted_in_parallel, _fill_in_parallel),
+                (GripperCommand, settings[of].single, _wanted, _fill),
+                (
+                    ParallelGripperCommand,
+                    settings[of].parallel,
+                    _wanted_in_parallel,
+                    _fill_in_parallel,
+                ),
             )
             if name
         ]
@@ -58,11 +66,11 @@ class GripperAction(WorkerAction):
         self,
         node: Node,
         host: RosHost,
-        gripper: Gripper,
+        gripper: AnyGripper,
         action_type: Any,
         name: str,
-        wanted: Callable[[Any, Gripper], float],
-        fill: Callable[[Any, Gripper, GripperState], None],
+        wanted: Callable[[Any, AnyGripper], float],
+        fill: Callable[[Any, AnyGripper, GripperState], None],
     ) -> None:
         self._gripper, self._wanted, self._fill = gripper, wanted, fill
         super().__init__(node, host, action_type, name, log)
@@ -78,11 +86,11 @@ class GripperAction(WorkerAction):
         return Outcome.SUCCEEDED if state.at_rest else Outcome.CANCELED, str(state)
 
 
-def _wanted(request: Any, gripper: Gripper) -> float:
+def _wanted(request: Any, gripper: AnyGripper) -> float:
     return gripper.checked(float(request.command.position))
 
 
-def _wanted_in_parallel(request: Any, gripper: Gripper) -> float:
+def _wanted_in_parallel(request: Any, gripper: AnyGripper) -> float:
     """Return the position of the gripper; without names one position is that of the gripper."""
     names, positions = list(request.command.name), list(request.command.position)
     if not names and len(positions) == 1:
@@ -95,12 +103,12 @@ def _wanted_in_parallel(request: Any, gripper: Gripper) -> float:
     return gripper.checked_fingers(dict(zip(names, positions, strict=True)))
 
 
-def _fill(message: Any, gripper: Gripper, state: GripperState) -> None:
+def _fill(message: Any, gripper: AnyGripper, state: GripperState) -> None:
     message.position = state.position_m
     message.stalled, message.reached_goal = state.stalled, state.reached
 
 
-def _fill_in_parallel(message: Any, gripper: Gripper, state: GripperState) -> None:
+def _fill_in_parallel(message: Any, gripper: AnyGripper, state: GripperState) -> None:
     message.state.name = list(gripper.joints)
     fingers = (
         gripper.finger_positions if gripper.is_measured else gripper.multipliers * state.position_m

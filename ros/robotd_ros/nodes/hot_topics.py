@@ -57,7 +57,7 @@ class HotTopics:
         """Publish the image of the present period."""
         if not self._connection.ready:
             return
-        wanted = [each for each in self._messages if each[0].has_readers]
+        wanted = [message for message in self._messages if message[0].has_readers]
         if not wanted or not self.fill(image):
             return
         stamp_ns = self._clock.at_ns(self._control_loop.started_ns) - self.age_ns

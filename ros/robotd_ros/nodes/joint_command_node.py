@@ -14,12 +14,12 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from robotd.clock import Clock
-from robotd.control.joint_group import JointGroup
-from robotd.control.joint_motion import OWNER
-from robotd.control.joint_stream import JointCommands
-from robotd.control.open_stream import StreamClient
-from robotd.control.stream_setpoints import StreamCommand
-from robotd.control.torque_stream import TorqueCommand, TorqueCommands
+from robotd.control.groups.joint_group import JointGroup
+from robotd.control.groups.joint_motion import OWNER
+from robotd.control.groups.joint_stream import JointCommands
+from robotd.control.groups.streams import StreamClient
+from robotd.control.groups.torque_stream import TorqueCommand, TorqueCommands
+from robotd.control.sources.stream_source import StreamCommand
 from robotd.device.process_image import ProcessImage, columns
 from robotd.errors import DescriptorError, InvalidArgument, unknown_name
 from robotd.robot import Robot

@@ -17,9 +17,9 @@ from rclpy.publisher import Publisher
 from std_msgs.msg import Bool, String
 
 from robotd.clock import NANOSECONDS
-from robotd.control.problem import ProblemKind
+from robotd.control.groups.problem import Problem, ProblemKind
 from robotd.device.connection import Connection
-from robotd.log import LogLine, add_listener, get_logger, remove_listener
+from robotd.log import LogLine, add_listener, remove_listener
 from robotd.observation.robot_identity import identity
 from robotd.robot import Robot
 from robotd_ros.middleware import NODE_GONE
@@ -28,8 +28,6 @@ from robotd_ros.qos import LATCHED, ROSOUT
 
 PERIOD_S = 1.0
 LEVELS = {"debug": Log.DEBUG, "info": Log.INFO, "warning": Log.WARN, "critical": Log.FATAL}
-log = get_logger("summary")
-
 LOOK_PERIOD_S = 0.25
 HEARTBEAT_S = 1.0  # a list shows a robot whose computer has gone long before discovery does
 
@@ -43,6 +41,7 @@ STATES = {
     ProblemKind.CONTROLLER: "fault",
     ProblemKind.ALARM: "fault",
     ProblemKind.OFFLINE: "fault",
+    ProblemKind.NOT_STOPPED: "fault",
     ProblemKind.STOPPED: "stopped",
     ProblemKind.SERVO_OFF: "servo off",
 }
@@ -109,9 +108,7 @@ class RosoutTopic:
 
 
 class SummaryTopic:
-    """Publishes the summary where it changes and once a second, in the thread ``robotd-summary``.
-
-    Not in the executor: the reason for a lost device is asked of its driver, which may take long.
+    """Publishes the summary of a robot where it changes and once a second. One thread.
 
     Args:
         features: names of those that run.
@@ -121,33 +118,21 @@ class SummaryTopic:
         self._node, self._robot = node, robot
         self._identity = {**identity(robot, node.get_namespace()), "features": [*features]}
         self._began_s = time.monotonic()
+        self._problems: Sequence[Problem] = ()
         self._shown: dict[str, Any] = {}
-        self._due_s = 0.0
+        self._look_s = self._due_s = 0.0
         self._publisher = node.create_publisher(String, SUMMARY, LATCHED)
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="robotd-summary", daemon=True)
 
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
+    def look(self, problems: Sequence[Problem]) -> None:
+        """Publish it if it is time to, or if something changed.
 
-    def __exit__(self, *_: object) -> None:
-        self._stop.set()
-        self._thread.join(HEARTBEAT_S)  # a driver that hangs does not hold up the end
-
-    def _run(self) -> None:
-        is_failing = False
-        while not self._stop.wait(LOOK_PERIOD_S):
-            try:
-                self._look()
-                is_failing = False
-            except Exception:
-                if not is_failing:
-                    log.exception("the summary failed")
-                is_failing = True
-
-    def _look(self) -> None:
-        summary, now_s = robot_summary(self._robot), time.monotonic()
+        ``problems``: of the robot, now. Raises InvalidHandle when the node is gone.
+        """
+        now_s = time.monotonic()
+        if problems == self._problems and now_s < self._look_s:
+            return
+        self._problems, self._look_s = problems, now_s + LOOK_PERIOD_S
+        summary = robot_summary(self._robot, problems)
         # A new client discovers one robot before the other one, and has to know of it all the same.
         summary["sharing"] = max(0, self._node.count_publishers(SUMMARY) - 1)
         if summary == self._shown and now_s < self._due_s:
@@ -158,13 +143,12 @@ class SummaryTopic:
         publish_if_alive(self._publisher, String(data=json.dumps(message)))
 
 
-def robot_summary(robot: Robot) -> dict[str, Any]:
+def robot_summary(robot: Robot, problems: Sequence[Problem]) -> dict[str, Any]:
     """Return what changes in a list of robots, as JSON. Any thread.
 
     ``state`` is "ready" or one of ``STATES``; ``problems`` are texts, the root cause first;
     ``owners`` names the clients that move axes.
     """
-    problems = robot.find_problems()
     kinds = {problem.kind for problem in problems}
     found = next((text for kind, text in STATES.items() if kind in kinds), READY)
     state = found if found != READY or robot.connection.ready else STATES[ProblemKind.DEVICE]

@@ -15,16 +15,16 @@ from rclpy.node import Node
 from std_msgs.msg import Bool, Empty, Float64, String
 from std_srvs.srv import SetBool, Trigger
 
-from robotd.control.problem import Problem
+from robotd.control.groups.problem import Problem
 from robotd.device.process_image import ProcessImage
 from robotd.errors import InvalidArgument, RobotdError
 from robotd.observation.robot_identity import identity
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
-from robotd_ros.node_registry import IDENTITY, OPERATOR_NODE
+from robotd_ros.node_registry import IDENTITY, OPERATOR_NODE, STOP_ALL
 from robotd_ros.nodes.command_subscription import add_command_subscription
 from robotd_ros.nodes.device_settings import read_frame_prefix
-from robotd_ros.nodes.latched_topics import publish_if_alive
+from robotd_ros.nodes.latched_topics import SummaryTopic, publish_if_alive
 from robotd_ros.nodes.node_parameters import Parameters
 from robotd_ros.nodes.tool_pose_topic import ToolPoseTopic
 from robotd_ros.problem_messages import problem_array
@@ -43,7 +43,8 @@ class OperatorNode(Node):
 
     Latched topics have what they changed: ``~/stopped`` the reason of a stop, ``~/speed``,
     ``~/recovery`` the report of the present or last recovery, ``~/owners`` the axes that have one,
-    a line each, ``~/problems`` what keeps axes from moving, ``~/robot`` which robot it is.
+    a line each, ``~/problems`` what keeps axes from moving, ``~/robot`` which robot it is,
+    ``~/summary`` its state in a list of several.
     ``~/rejections`` has the commands of topics that are rejected, as the log has them.
 
     Args:
@@ -68,6 +69,7 @@ class OperatorNode(Node):
         self._robot_topic = self.create_publisher(String, IDENTITY, LATCHED)
         told = {**identity(robot, self.get_namespace()), "features": [*features]}
         self._robot_topic.publish(String(data=json.dumps(told)))
+        self._summary = SummaryTopic(self, robot, features)
         for service_type, name, handler, urgent in (
             (Trigger, "stop", self._stop, True),
             (Trigger, "reset", lambda *_: robot.reset(), False),
@@ -77,7 +79,8 @@ class OperatorNode(Node):
             (SetParametersAtomically, "set_speed", named_values(self._set_speed), False),
         ):
             add_service(self, host, service_type, f"~/{name}", handler, urgent=urgent)
-        add_subscription(self, host, Empty, "~/stop", self._engage_stop, 1)
+        for topic in ("~/stop", STOP_ALL):
+            add_subscription(self, host, Empty, topic, self._engage_stop, 1)
         add_command_subscription(
             self,
             host,
@@ -151,7 +154,11 @@ class OperatorNode(Node):
             publish_if_alive(self._owners_topic, String(data=text))
 
     def publish_problems(self, problems: list[Problem]) -> None:
-        """Publish what keeps axes from moving where it has changed. One thread."""
+        """Publish what keeps axes from moving where it has changed, and the summary. One thread.
+
+        Raises InvalidHandle when the node is gone.
+        """
+        self._summary.look(problems)
         if problems != self._problems:
             self._problems = problems
             now_ns = self.get_clock().now().nanoseconds

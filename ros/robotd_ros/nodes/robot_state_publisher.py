@@ -60,9 +60,9 @@ class RobotStatePublisher(Node):
     def _static(self, frames: JointFrames, prefix: str) -> TFMessage:
         message = TFMessage(transforms=_templates(frames.still, prefix))
         stamp = self.get_clock().now().to_msg()
-        for each, numbers in zip(message.transforms, frames.still_transforms(), strict=True):
-            each.header.stamp = stamp
-            fill_transform(each, numbers)
+        for transform, numbers in zip(message.transforms, frames.still_transforms(), strict=True):
+            transform.header.stamp = stamp
+            fill_transform(transform, numbers)
         return message
 
 

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable
 from typing import Any, Generic, TypeVar
 
-from robotd.control.open_stream import OpenStream, StreamClient
+from robotd.control.groups.streams import OpenStream, StreamClient
 from robotd.errors import RobotdError
 from robotd_ros.host import RosHost
 from robotd_ros.nodes.command_subscription import RejectionLog

@@ -9,7 +9,7 @@ from typing import Any
 from control_msgs.action import FollowJointTrajectory
 
 from robotd.clock import NANOSECONDS, Clock
-from robotd.control.trajectory_execution import Progress
+from robotd.control.sources.trajectory_execution import Progress
 from robotd.motion import JointTolerance, TrajectoryRequest
 from robotd.motion.rejection import reject
 

@@ -12,12 +12,12 @@ from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
 
 from robotd.clock import NANOSECONDS
-from robotd.control.joint_group import JointGroup
-from robotd.control.joint_stream import JointCommands, JointStream
-from robotd.control.open_stream import chosen_columns
-from robotd.control.rearming import Admission
-from robotd.control.stream_setpoints import StreamCommand
-from robotd.control.trajectory_execution import TrajectoryExecution
+from robotd.control.groups.joint_group import JointGroup
+from robotd.control.groups.joint_stream import JointCommands, JointStream
+from robotd.control.groups.streams import chosen_columns
+from robotd.control.loop.rearming import Admission
+from robotd.control.sources.stream_source import StreamCommand
+from robotd.control.sources.trajectory_execution import TrajectoryExecution
 from robotd.errors import InvalidArgument, NotReady, RobotdError
 from robotd.log import get_logger
 from robotd.motion.rejection import reject

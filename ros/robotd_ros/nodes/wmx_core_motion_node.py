@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +29,8 @@ from robotd_ros.nodes.node_parameters import read_settings
 from robotd_ros.qos import STREAM
 from robotd_ros.services import ServiceHandler, add_service
 
-DEPTH = 10  # of topics that are no streams
+DEPTH = 10
+COMMAND_DEPTH = 100  # of topics that are no streams: commands of one axis replace none of another
 RATE_HZ = 100.0  # of the state
 FRAME = "base_link"
 MAX_PATH = 4096  # characters, as Linux has it; a longer one is not worth a line of log
@@ -54,6 +57,15 @@ FIELDS = {
 }
 
 
+@dataclass(frozen=True)
+class _SetOn:
+    """Request of ``set_on``. ``offs``: ``Axes.servo_offs`` when it arrived."""
+
+    index: Sequence[int]
+    data: Sequence[int]
+    offs: Sequence[int]
+
+
 class WmxCoreMotionNode(Node):
     """Axis services, motion topics and parameter files.
 
@@ -72,14 +84,17 @@ class WmxCoreMotionNode(Node):
         add_service(self, host, GetWmxParams, "wmx/params/get", self._get_parameters)
         motion = AxisMotion(robot)
         jog = AxisJog(robot, host, JOG, JOG_TIMEOUT_S)
+        targets = partial(axis_conversions.axes_of, count=len(robot.axes))
         for message_type, topic, command, qos, limit_s in (
-            (AxisVelocity, VELOCITY, motion.jog, DEPTH, _velocity_timeout_s),
-            (AxisPose, POSITION, motion.move, DEPTH, COMMAND_TIMEOUT_S),
-            (AxisPose, RELATIVE, motion.move_relative, DEPTH, COMMAND_TIMEOUT_S),
+            (AxisVelocity, VELOCITY, motion.jog, COMMAND_DEPTH, _velocity_timeout_s),
+            (AxisPose, POSITION, motion.move, COMMAND_DEPTH, COMMAND_TIMEOUT_S),
+            (AxisPose, RELATIVE, motion.move_relative, COMMAND_DEPTH, COMMAND_TIMEOUT_S),
             (AxisVelocity, JOG, jog.take, STREAM, JOG_TIMEOUT_S),
         ):
             handler = self._execute_or_log(topic, command)
-            add_command_subscription(self, host, robot, message_type, topic, handler, qos, limit_s)
+            add_command_subscription(
+                self, host, robot, message_type, topic, handler, qos, limit_s, targets=targets
+            )
         add_service(self, host, SetAxis, "wmx/axis/stop", self._stop, urgent=True)
         state = HotTopics(self, robot)
         arrays = {field: getattr(robot.image, name) for field, name in FIELDS.items()}
@@ -94,15 +109,22 @@ class WmxCoreMotionNode(Node):
     def _add_axis_services(self, host: RosHost) -> None:
         axes = self._axes
         for name, fields, check, command in (
-            ("set_on", ("data",), axis_conversions.check_flag, self._set_on),
             ("set_mode", ("data",), axes.check_command_mode, axes.set_command_mode),
             ("set_polarity", ("data",), axes.check_polarity, axes.set_polarity),
             ("clear_alarm", (), None, axes.clear_alarm),
             ("homing", (), None, axes.home),
         ):
-            note = self._group_note if name == "set_on" else None
-            handler = self._axis_handler(fields, check, command, note)
+            handler = self._axis_handler(fields, check, command)
             add_service(self, host, SetAxis, f"wmx/axis/{name}", handler)
+        add_service(
+            self,
+            host,
+            SetAxis,
+            "wmx/axis/set_on",
+            self._set_on,
+            urgent=_switches_off,
+            on_arrival=lambda request: _SetOn(request.index, request.data, axes.servo_offs),
+        )
         handler = self._axis_handler(
             ("numerator", "denominator"), axes.check_gear_ratio, axes.set_gear_ratio
         )
@@ -113,7 +135,6 @@ class WmxCoreMotionNode(Node):
         fields: tuple[str, ...],
         check: Callable[..., object] | None,
         command: Callable[..., None],
-        note: Callable[[int], str] | None = None,
     ) -> ServiceHandler:
         """Handler of a request that commands several axes.
 
@@ -121,7 +142,6 @@ class WmxCoreMotionNode(Node):
             fields: arrays of the request that are the arguments of check and command.
             check: called for every axis before the first command; raises to reject the request.
             command: called for one axis after the other.
-            note: text after the "ok" of an axis.
         """
 
         def handle(request: Any, response: Any) -> None:
@@ -133,8 +153,7 @@ class WmxCoreMotionNode(Node):
                 if check is not None:
                     check(axis, *values)
             results = each(axes, lambda axis: command(axis, *rows[axis]))
-            notes = {axis: note(axis) for axis in axes} if note else None
-            axis_conversions.fill_outcome(response, self._axes.names, results, notes)
+            axis_conversions.fill_outcome(response, self._axes.names, results)
 
         return handle
 
@@ -144,8 +163,25 @@ class WmxCoreMotionNode(Node):
         others = [self._axes.names[other] for other in group if other != axis]
         return f" (one servo switch with {', '.join(others)})" if others else ""
 
-    def _set_on(self, axis: int, data: int) -> None:
-        self._axes.servo(axis, bool(data))
+    def _set_on(self, request: _SetOn, response: Any) -> None:
+        """Switch servos: off first, in any state of the device, then on.
+
+        A request to switch off overtakes those that wait; they switch nothing on afterwards.
+        """
+        axes = list(request.index)
+        self._axes.stop_latch.check_commandable()
+        self._axes.check_numbers(axes)
+        wanted = dict(zip(axes, axis_conversions.parallel(axes, data=request.data), strict=True))
+        for axis, (data,) in wanted.items():
+            axis_conversions.check_flag(axis, data)
+        on = [axis for axis, (data,) in wanted.items() if data]
+        if len(on) == len(axes):
+            self._axes.check_axes(axes)
+        results = dict(self._axes.servos_off([axis for axis in axes if axis not in on]))
+        results |= each(on, lambda axis: self._axes.servo(axis, True, offs=request.offs))
+        ordered = {axis: results[axis] for axis in axes}
+        notes = {axis: self._group_note(axis) for axis in axes}
+        axis_conversions.fill_outcome(response, self._axes.names, ordered, notes)
 
     def _load_parameters(self, request: Any, response: Any) -> str:
         length = len(request.file_path)
@@ -177,10 +213,14 @@ class WmxCoreMotionNode(Node):
 
     def _stop(self, request: Any, response: Any) -> None:
         axes = list(request.index)
-        self._axes.check_axes(axes)
+        self._axes.check_numbers(axes)
         self._interruptions.add(axes, "stopped by wmx/axis/stop")
         self._axes.stop(axes)
         axis_conversions.fill_outcome(response, self._axes.names, dict.fromkeys(axes))
+
+
+def _switches_off(request: Any) -> bool:
+    return not all(request.data)
 
 
 def _velocity_timeout_s(message: Any) -> float:

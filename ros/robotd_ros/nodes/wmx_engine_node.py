@@ -19,7 +19,7 @@ from robotd_ros.host import RosHost
 from robotd_ros.nodes.device_settings import read_engine
 from robotd_ros.nodes.latched_topics import PERIOD_S, ReadyTopic, publish_if_alive
 from robotd_ros.nodes.node_parameters import read_settings
-from robotd_ros.robot_lifecycle import GRAPH, RobotLifecycle, State, Transition, available
+from robotd_ros.robot_lifecycle import GRAPH, LifecycleState, RobotLifecycle, Transition, available
 from robotd_ros.services import add_service
 
 READY = "wmx/engine/ready"
@@ -134,7 +134,7 @@ class LifecycleServices:
 
 
 def _get_states(request: Any, response: Any) -> None:
-    response.available_states = [_state(state) for state in State]
+    response.available_states = [_state(state) for state in LifecycleState]
 
 
 def _get_graph(request: Any, response: Any) -> None:
@@ -144,13 +144,13 @@ def _get_graph(request: Any, response: Any) -> None:
 def _descriptions(transitions: Iterable[Transition]) -> list[Any]:
     return [
         msg.TransitionDescription(
-            transition=msg.Transition(id=each.id, label=each.label),
-            start_state=_state(each.start),
-            goal_state=_state(each.goal),
+            transition=msg.Transition(id=transition.id, label=transition.label),
+            start_state=_state(transition.start),
+            goal_state=_state(transition.goal),
         )
-        for each in transitions
+        for transition in transitions
     ]
 
 
-def _state(state: State) -> Any:
+def _state(state: LifecycleState) -> Any:
     return msg.State(id=state.value, label=state.label)

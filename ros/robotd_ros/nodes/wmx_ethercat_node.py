@@ -128,7 +128,7 @@ def whole_numbers(
     """Return the values of a request. Raises InvalidArgument for a missing or unknown one."""
     numbers = {**optional, **fields}
     known = {*required, *optional}
-    if known != numbers.keys() or any(type(each) is not int for each in numbers.values()):
+    if known != numbers.keys() or any(type(number) is not int for number in numbers.values()):
         wanted = ", ".join((*required, *(f"[{name}]" for name in optional)))
         raise InvalidArgument(f"expected the whole numbers {wanted}; got {dict(fields)}")
     return numbers

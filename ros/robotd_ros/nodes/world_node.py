@@ -46,7 +46,7 @@ class WorldNode(Node):
         objects = world.objects
         add_service(self, host, Trigger, "~/reset", self._reset)
         add_service(self, host, SetParametersAtomically, "~/place", named_values(self._place))
-        shapes = [{**asdict(each), "mesh": str(each.mesh or "")} for each in objects]
+        shapes = [{**asdict(item), "mesh": str(item.mesh or "")} for item in objects]
         self.create_publisher(String, "~/objects", LATCHED).publish(
             String(data=json.dumps({"frame": world.frame, "objects": shapes}))
         )
@@ -64,7 +64,7 @@ class WorldNode(Node):
     def _place(self, fields: dict[str, Any]) -> str:
         """Move one object; coordinates that are not named stay as they are."""
         name = fields.pop("name", None)
-        names = [each.name for each in self._world.objects]
+        names = [item.name for item in self._world.objects]
         if name not in names:
             raise InvalidArgument(f"object {name!r} is unknown (available: {', '.join(names)})")
         if unknown := [key for key in fields if key not in PLACE_KEYS]:
@@ -87,9 +87,9 @@ class _ObjectPoses(HotTopics):
     def __init__(self, node: Node, robot: Robot, world: World) -> None:
         super().__init__(node, robot)
         self._world = world
-        transforms = [TransformStamped(child_frame_id=each.name) for each in world.objects]
-        for each in transforms:
-            each.header.frame_id = world.frame
+        transforms = [TransformStamped(child_frame_id=item.name) for item in world.objects]
+        for transform in transforms:
+            transform.header.frame_id = world.frame
         paths = [f"transforms.{index}.transform" for index in range(len(transforms))]
         message = self.add("/tf", TF_DEPTH, TFMessage(transforms=transforms), paths)
         self._views = [message.view(path) for path in paths]

@@ -11,7 +11,7 @@ from robotd.cli import main
 def complete(*words: str) -> list[str]:
     """Completions of the last word."""
     shell = ShellComplete(main, {}, "robotd", "_ROBOTD_COMPLETE")
-    return [each.value for each in shell.get_completions([*words[:-1]], words[-1])]
+    return [completion.value for completion in shell.get_completions([*words[:-1]], words[-1])]
 
 
 @pytest.mark.parametrize(

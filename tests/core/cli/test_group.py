@@ -112,9 +112,11 @@ def test_every_command_for_a_running_robot_takes_ros_args() -> None:
     context = click.Context(main)
     names = [listed.name for listed in plugin_commands()]
     commands = {name: main.get_command(context, name) for name in names}
-    clients = {name for name, each in commands.items() if each and each.epilog == ROS_EPILOG}
+    clients = {
+        name for name, command in commands.items() if command and command.epilog == ROS_EPILOG
+    }
     assert ROS_ARGS in ROS_EPILOG
-    assert {"stop", "move", "status", "page", "record"} <= clients
+    assert {"stop", "move", "status", "record"} <= clients
 
 
 def test_the_help_shows_no_limits_where_there_are_none(robotd: Robotd) -> None:
@@ -126,7 +128,14 @@ def test_the_help_shows_no_limits_where_there_are_none(robotd: Robotd) -> None:
     [
         (["walk"], "No such command 'walk'."),
         (["statuss"], "No such command 'statuss'; did you mean 'status'?"),
-        (["page", "x"], "'x' is not a valid integer."),
+        (["help"], "No such command 'help'; robotd --help lists the commands"),
+        (["start"], "No such command 'start'; robotd run --robot NAME serves a robot"),
+        (["cr3a"], "No such command 'cr3a'; it is a robot: robotd run --robot cr3a"),
+        (["run", "cr3a"], "a robot is an option: --robot cr3a"),
+        (
+            ["status", "--namespace", "left", "--ros-args", "-r", "__ns:=/left"],
+            "--namespace and __ns:= give the same: leave one out",
+        ),
         (["--robt", "cr3a"], "No such option '--robt'"),
         (["--robot", "cr3a", "--rate", "9.9"], "9.9 is not in the range 10<=x<=2000"),
         (["--robot", "cr3a", "--rate", "nan"], "'--rate'"),

@@ -92,7 +92,7 @@ def test_a_broken_one_is_told_by_its_distribution(
     command("wave", source)
     result = robotd("wave")
     assert result.exit_code == ExitCode.PLUGIN
-    assert f"command 'wave' of acme 1.2 {text}" in result.stderr
+    assert f"command 'wave' (plugin_acme:wave of acme 1.2) {text}" in result.stderr
 
 
 def test_two_of_one_name_are_rejected(robotd: Robotd, command: Callable[..., Path]) -> None:
@@ -100,4 +100,19 @@ def test_two_of_one_name_are_rejected(robotd: Robotd, command: Callable[..., Pat
     command("wave", distribution="zenith")
     result = robotd("wave")
     assert result.exit_code == ExitCode.PLUGIN
-    assert "two plugins bring the command 'wave': acme 1.2 and zenith 1.2" in result.stderr
+    origins = [f"'wave' (plugin_{package}:wave of {package} 1.2)" for package in ("acme", "zenith")]
+    for one, other in (origins, origins[::-1]):
+        assert f"command {one}: the name 'wave' is taken by {other}" in result.stderr
+
+
+@pytest.mark.parametrize("error", ["KeyError('bus')", "FileNotFoundError(2, 'No such file', 'x')"])
+def test_a_command_that_raises_names_its_plugin(
+    robotd: Robotd, command: Callable[..., Path], error: str
+) -> None:
+    command("wave", WAVE.replace('ConnectError("nobody is there")', error))
+    result = robotd("wave")
+    assert result.exit_code == ExitCode.PLUGIN
+    name = error.partition("(")[0]
+    assert f"command 'wave' (plugin_acme:wave of acme 1.2) failed: {name}: " in result.stderr
+    assert "(plugin_acme.py:9)" in result.stderr
+    assert result.stderr.endswith("please report it to the authors of acme 1.2\n")

@@ -8,10 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from robotd.cli import preflight
+from robotd.cli import preflight, ros_variables
 from robotd.cli.exit_codes import RosUnavailable
 
-VARIABLES = ("ROS_DISTRO", "AMENT_PREFIX_PATH", "LD_LIBRARY_PATH", "PYTHONPATH")
+VARIABLES = (
+    *("ROS_DISTRO", "AMENT_PREFIX_PATH", "LD_LIBRARY_PATH", "PYTHONPATH"),
+    *("ROS_DOMAIN_ID", "RMW_IMPLEMENTATION"),
+)
 
 
 @pytest.fixture(autouse=True)
@@ -89,3 +92,48 @@ def test_what_a_sourced_ros_lacks_is_named_with_its_remedy(
     monkeypatch.setitem(sys.modules, missing, None)  # importing it raises ModuleNotFoundError
     with pytest.raises(RosUnavailable, match=re.escape(remedy)):
         preflight.import_ros(missing)
+
+
+@pytest.mark.parametrize("domain", ["500", "233", "-1", "x", "0x10", "1.5"])
+def test_a_wrong_domain_is_rejected_before_ros_is_asked(
+    monkeypatch: pytest.MonkeyPatch, domain: str
+) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", domain)
+    with pytest.raises(RosUnavailable) as rejection:
+        preflight.import_ros("robotd_ros.serve")
+    assert str(rejection.value) == (
+        f"ROS_DOMAIN_ID is {domain!r}, must be a whole number from 0 to 232"
+    )
+
+
+@pytest.fixture
+def installed(prefix: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make an installed ROS with two middlewares the one in use."""
+    index = prefix / ros_variables._INDEX
+    index.mkdir(parents=True)
+    for name in ("rmw_fastrtps_cpp", "rmw_cyclonedds_cpp", "rmw_implementation"):
+        (index / name).touch()
+    monkeypatch.setattr(sys, "prefix", "/nowhere")
+    monkeypatch.setattr(preflight, "HAS_ROS_WHEELS", False)
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"/nowhere:{prefix}")
+
+
+@pytest.mark.usefixtures("installed")
+def test_a_middleware_that_is_not_installed_is_rejected_with_those_that_are(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_zenoh_cpp")
+    with pytest.raises(RosUnavailable) as rejection:
+        preflight.import_ros("robotd_ros.serve")
+    assert "'rmw_zenoh_cpp', which is not installed here" in str(rejection.value)
+    assert "(installed: rmw_cyclonedds_cpp, rmw_fastrtps_cpp)" in str(rejection.value)
+
+
+@pytest.mark.usefixtures("installed")
+@pytest.mark.parametrize("middleware", ["rmw_cyclonedds_cpp", ""])
+def test_an_installed_middleware_is_not_rejected(
+    monkeypatch: pytest.MonkeyPatch, middleware: str
+) -> None:
+    monkeypatch.setenv("RMW_IMPLEMENTATION", middleware)
+    monkeypatch.setenv("ROS_DOMAIN_ID", "")
+    preflight.import_ros("robotd.errors")

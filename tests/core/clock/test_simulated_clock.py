@@ -13,7 +13,7 @@ import pytest
 
 from robotd.clock import NANOSECONDS, Clock, MonotonicClock, simulated, wait_until
 from robotd.clock.simulated import PacedClock, SteppedClock
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.errors import InvalidArgument, Unsupported
 from robotd.motion import TrajectoryRequest
 from robotd.plugin.manager import Backend, load_backend

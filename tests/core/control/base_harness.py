@@ -26,13 +26,13 @@ class SteppingClock(FakeClock):
     def __init__(self, period_s: float) -> None:
         super().__init__()
         self.step: Callable[[], None] = lambda: None
-        self._period_ns = round(period_s * NANOSECONDS)
+        self._period_ns, self.stepped_ns = round(period_s * NANOSECONDS), self.now_ns()
 
     def sleep_until_ns(self, deadline_ns: int) -> None:
         if threading.current_thread().name == "robotd-base":
             time.sleep(1e-4)
             return
-        while self.now_ns() + self._period_ns <= deadline_ns:
+        while self.stepped_ns + self._period_ns <= deadline_ns:
             self.step()
         super().sleep_until_ns(deadline_ns)
 
@@ -67,6 +67,7 @@ class BaseHarness:
 
     def step(self) -> None:
         self.clock.advance(self.period_s)
+        self.clock.stepped_ns = self.clock.now_ns()
         self.robot.control_loop.step(self.clock.now_ns())
 
     def run(self, seconds: float) -> None:

@@ -14,9 +14,9 @@ from tests.core.motion.helpers import peaks_of
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS
 from robotd.clock.simulated import SteppedClock
-from robotd.control.source_slot import SourceSlot
-from robotd.control.trajectory_execution import TrajectoryExecution
-from robotd.control.trajectory_follower import TrajectoryFollower
+from robotd.control.groups.trajectory_follower import TrajectoryFollower
+from robotd.control.loop.setpoint_mixer import SourceSlot
+from robotd.control.sources.trajectory_execution import TrajectoryExecution
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Move
 from robotd.device.state import Operation
@@ -35,7 +35,9 @@ HOME, FAR = (0.0, 0.0, 0.0), (1.0, -0.6, 0.3)
 
 def peak(*executions: TrajectoryExecution) -> float:
     """Return the highest planned acceleration."""
-    return max(float(peaks_of(each.trajectory).acceleration.value.max()) for each in executions)
+    return max(
+        float(peaks_of(execution.trajectory).acceleration.value.max()) for execution in executions
+    )
 
 
 def arm(joints: int = 3, **keys: Any) -> RobotDescriptor:

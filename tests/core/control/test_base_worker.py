@@ -6,7 +6,7 @@ import threading
 
 from tests.fakes import FakeClock
 
-from robotd.control.base_worker import BaseWorker
+from robotd.control.groups.mobile_base import BaseWorker
 
 TIMEOUT_S = 5.0
 

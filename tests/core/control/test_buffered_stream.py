@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotd.control.stall_recovery import StallRecovery
-from robotd.device.state import Underrun
+from robotd.control.loop.stall_recovery import StallRecovery
 from robotd.motion import JointLimits
 
 PERIOD_NS = 2_000_000
@@ -22,7 +21,7 @@ def path(time_ns: int) -> np.ndarray:
 @pytest.fixture
 def recovery() -> StallRecovery:
     """On its path since 0.1 s."""
-    recovery = StallRecovery(path(0) * 0.0, 0, LIMITS, Underrun.HOLD, BUFFER_S)
+    recovery = StallRecovery(path(0) * 0.0, 0, LIMITS, 0.0, BUFFER_S)
     for due_ns in range(PERIOD_NS, 100_000_001, PERIOD_NS):
         setpoint = path(due_ns)
         assert not recovery.correct(setpoint, due_ns, PERIOD_NS * 1e-9)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robotd.control.completion import Completion, Outcome
+from robotd.control.loop.setpoint_source import Completion, Outcome
 
 
 class FaultMeanwhile(Completion):

@@ -13,7 +13,8 @@ from tests.core.motion.helpers import peaks_of
 
 from robotd.arrays import FloatArray
 from robotd.clock import MonotonicClock
-from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
+from robotd.control.loop.setpoint_source import Outcome
+from robotd.control.sources.trajectory_execution import TrajectoryExecution
 from robotd.errors import NotReady
 from robotd.motion import TrajectoryRejected, TrajectoryRequest
 from robotd.plugin.manager import load_backend

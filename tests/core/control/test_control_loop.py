@@ -12,8 +12,8 @@ import pytest
 from structlog.testing import capture_logs
 from tests.fakes import FakeAxes, FakeClock, FakeDevice
 
-from robotd.control.control_loop import ControlLoop, DeviceLoss
-from robotd.control.setpoint_mixer import SetpointMixer
+from robotd.control.loop.control_loop import ControlLoop, DeviceLoss
+from robotd.control.loop.setpoint_mixer import SetpointMixer
 from robotd.descriptor import EngineSettings
 from robotd.device.connection import Connection
 from robotd.device.process_image import ProcessImage
@@ -266,7 +266,7 @@ def test_a_second_start_or_stop_has_no_effect(threaded: Harness) -> None:
     thread = control_loop._thread
     control_loop.start()
     assert control_loop._thread is thread
-    assert sum(each.name == "robotd-control" for each in threading.enumerate()) == 1
+    assert sum(thread.name == "robotd-control" for thread in threading.enumerate()) == 1
     control_loop.stop()
     control_loop.stop()
     assert thread is not None
@@ -328,7 +328,9 @@ def test_a_start_in_the_middle_of_a_period_is_not_logged_as_a_loss() -> None:
         assert logs == []
         connection.ready = False
         loss.report(3)
-    assert [line["event"] for line in logs] == ["device lost"]
+    assert [(line["event"], line["reason"]) for line in logs] == [
+        ("device lost", "the device names none")
+    ]
 
 
 def test_a_period_that_would_begin_in_its_second_half_is_skipped() -> None:

@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.fakes import FakeAxes
+from tests.fakes import FakeAxes, FakeClock
 
 from robotd.clock import MonotonicClock, wait_until
-from robotd.control.axis_limits import trajectory_rules
-from robotd.control.device_trajectory import STOP_TIME_RATIO, DeviceTrajectory, stop_time
-from robotd.control.setpoint_mixer import SetpointMixer
-from robotd.control.trajectory_execution import Outcome, PlannedGoal, TrajectoryExecution
+from robotd.control.groups.axis_limits import trajectory_rules
+from robotd.control.loop.setpoint_mixer import SetpointMixer
+from robotd.control.loop.setpoint_source import Outcome
+from robotd.control.sources.device_trajectory import STOP_TIME_RATIO, DeviceTrajectory, stop_time
+from robotd.control.sources.trajectory_execution import PlannedGoal, TrajectoryExecution
 from robotd.descriptor.model import TrajectorySettings
+from robotd.device.axis_stops import AxisStops
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation
 from robotd.errors import OperationError, Unsupported
@@ -44,6 +46,8 @@ class Harness:
         self.image = ProcessImage(2)
         self.mixer = SetpointMixer(self.axes, 2, 1e9 / PERIOD_NS)
         self.slot = self.mixer.slot()
+        self.clock = FakeClock()
+        self.stops = AxisStops(self.axes, self.image, lambda: True, NAMES, self.clock, 0.1, 3.0)
         self.time_ns = 1_000_000_000
         rows = ([[0.0, 0.0], [0.0, 0.0]],) if velocities else ()
         request = TrajectoryRequest.from_rows(
@@ -60,7 +64,7 @@ class Harness:
             Tolerances(LIMITS, RULES, [JointTolerance("a", 0.2)], (), 0.0),
             RULES.stopped_velocity,
         )
-        execution = DeviceTrajectory(self.axes, self.given_up, goal, self.time_ns)
+        execution = DeviceTrajectory(self.axes, self.given_up, self.stops, goal, self.time_ns)
         self.mixer.advance(self.time_ns - PERIOD_NS, self.image)
         assert self.slot.submit(execution, None)
         execution.begin()
@@ -69,7 +73,10 @@ class Harness:
     def step(self, seconds: float = 0.002) -> None:
         for _ in range(max(1, round(seconds * 1e9 / PERIOD_NS))):
             self.time_ns += PERIOD_NS
+            self.clock.advance(PERIOD_NS / 1e9)
+            self.axes.image.fresh_ns = self.clock.now_ns()
             self.axes.read(self.image)
+            self.stops.look(self.image)
             self.mixer.advance(self.time_ns, self.image)
 
     def until(self, condition: Callable[[], bool]) -> None:

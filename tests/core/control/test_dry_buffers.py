@@ -7,10 +7,10 @@ import pytest
 from tests.fakes import FakeAxes, streaming_axes
 
 from robotd.arrays import FloatArray
-from robotd.control.axis_limits import trajectory_rules
-from robotd.control.setpoint_mixer import SetpointMixer
-from robotd.control.streamed_trajectory import StreamedTrajectory
-from robotd.control.trajectory_execution import PlannedGoal, TrajectoryExecution
+from robotd.control.groups.axis_limits import trajectory_rules
+from robotd.control.loop.setpoint_mixer import SetpointMixer
+from robotd.control.sources.streamed_trajectory import StreamedTrajectory
+from robotd.control.sources.trajectory_execution import PlannedGoal, TrajectoryExecution
 from robotd.descriptor.model import TrajectorySettings
 from robotd.device.motion_limits import MotionLimits
 from robotd.device.process_image import ProcessImage
@@ -60,7 +60,7 @@ def half_a_radian(start_ns: int) -> TrajectoryExecution:
         Tolerances(LIMITS, RULES, (), [JointTolerance("a", -1.0)]),
         RULES.stopped_velocity,
     )
-    axes = streaming_axes(Underrun.HOLD, BUFFER_S)
+    axes = streaming_axes(0.0, BUFFER_S)
     return StreamedTrajectory(axes, MotionLimits(), goal, start_ns)
 
 
@@ -75,8 +75,8 @@ def test_the_path_waits_while_the_buffers_are_dry() -> None:
         image.position[:] = axes.sent[-1][1] if axes.sent else 0.0
         image.velocity[:] = axes.sent[-1][2] if axes.sent else 0.0
         mixer.advance(time_ns, image)
-    before = [each for each in axes.sent if each[0] <= DRY_NS]
-    after = [each for each in axes.sent if each[0] > DRY_NS]
+    before = [setpoint for setpoint in axes.sent if setpoint[0] <= DRY_NS]
+    after = [setpoint for setpoint in axes.sent if setpoint[0] > DRY_NS]
     assert after[0][0] == DRY_NS + (MISSED + 1) * PERIOD_NS
     assert mixer.stats.late_setpoints == MISSED
     assert before[-1][2] > 0.5

@@ -10,8 +10,8 @@ from tests.core.control.harness import ACCELERATION, PERIOD_S, Harness, arm
 from tests.core.motion.helpers import peaks_of
 from tests.fakes import FakeAxes
 
-from robotd.control.trajectory_execution import Outcome
-from robotd.control.trajectory_follower import TrajectoryFollower
+from robotd.control.groups.trajectory_follower import TrajectoryFollower
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.device.motion_limits import MotionLimits
 from robotd.errors import NotReady
 from robotd.events import EventKind, Level
@@ -77,7 +77,9 @@ def test_a_goal_that_comes_before_or_at_the_end_takes_over_without_a_standstill(
     times_s = harness.setpoints.due_s - first.start_ns * 1e-9
     between = (times_s > 0.9) & (times_s < 1.5)
     assert np.abs(harness.setpoints.velocity[between, 0]).min() > 0.1
-    peak = max(peaks_of(each.trajectory).acceleration.value.max() for each in (first, second))
+    peak = max(
+        peaks_of(execution.trajectory).acceleration.value.max() for execution in (first, second)
+    )
     harness.setpoints.assert_smooth(max(float(peak), ACCELERATION))
 
 
@@ -102,7 +104,7 @@ def test_a_stop_behind_the_last_point_ends_the_motion_and_not_the_result(harness
     assert execution.outcome is Outcome.SUCCEEDED
     assert execution.completion.outcome is Outcome.STOPPED
     events, _ = harness.robot.axes.events.since(0)
-    (result,) = (each for each in events if each.kind is EventKind.RESULT)
+    (result,) = (event for event in events if event.kind is EventKind.RESULT)
     assert "; behind its last point: " in result.text
     assert result.level is Level.INFO  # as that of every goal that was stopped
     assert np.abs(harness.setpoints.velocity[-1]).max() < 1e-9

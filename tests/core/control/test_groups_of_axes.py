@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from robotd.clock.simulated import SteppedClock
-from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
+from robotd.control.loop.setpoint_source import Outcome
+from robotd.control.sources.trajectory_execution import TrajectoryExecution
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Move
 from robotd.device.process_image import ProcessImage

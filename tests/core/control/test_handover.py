@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from tests.core.control.harness import ACCELERATION, FAR, HOME, PERIOD_S, Harness, peak
 
-from robotd.control import joint_motion, trajectory_follower
-from robotd.control.source_slot import ABANDONED, NOT_RUNNING
-from robotd.control.streamed_trajectory import StreamedTrajectory
-from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
+from robotd.control.groups import joint_motion, trajectory_follower
+from robotd.control.loop.setpoint_mixer import ABANDONED, NOT_RUNNING
+from robotd.control.loop.setpoint_source import Outcome
+from robotd.control.sources.streamed_trajectory import StreamedTrajectory
+from robotd.control.sources.trajectory_execution import TrajectoryExecution
 from robotd.errors import NotReady
 from robotd.motion import TrajectoryRequest
 

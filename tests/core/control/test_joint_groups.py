@@ -11,7 +11,8 @@ import pytest
 from tests.core.control.harness import ACCELERATION, PERIOD_S, Harness, arm
 
 from robotd.clock import NANOSECONDS
-from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
+from robotd.control.loop.setpoint_source import Outcome
+from robotd.control.sources.trajectory_execution import TrajectoryExecution
 from robotd.device.state import Operation
 from robotd.errors import InvalidArgument, NotReady
 from robotd.motion import TrajectoryRejected, TrajectoryRequest

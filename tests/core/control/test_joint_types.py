@@ -9,7 +9,7 @@ import pytest
 from tests.core.control.harness import ACCELERATION
 
 from robotd.clock.simulated import SteppedClock
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Move
 from robotd.errors import InvalidArgument

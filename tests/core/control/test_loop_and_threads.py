@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from robotd.clock import MonotonicClock, wait_until
-from robotd.control.completion import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.device.axes import Jog, Move
 from robotd.device.state import CommandMode, Operation
 from robotd.motion import TrajectoryRequest

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from robotd.control.period_timing import STATISTICS_PERIODS, LoopStatistics
+from robotd.control.loop.period_timing import STATISTICS_PERIODS, LoopStatistics
 
 
 def test_before_the_first_period_there_are_no_figures() -> None:

@@ -13,7 +13,7 @@ from tests.core.control.base_harness import COMMAND_S, BaseHarness, running
 
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, MonotonicClock
-from robotd.control.axis_limits import twist_limits
+from robotd.control.groups.axis_limits import twist_limits
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.device.axes import Jog
 from robotd.device.process_image import ProcessImage
@@ -312,6 +312,21 @@ def test_homing_a_wheel_is_no_motion(harness: BaseHarness) -> None:
     assert [log["event"] for log in logs] == [
         "a wheel's position was renumbered; odometry goes on from there"
     ]
+
+
+def test_values_that_stood_and_catch_up_are_motion(harness: BaseHarness) -> None:
+    """A busy computer reads the positions of 40 ms ago as new ones, and the present ones after."""
+    harness.drive(1.0, 0.0, 1.0)
+    image, base = harness.robot.image.copy(), harness.base
+    pose, steps = base.pose, 4
+    with capture_logs() as logs:
+        for step in range(1, steps + 1):
+            image.fresh_ns += round(harness.period_s * NANOSECONDS)
+            if step == steps:
+                image.position[:] += steps * harness.period_s * 1.0 / 0.09
+            base.track(image)
+    assert logs == []
+    assert base.pose.x - pose.x == pytest.approx(steps * harness.period_s * 1.0)
 
 
 def test_reset_makes_the_current_pose_the_origin(harness: BaseHarness) -> None:

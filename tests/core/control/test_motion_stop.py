@@ -10,7 +10,7 @@ import pytest
 from structlog.testing import capture_logs
 from tests.core.control.harness import ACCELERATION, RATE_HZ, Harness, arm
 
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.device.axes import Axes, Jog, Move
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, Operation

@@ -9,7 +9,7 @@ import pytest
 from tests.core.control.harness import ACCELERATION, Harness
 
 from robotd.api import FloatArray, InvalidArgument
-from robotd.control.completion import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.motion import JointLimits
 
 

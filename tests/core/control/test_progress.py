@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from tests.core.control.harness import PERIOD_S, Harness
 
-from robotd.control.trajectory_execution import Progress
+from robotd.control.sources.trajectory_execution import Progress
 
 TARGET, SECONDS = [1.5, -1.5, 0.75], 2.0
 SWITCH_INTERVAL_S = 1e-5  # a period takes longer

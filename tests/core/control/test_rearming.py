@@ -17,11 +17,11 @@ from structlog.testing import capture_logs
 from tests.core.control.harness import PERIOD_S, Harness, arm
 
 from robotd.clock import NANOSECONDS
-from robotd.control.completion import Completion, Outcome
-from robotd.control.joint_stream import JointStream
-from robotd.control.open_stream import StreamClient
-from robotd.control.problem import ProblemKind
-from robotd.control.rearming import SILENCE_S, CommandSource
+from robotd.control.groups.joint_stream import JointStream
+from robotd.control.groups.problem import ProblemKind
+from robotd.control.groups.streams import StreamClient
+from robotd.control.loop.rearming import SILENCE_S, CommandSource, Reception
+from robotd.control.loop.setpoint_source import Completion, Outcome
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode
 from robotd.errors import NotReady, RobotdError
@@ -38,6 +38,8 @@ class Client(ABC):
 
     def __init__(self, harness: Harness) -> None:
         self.harness = harness
+        self.reception = Reception(harness.robot.rearming)
+        self.sequence = 0  # of its publisher
         self.target = float(harness.image.position[0])
         self.rejections: list[str] = []
         self._is_on = False
@@ -56,8 +58,10 @@ class Client(ABC):
 
     def try_to_send(self, speed: float) -> None:
         self.target += speed / RATE_HZ
+        self.sequence += 1
         try:
-            self.send(speed)
+            with self.reception.message(self.sequence):
+                self.send(speed)
         except RobotdError as error:
             self.rejections.append(str(error))
 
@@ -135,7 +139,7 @@ class Windows(Positions):
         now_ns, times_s = self.harness.clock.now_ns(), np.arange(-0.1, 0.095, 0.01)
         position, velocity = np.zeros((2, len(times_s), 3))
         position[:, 0], velocity[:, 0] = self.target + speed * times_s, speed
-        times_ns = [now_ns + round(each * NANOSECONDS) for each in times_s]
+        times_ns = [now_ns + round(time_s * NANOSECONDS) for time_s in times_s]
         self.command(lambda commands: commands.points(times_ns, position, velocity))
 
 
@@ -165,7 +169,9 @@ class WmxTopics(Client):
     def __init__(self, harness: Harness) -> None:
         super().__init__(harness)
         self.motion = AxisMotion(harness.robot)
-        host: Any = SimpleNamespace(submit=lambda function, *args, **_: function(*args))
+        host: Any = SimpleNamespace(
+            submit=lambda function, *args, **_: function(*args), on_rejection=lambda *_: None
+        )
         self.jog = AxisJog(harness.robot, host, "wmx/axis/jog", 0.2)
 
     def message(self, **fields: float) -> Any:
@@ -278,16 +284,16 @@ def rest(harness: Harness) -> None:
 
 def problems(harness: Harness) -> list[str]:
     found = harness.robot.find_problems()
-    return [each.text for each in found if each.kind is ProblemKind.SOURCE]
+    return [problem.text for problem in found if problem.kind is ProblemKind.SOURCE]
 
 
-@pytest.fixture(params=CLIENTS, ids=lambda each: each.__name__)
+@pytest.fixture(params=CLIENTS, ids=lambda client: client.__name__)
 def client(request: pytest.FixtureRequest, harness: Harness) -> Client:
     made: Client = request.param(harness)
     return made
 
 
-@pytest.mark.parametrize("held_s", [0.1, 2.0], ids=["short", "long"])
+@pytest.mark.parametrize("held_s", [0.1, 0.8], ids=["short", "long"])  # than the silence
 @pytest.mark.parametrize("state", STATES)
 def test_nothing_moves_after_a_state_until_the_client_begins_anew(
     harness: Harness, client: Client, state: str, held_s: float
@@ -300,7 +306,7 @@ def test_nothing_moves_after_a_state_until_the_client_begins_anew(
     with client.commanding():
         end(harness)
     client.rejections.clear()
-    assert client.go(1.0) < 1e-4
+    assert client.go(0.5) < 1e-4
     (text,) = problems(harness)
     assert "kept commanding while motion was rejected" in text
     assert "send nothing for 0.5 s" in text
@@ -310,7 +316,7 @@ def test_nothing_moves_after_a_state_until_the_client_begins_anew(
     assert problems(harness) == []
     client.begin_at_the_present_position()
     speeds = len(harness.setpoints.rows)
-    assert 0.1 < client.go(1.0) < 0.3
+    assert 0.05 < client.go(0.5) < 0.15
     assert np.abs(harness.setpoints.velocity[speeds:]).max(initial=0.0) < 2.0 * SPEED
     assert problems(harness) == []
 
@@ -336,11 +342,123 @@ def test_a_command_without_motion_is_a_beginning_too(
     assert client.rejections
     with capture_logs() as logs:
         client.stand()
-    (told,) = [each for each in logs if each["event"] == "source is armed again"]
+    (told,) = [log for log in logs if log["event"] == "source is armed again"]
     assert told["rejected"] >= len(client.rejections) - rejected
     client.rejections.clear()
     assert client.go(0.5) > 0.05
     assert client.rejections == []
+
+
+@pytest.mark.parametrize("first", [20, 5000, None])  # at 2 Hz it would have sent 20
+def test_a_client_that_was_commanding_before_the_start_moves_nothing(
+    harness: Harness, client: Client, first: int | None
+) -> None:
+    if isinstance(client, Program):
+        pytest.skip("it is of the same process, and ends with it")
+    harness.run(10.0)  # it was not discovered before
+    client.target += 0.5
+    with client.reception.message(first), pytest.raises(NotReady) as rejection:
+        client.send(SPEED)
+    text = str(rejection.value)
+    assert "was commanding before robotd received it" in text
+    assert "send nothing for 0.5 s" in text
+    client.sequence = 5000
+    assert client.go(1.0) < 1e-4
+    assert problems(harness) == [text]
+
+    harness.run(SILENCE_S + PERIOD_S)
+    client.begin_at_the_present_position()
+    assert client.go(0.5) > 0.05
+    assert problems(harness) == []
+
+
+def test_a_client_that_was_commanding_before_the_start_may_ask_for_no_motion(
+    harness: Harness, client: Client
+) -> None:
+    client.sequence = 5000
+    with client.reception.message(client.sequence):
+        client.stand()
+    assert client.go(0.5) > 0.05
+    assert client.rejections == []
+
+
+def test_a_client_whose_first_messages_were_lost_moves_at_once(
+    harness: Harness, client: Client
+) -> None:
+    if isinstance(client, Program):
+        pytest.skip("it is of the same process, and nothing gets lost")
+    harness.run(10.0)
+    client.sequence = 17  # lost: in 10 s a client that was never silent would have sent 20
+    assert client.go(0.5) > 0.05
+    assert client.rejections == []
+
+
+def test_few_messages_show_no_silence_while_motion_was_rejected(
+    harness: Harness, client: Client
+) -> None:
+    if isinstance(client, Program):
+        pytest.skip("it is of the same process, and nothing gets lost")
+    harness.robot.stop()
+    harness.run(10.0)
+    harness.robot.reset()
+    client.sequence = 5
+    client.target += 0.5  # far from no motion
+    assert client.go(0.5) < 1e-4
+    assert "was commanding before robotd received it" in client.rejections[-1]
+
+
+def test_a_new_client_moves_at_once(harness: Harness, client: Client) -> None:
+    assert client.go(0.5) > 0.05
+    assert client.rejections == []
+
+
+def test_an_axis_of_a_topic_that_is_received_is_known_to_be_silent(harness: Harness) -> None:
+    motion, reception = AxisMotion(harness.robot), Reception(harness.robot.rearming)
+
+    def send(axis: int, velocity: float, sequence: int) -> None:
+        message = SimpleNamespace(index=[axis], velocity=[velocity], acc=[5.0], dec=[5.0])
+        with reception.message(sequence):
+            motion.jog(message, 0)
+
+    for axis in (0, 1):
+        harness.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
+    send(0, 0.0, 5000)
+    with pytest.raises(NotReady, match="was commanding before robotd received it"):
+        send(1, SPEED, 5001)
+    harness.run(SILENCE_S + PERIOD_S)
+    send(1, SPEED, 5002)
+
+
+def test_a_stop_after_a_start_is_named_as_the_reason(harness: Harness) -> None:
+    client = Positions(harness)
+    client.sequence, client.target = 5000, 0.5
+    client.go(0.1)
+    assert "was commanding" in client.rejections[-1]
+    client.stand()
+    harness.robot.stop()
+    client.go(0.1)
+    harness.robot.reset()
+    client.rejections.clear()
+    client.go(0.1)
+    assert "kept commanding while motion was rejected (stopped" in client.rejections[-1]
+
+
+@pytest.mark.parametrize("peak", ["position", "velocity"])
+def test_a_window_that_ends_where_it_began_asks_for_motion(harness: Harness, peak: str) -> None:
+    client = Windows(harness)
+    client.go(0.5)
+    harness.robot.stop()
+    client.go(0.1)
+    harness.robot.reset()
+    now_ns, present = harness.clock.now_ns(), harness.image.position_command.copy()
+    times_ns = [now_ns + round(time_ms * 1e6) for time_ms in (0, 30, 60)]
+    position, velocity = np.tile(present, (3, 1)), np.zeros((3, 3))
+    (position if peak == "position" else velocity)[1, 0] += 0.2
+    for _ in range(60):
+        with pytest.raises(NotReady, match="kept commanding"):
+            client.command(lambda commands: commands.points(times_ns, position, velocity))
+    position[:], velocity[:] = present, 0.0
+    client.command(lambda commands: commands.points(times_ns, position, velocity))
 
 
 def test_another_command_mode_rejects_motion_as_well(harness: Harness, client: Client) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from tests.core.control.base_harness import COMMAND_S, BaseHarness, running
 
-from robotd.control.problem import ProblemKind
+from robotd.control.groups.problem import ProblemKind
 from robotd.descriptor import load_robot_descriptor
 from robotd.errors import NotReady
 from robotd_sim.fault_injector import SimFaultInjector
@@ -66,7 +66,7 @@ def disable(harness: BaseHarness) -> None:
 
 
 def switch_all_on(harness: BaseHarness) -> None:  # as ``robotd recover`` does
-    for axis in harness.robot.wheel_axes:
+    for axis in harness.robot.servos.used:
         harness.robot.servos.enable_axis(axis)
 
 
@@ -115,7 +115,7 @@ def drive(harness: BaseHarness, seconds: float, source: str = "cmd_vel") -> tupl
 
 def problems(harness: BaseHarness) -> list[str]:
     found = harness.robot.find_problems()
-    return [each.text for each in found if each.kind is ProblemKind.SOURCE]
+    return [problem.text for problem in found if problem.kind is ProblemKind.SOURCE]
 
 
 @pytest.mark.parametrize("anew", ["silence", "zero"])

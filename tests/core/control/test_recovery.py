@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from tests.core.control.harness import Harness, arm
 
-from robotd.control.recovery import NOTHING_WRONG
-from robotd.control.trajectory_execution import Outcome
-from robotd.control.watchdog import place_of
+from robotd.control.groups.recovery import NOTHING_WRONG
+from robotd.control.loop.setpoint_source import Outcome
+from robotd.control.loop.watchdog import place_of
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import ConnectionState
 from robotd.errors import ConnectError, NotReady, RobotdError

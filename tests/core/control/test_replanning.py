@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from tests.core.control.harness import ACCELERATION, FAR, HOME, PERIOD_S, Harness, arm, peak
 
-from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
+from robotd.control.loop.setpoint_source import Outcome
+from robotd.control.sources.trajectory_execution import TrajectoryExecution
 from robotd.motion import TrajectoryRejected, TrajectoryRequest
 
 

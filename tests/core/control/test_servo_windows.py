@@ -13,7 +13,7 @@ from tests.ros.servo_emulator import Jog, ServoEmulator, TrajectoryController, r
 
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS
-from robotd.control.joint_stream import JointStream
+from robotd.control.groups.joint_stream import JointStream
 from robotd.descriptor import load_robot_descriptor
 from robotd.errors import InvalidArgument
 from robotd_export.export_input import ExportInput
@@ -45,8 +45,8 @@ class Followed:
                     )
                 self.stream.send_points(
                     [
-                        began_ns + round((message.stamp_s + each) * NANOSECONDS)
-                        for each in message.times_s
+                        began_ns + round((message.stamp_s + time_s) * NANOSECONDS)
+                        for time_s in message.times_s
                     ],
                     message.position,
                     message.velocity,
@@ -170,8 +170,8 @@ def test_a_stall_of_the_control_loop_is_made_up_for_within_the_limits() -> None:
     harness = Harness().up()
     with harness.robot.stream(timeout_s=1.0) as stream:
         began_ns = harness.clock.now_ns()
-        times_ns = [began_ns + each * 10_000_000 for each in range(1, 101)]
-        position = [[0.003 * each, 0.0, 0.0] for each in range(1, 101)]
+        times_ns = [began_ns + step * 10_000_000 for step in range(1, 101)]
+        position = [[0.003 * step, 0.0, 0.0] for step in range(1, 101)]
         stream.send_points(times_ns, position, [[SPEED, 0.0, 0.0]] * 100)
         harness.run(0.4)
         harness.stall(0.03)
@@ -185,8 +185,8 @@ def test_points_without_velocities_end_at_rest() -> None:
     harness = Harness().up()
     with harness.robot.stream(["joint2"], timeout_s=0.5) as stream:
         now_ns = harness.clock.now_ns()
-        times_ns = [now_ns + each * 50_000_000 for each in range(1, 11)]
-        stream.send_points(times_ns, [[0.01 * each] for each in range(1, 11)])
+        times_ns = [now_ns + step * 50_000_000 for step in range(1, 11)]
+        stream.send_points(times_ns, [[0.01 * step] for step in range(1, 11)])
         harness.run(0.9)
         assert harness.setpoints.position[-1] == pytest.approx([0.0, 0.1, 0.0], abs=1e-4)
         assert harness.setpoints.velocity[:, 1].max() < 0.3

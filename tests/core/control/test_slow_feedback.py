@@ -10,8 +10,8 @@ from tests.core.control.harness import arm
 from tests.features.conformance.runs.whole_arm import ArmAxes, WholeArm
 
 from robotd.clock.simulated import SteppedClock
-from robotd.control.joint_tracking import CommandHistory
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.loop.setpoint_source import Outcome
+from robotd.control.sources.trajectory_execution import CommandHistory
 from robotd.device.axes import Jog
 from robotd.device.state import CommandMode, Operation
 from robotd.motion import JointTolerance, TrajectoryRequest
@@ -92,7 +92,7 @@ def test_a_jog_ends_within_its_limit_although_its_position_is_old(robot: Robot) 
 def test_a_command_waits_for_values_that_are_newer_than_itself(robot: Robot) -> None:
     robot.step(1)
     began_ns = robot.clock.now_ns()
-    robot.axes._wait_for_newer(robot.clock.now_ns())
+    robot.axes._waits.for_newer(robot.clock.now_ns())
     assert robot.image.fresh_ns > began_ns
     assert robot.clock.now_ns() - began_ns <= 10 * MS
 

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from tests.core.control.harness import ACCELERATION, PERIOD_S, Harness, arm, peak
 
 from robotd.arrays import FloatArray
-from robotd.control.path_rate import MAX_SLOPE, MIN_SHARE
-from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
+from robotd.control.loop.setpoint_source import Outcome
+from robotd.control.sources.streamed_trajectory import MAX_SLOPE, MIN_SHARE
+from robotd.control.sources.trajectory_execution import TrajectoryExecution
 from robotd.device.axes import Jog, Move
 from robotd.device.process_image import ProcessImage
 from robotd.device.speed_scale import SpeedScale

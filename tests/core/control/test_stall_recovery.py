@@ -13,8 +13,8 @@ from tests.core.control.harness import PERIOD_S, Harness
 
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS
-from robotd.control.trajectory_execution import Outcome, TrajectoryExecution
-from robotd.device.state import Underrun
+from robotd.control.loop.setpoint_source import Outcome
+from robotd.control.sources.trajectory_execution import TrajectoryExecution
 from robotd.errors import NotReady
 
 SWING = ([0.8, -0.6, 0.45], [-0.4, 0.4, 0.2], [0.5, 0.2, -0.3], [0.0, 0.0, 0.0])
@@ -79,11 +79,11 @@ def peak_of(execution: TrajectoryExecution) -> float:
     return float(np.abs(trajectory.evaluate(np.arange(0, trajectory.duration_s, 1e-3))[1]).max())
 
 
-def test_a_short_stall_costs_setpoints_and_a_small_deviation(harness: Harness) -> None:
+def test_a_missing_setpoint_costs_a_small_deviation(harness: Harness) -> None:
     drives = Drives(harness)
     with harness.goal(*SWING, seconds=SWING_S) as execution:
         drives.run(0.3)
-        drives.stall(0.03)
+        drives.stall(PERIOD_S)
         drives.finish(execution)
     assert execution.outcome is Outcome.SUCCEEDED
     times_s = harness.setpoints.due_s - execution.start_ns * 1e-9
@@ -91,7 +91,7 @@ def test_a_short_stall_costs_setpoints_and_a_small_deviation(harness: Harness) -
     deviation = np.abs(harness.setpoints.position - planned).max(axis=1)
     gap = int(np.argmax(np.diff(times_s))) + 1
     assert deviation[:gap].max() < 1e-9
-    assert 1e-5 < deviation.max() < 0.01
+    assert 1e-6 < deviation.max() < 1e-3
     assert deviation[times_s > times_s[gap] + 0.5].max() < 1e-5, "it is back on its path"
 
 
@@ -124,7 +124,7 @@ def test_repeated_stalls_do_not_accumulate(stalls: list[tuple[int, int]]) -> Non
 
 
 def test_a_drive_that_holds_continues_from_its_position(harness: Harness) -> None:
-    harness.robot.axes.underrun = Underrun.HOLD
+    harness.robot.axes.extrapolation_s = 0.0
     with harness.goal(*SWING, seconds=SWING_S) as execution:
         harness.run(0.3)
         harness.stall(0.03)
@@ -138,8 +138,9 @@ def test_a_drive_that_holds_continues_from_its_position(harness: Harness) -> Non
     assert_ended_well(harness, execution)
 
 
-def test_the_path_waits_for_a_drive_that_holds(harness: Harness) -> None:
-    harness.robot.axes.underrun = Underrun.HOLD
+@pytest.mark.parametrize("extrapolation_s", [0.0, 1.5 * PERIOD_S])
+def test_the_path_waits_for_drives_that_hold(harness: Harness, extrapolation_s: float) -> None:
+    harness.robot.axes.extrapolation_s = extrapolation_s
     target = np.array([0.8, -0.6, 0.45])
     began_ns = harness.clock.now_ns()
     with harness.goal(target.tolist(), seconds=1.0) as execution:
@@ -152,6 +153,7 @@ def test_the_path_waits_for_a_drive_that_holds(harness: Harness) -> None:
     positions = np.array([row[1] for row in harness.setpoints.rows])
     straight = positions[:, :1] * target / target[0]
     assert positions == pytest.approx(straight, abs=1e-9)
+    assert np.diff(positions[:, 0]).min() > -1e-9, "no joint goes back"
 
 
 def test_a_goal_that_takes_over_recovers_like_the_one_before(harness: Harness) -> None:
@@ -177,18 +179,31 @@ def assert_ended_well(harness: Harness, execution: TrajectoryExecution) -> None:
         assert last[1] == pytest.approx(execution.trajectory.final_position, abs=1e-5)
 
 
-def test_the_stall_that_is_told_is_the_longest_of_those_that_led_off_the_path(
-    harness: Harness,
-) -> None:
+def test_a_goal_survives_a_control_loop_that_stalls_most_of_the_time(harness: Harness) -> None:
+    """Each stall began where the one before had left the joints: beyond the path, at last."""
     drives = Drives(harness)
     with harness.goal(*SWING, seconds=SWING_S) as execution:
         drives.run(0.4)
-        drives.stall(0.08)
         while not execution.done:
-            drives.run(0.004)
-            drives.stall(0.006)
-    assert execution.outcome is Outcome.FAULT
-    assert "off its path after a control-loop stall of 8" in execution.message
+            drives.run(0.15)
+            drives.stall(0.1)
+    assert execution.outcome is Outcome.SUCCEEDED, execution.message
+    assert np.abs(drives.velocity).max() <= peak_of(execution) + 0.05
+
+
+def test_a_stop_ends_where_a_stall_has_left_the_joints(harness: Harness) -> None:
+    """They stand: no motion goes on to the end of the stop."""
+    drives = Drives(harness)
+    with harness.goal(*SWING, seconds=SWING_S) as execution:
+        drives.run(0.4)
+        execution.cancel()
+        drives.run(2 * PERIOD_S)
+        assert np.abs(drives.velocity[-1]).max() > 0.1
+        drives.stall(0.02)
+        stood = drives.commands[-1]
+        drives.finish(execution)
+    assert execution.outcome is Outcome.CANCELED
+    assert drives.commands[-1] == pytest.approx(stood, abs=1e-9)
 
 
 @pytest.mark.parametrize("stall_s", [0.006, 0.012, 0.03, 0.1])
@@ -198,10 +213,11 @@ def test_a_stop_after_a_stall_ends_when_the_joints_stand(harness: Harness, stall
     with harness.goal(*SWING, seconds=SWING_S) as execution:
         drives.run(0.4)
         drives.stall(stall_s)
+        went_on = len(drives.commands) - 1  # in the stall they stand, without a ramp
         drives.run(0.004)
         execution.cancel()
         drives.finish(execution)
     assert execution.outcome is Outcome.CANCELED
     moving = (np.abs(drives.velocity) > execution._stopped_velocity).any(axis=1)
     assert (len(moving) - np.flatnonzero(moving)[-1]) * TICK_S < 0.03
-    assert np.abs(np.diff(drives.velocity, axis=0)).max() < 0.1, "no joint jumps"
+    assert np.abs(np.diff(drives.velocity[went_on:], axis=0)).max() < 0.1, "no joint jumps"

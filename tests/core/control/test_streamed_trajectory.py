@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from tests.fakes import streaming_axes
 
-from robotd.control.axis_limits import trajectory_rules
-from robotd.control.completion import Outcome
-from robotd.control.streamed_trajectory import StreamedTrajectory
-from robotd.control.trajectory_execution import PlannedGoal
+from robotd.control.groups.axis_limits import trajectory_rules
+from robotd.control.loop.setpoint_source import Outcome
+from robotd.control.sources.streamed_trajectory import StreamedTrajectory
+from robotd.control.sources.trajectory_execution import PlannedGoal
 from robotd.descriptor.model import TrajectorySettings
 from robotd.device.motion_limits import MotionLimits
 from robotd.device.process_image import ProcessImage
-from robotd.device.state import Operation, Underrun
+from robotd.device.state import Operation
 from robotd.motion import (
     JointLimits,
     JointTolerance,
@@ -38,21 +38,19 @@ def half_a_radian(tolerances: Tolerances | None = None) -> PlannedGoal:
     return PlannedGoal(path, np.array([0]), LIMITS, tolerances, stopped)
 
 
-def streamed(
-    goal: PlannedGoal, underrun: Underrun = Underrun.EXTRAPOLATE, buffer_s: float = 0.0
-) -> StreamedTrajectory:
-    return StreamedTrajectory(streaming_axes(underrun, buffer_s), MotionLimits(), goal, 0)
+def streamed(goal: PlannedGoal, buffer_s: float = 0.0) -> StreamedTrajectory:
+    return StreamedTrajectory(streaming_axes(0.0, buffer_s), MotionLimits(), goal, 0)
 
 
 @pytest.mark.parametrize("stall_ms", [0, 40, 100, 190])
 def test_a_stall_makes_no_jump_in_the_return_of_the_command(stall_ms: int) -> None:
-    source = streamed(half_a_radian(), Underrun.HOLD)
+    source = streamed(half_a_radian())
     offset, time_ns, positions = np.array([-0.1]), 0, []
     while source._return_command(time_ns, offset):
         time_ns += PERIOD_NS
         if len(positions) == STALLED:
             time_ns += stall_ms * 1_000_000
-        source._hold(time_ns + PERIOD_NS, PERIOD_NS)
+        source._hold(time_ns + PERIOD_NS, PERIOD_NS, ProcessImage(1))
         source.sent(time_ns + PERIOD_NS)
         positions.append(float(source.setpoint[0, 0]))
     speeds = np.diff(positions) / (PERIOD_NS * 1e-9)
@@ -66,7 +64,7 @@ def test_a_stall_makes_no_jump_in_the_return_of_the_command(stall_ms: int) -> No
 def test_the_time_of_feedback_is_that_of_the_desired_values_after_a_stall(buffer_s: float) -> None:
     tolerances = Tolerances(LIMITS, RULES, (), [JointTolerance("a", -1.0)])
     goal = half_a_radian(tolerances)
-    execution = streamed(goal, Underrun.HOLD, buffer_s)
+    execution = streamed(goal, buffer_s)
     image, time_ns, periods = ProcessImage(1), 0, 0
     image.servo_on[:], image.offline[:], image.operation[:] = True, False, Operation.STREAM
     while not execution.done:

@@ -9,19 +9,20 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.core.control.harness import PERIOD_S, Harness, arm
-from tests.fakes import FakeAxes
+from tests.fakes import FakeAxes, FakeClock
 
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS
-from robotd.control.completion import Outcome
-from robotd.control.joint_motion import JointMotion
-from robotd.control.joint_source import REST_TIMEOUT_S
-from robotd.control.torque_stream import TorqueMotion, TorqueStreams
+from robotd.control.groups.joint_motion import JointMotion
+from robotd.control.groups.torque_stream import TorqueStreams
+from robotd.control.loop.setpoint_source import Outcome
+from robotd.control.sources.joint_source import REST_TIMEOUT_S
+from robotd.control.sources.torque_source import TorqueMotion
+from robotd.device.axis_stops import AxisStops
 from robotd.device.motion_limits import MotionLimits
 from robotd.device.speed_scale import SpeedScale
 from robotd.device.state import CommandMode, Operation
-from robotd.device.stops import StopRequests
-from robotd.errors import InvalidArgument, NotReady, Unsupported
+from robotd.errors import InvalidArgument, NotReady, OperationError, Unsupported
 from robotd.motion import JointLimits
 
 PERIOD_NS, TIMEOUT_S = 4_000_000, 0.1
@@ -46,9 +47,8 @@ class TorqueAxes(FakeAxes):
         self.image.operation[list(axes)] = Operation.STOPPING
 
 
-def robot_axes(driver: TorqueAxes, speed: SpeedScale) -> Any:
-    stops = StopRequests(driver, AXIS_NAMES)
-    return SimpleNamespace(stops=stops, speed=speed, feedback_period_s=0.0)
+def robot_axes(driver: TorqueAxes, speed: SpeedScale, stops: AxisStops) -> Any:
+    return SimpleNamespace(stops=stops, speed=speed, feedback_period_s=0.0, response_s=0.0)
 
 
 class Rig:
@@ -56,7 +56,10 @@ class Rig:
 
     def __init__(self) -> None:
         self.axes, self.speed, self.time_ns = TorqueAxes(), SpeedScale(), NANOSECONDS
-        self.motion_limits = MotionLimits()
+        self.motion_limits, self.clock = MotionLimits(), FakeClock()
+        self.stops = AxisStops(
+            self.axes, self.axes.image, lambda: True, AXIS_NAMES, self.clock, 0.1, 3.0
+        )
         limits = JointLimits(
             ("shoulder", "elbow"),
             np.array([-1.0, -1.0]),
@@ -67,7 +70,7 @@ class Rig:
         stopped = np.array([0.01, 0.01])
         self.motion = TorqueMotion(
             self.axes,
-            robot_axes(self.axes, self.speed),
+            robot_axes(self.axes, self.speed, self.stops),
             AXES,
             limits,
             self.time_ns,
@@ -171,6 +174,52 @@ def test_a_fault_and_the_speed_of_the_operator_end_it() -> None:
     rig.speed.pause()
     rig.run()
     assert rig.motion.completion.requested == (Outcome.STOPPED, "motion is paused (100 %)")
+
+
+def test_the_speed_scales_the_velocity_limit() -> None:
+    rig = Rig()
+    rig.speed.set(0.5)
+    rig.image.velocity[2] = 0.9
+    rig.run()
+    assert rig.motion.completion.requested is None
+    rig.image.velocity[2] = 1.1  # of 2 rad/s
+    rig.run()
+    assert rig.motion.completion.requested is not None
+    assert rig.motion.completion.requested[1] == (
+        "shoulder: 1.1 rad/s, its velocity limit at a speed of 50 % is 1 rad/s"
+    )
+
+
+@pytest.mark.parametrize(
+    ("velocity", "torque", "left"),
+    [(0.7, 4.0, 4.0), (0.9, 4.0, 2.0), (1.0, 4.0, 0.0), (0.95, -4.0, -4.0), (-0.9, -4.0, -2.0)],
+)
+def test_below_full_speed_a_torque_that_drives_on_fades(
+    velocity: float, torque: float, left: float
+) -> None:
+    rig = Rig()
+    rig.speed.set(0.5)
+    rig.image.velocity[2] = velocity
+    rig.put(torque, 1.0)
+    rig.run()
+    assert rig.axes.torques[-1][2] == pytest.approx(left)
+    assert rig.axes.torques[-1][0] == 1.0
+    rig.speed.set(1.0)
+    rig.run()
+    assert rig.axes.torques[-1][2] == torque
+
+
+def test_a_busy_device_stops_in_the_end() -> None:
+    rig = Rig()
+    rig.axes.failures["stop"] = OperationError("busy")
+    rig.motion.completion.request(Outcome.CANCELED, "canceled by the client")
+    rig.run()
+    assert rig.image.operation[2] == Operation.STREAM
+    del rig.axes.failures["stop"]
+    for _ in range(30):
+        rig.clock.advance(0.01)
+        rig.stops.look(rig.image)
+    assert rig.image.operation[2] == Operation.STOPPING
 
 
 def test_nothing_continues_it() -> None:
@@ -302,7 +351,7 @@ def test_a_start_that_takes_longer_than_a_period_is_repeated(harness: Harness) -
         made.append(
             TorqueMotion(
                 torques,
-                robot_axes(torques, axes.speed),
+                robot_axes(torques, axes.speed, axes.stops),
                 chosen,
                 limits,
                 start_ns,

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from tests.core.control.harness import ACCELERATION, FAR, HOME, PERIOD_S, Harness, peak
 from tests.core.motion.helpers import peaks_of
 
-from robotd.control.source_slot import PREEMPTED, SPLICE_LOST
-from robotd.control.streamed_trajectory import StreamedTrajectory
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.loop.setpoint_mixer import SPLICE_LOST
+from robotd.control.loop.setpoint_source import PREEMPTED, Outcome
+from robotd.control.sources.streamed_trajectory import StreamedTrajectory
 from robotd.device.state import Operation
 from robotd.errors import NotReady
 from robotd.events import EventKind
@@ -115,7 +115,7 @@ def test_goals_in_quick_succession_never_jump(harness: Harness) -> None:
             with harness.goal(random.uniform(-0.3, 0.3, 3), seconds=1.2) as newer:
                 ended.append(newer)
                 harness.run(random.choice([0.0, PERIOD_S, 0.03, 0.2]))
-    assert all(each.outcome is not None for each in ended)
+    assert all(execution.outcome is not None for execution in ended)
     harness.setpoints.assert_smooth_streams(max(peak(*ended), ACCELERATION))
 
 
@@ -244,7 +244,7 @@ def test_a_goal_that_is_over_already_is_rejected_and_noted(harness: Harness) -> 
     with pytest.raises(TrajectoryRejected, match="it is over"), goal:
         pass
     events = harness.robot.events.since(0)[0]
-    assert [each.kind for each in events if "it is over" in each.text] == [EventKind.GOAL]
+    assert [event.kind for event in events if "it is over" in event.text] == [EventKind.GOAL]
 
 
 def test_a_rejected_goal_at_rest_claims_no_axis(harness: Harness) -> None:

@@ -10,10 +10,10 @@ from tests.fakes import FakeAxes, FakeDevice
 
 from robotd.clock import Clock, MonotonicClock, wait_until
 from robotd.clock.simulated import PacedClock
-from robotd.control import watchdog
-from robotd.control.control_loop import ControlLoop
-from robotd.control.setpoint_mixer import SetpointMixer
-from robotd.control.watchdog import Watchdog, place_of
+from robotd.control.loop import watchdog
+from robotd.control.loop.control_loop import ControlLoop
+from robotd.control.loop.setpoint_mixer import SetpointMixer
+from robotd.control.loop.watchdog import Watchdog, place_of
 from robotd.descriptor import EngineSettings
 from robotd.device.connection import Connection
 from robotd.device.process_image import ProcessImage
@@ -58,8 +58,8 @@ class Harness:
 
 @pytest.fixture(params=[MonotonicClock, PacedClock])
 def harness(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Harness]:
-    monkeypatch.setattr("robotd.control.control_loop.STOP_TIMEOUT_S", 0.1)
-    monkeypatch.setattr("robotd.control.control_loop.SIMULATED_HANG_TIMEOUT_S", LIMIT_S)
+    monkeypatch.setattr("robotd.control.loop.control_loop.STOP_TIMEOUT_S", 0.1)
+    monkeypatch.setattr("robotd.control.loop.control_loop.SIMULATED_HANG_TIMEOUT_S", LIMIT_S)
     monkeypatch.setattr(watchdog, "HANG_TIMEOUT_S", LIMIT_S)
     harness = Harness(request.param())
     harness.control_loop.start()

@@ -107,7 +107,7 @@ def check_against_reference(path: Path, names: list[str], seed: int) -> None:
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_every_link_of_every_robot_is_where_pytransform3d_has_it(path: Path, seed: int) -> None:
     joints = read_urdf(path).joints
-    names = [each.name for each in joints if each.moves and not each.mimic]
+    names = [joint.name for joint in joints if joint.moves and not joint.mimic]
     check_against_reference(path, names, seed)
 
 

@@ -238,3 +238,11 @@ def test_robots_that_extend_one_of_the_search_path_are_listed(robots: Path) -> N
     write(robots, "cell", "extends: arm\nname: cell\nsummary: a cell\n")
     summaries = {robot.name: (robot.summary, robot.problem) for robot in list_robots([robots])}
     assert summaries["cell"] == ("a cell", None)
+
+
+@pytest.mark.parametrize("name", ["press.urdf", "cell/press.urdf", Path("press.xacro")])
+def test_a_urdf_in_the_place_of_a_robot_is_rejected_with_the_command_that_reads_it(
+    name: str | Path,
+) -> None:
+    with pytest.raises(DescriptorError, match=f"robotd new-robot NAME --urdf {name}"):
+        load_robot_descriptor(name)

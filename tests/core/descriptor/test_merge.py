@@ -4,7 +4,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robotd.descriptor.source import Node, merge
+from robotd.descriptor.source import YamlNode, merge
 
 SCALARS = st.one_of(st.integers(0, 3), st.text("xy", max_size=2), st.booleans())
 LEAVES = st.one_of(SCALARS, st.lists(SCALARS, max_size=2))
@@ -20,12 +20,12 @@ BASES = mappings(LEAVES)
 OVERLAYS = mappings(st.one_of(LEAVES, st.none()))
 
 
-def node(value: Any) -> Node:
+def node(value: Any) -> YamlNode:
     if isinstance(value, dict):
         value = {key: node(child) for key, child in value.items()}
     elif isinstance(value, list):
         value = [node(child) for child in value]
-    return Node(value, Path("robot.yaml"), 1)
+    return YamlNode(value, Path("robot.yaml"), 1)
 
 
 def merged(base: Any, overlay: Any) -> Any:

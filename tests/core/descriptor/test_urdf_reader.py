@@ -95,7 +95,7 @@ def test_all_problems_come_at_once_in_the_order_of_the_file() -> None:
         + joint("c", "tipp", "end")
         + links("base", "arm", "tip")
     )
-    lines = [int(re.findall(r":(\d+):", each)[0]) for each in found]
+    lines = [int(re.findall(r":(\d+):", text)[0]) for text in found]
     assert lines == [2, 3, 4, 4]
 
 

@@ -61,16 +61,31 @@ def call_names(device: FakeDevice) -> list[object]:
     return [call[0] for call in device.calls]
 
 
+class SleepClock(FakeClock):
+    """Clock that calls ``on_sleep`` when a thread has slept on it."""
+
+    on_sleep: Callable[[], object] | None = None
+
+    def sleep_until_ns(self, deadline_ns: int) -> None:
+        super().sleep_until_ns(deadline_ns)
+        if self.on_sleep is not None:
+            self.on_sleep()
+
+
 @dataclass
 class Harness:
-    """Fakes below, the core's classes above. ``refresh`` does what the cycle does."""
+    """Fakes below, the core's classes above. ``refresh`` does what the cycle does.
+
+    Once it is ready, a thread that sleeps on the clock finds a new image, unless ``on_sleep`` of
+    the clock is None: then no values come.
+    """
 
     capabilities: frozenset[Capability] = ALL
     device: FakeDevice = field(default_factory=FakeDevice)
     driver: FakeAxes = field(default_factory=lambda: FakeAxes(3))
     io_driver: FakeIo = field(default_factory=FakeIo)
     fieldbus_driver: FakeFieldbus = field(default_factory=FakeFieldbus)
-    clock: FakeClock = field(default_factory=FakeClock)
+    clock: SleepClock = field(default_factory=SleepClock)
 
     def __post_init__(self) -> None:
         settings = EngineSettings(open_tries=3, open_retry_s=0.0)
@@ -85,14 +100,20 @@ class Harness:
             self.capabilities,
             "fake",
             self.clock,
+            0.002,
         )
         self.io = Io(self.io_driver, self.connection, "fake")
         self.fieldbus = Fieldbus(self.fieldbus_driver, self.connection, self.capabilities, "fake")
 
     def refresh(self) -> None:
         self.clock.advance(0.002)
+        self.show()
+
+    def show(self) -> None:
+        """Read an image that is as new as the clock."""
         self.driver.read(self.image)
         self.image.stamp_ns = self.image.fresh_ns = self.clock.now_ns()
+        self.axes.stops.look(self.image)
 
     def make_ready(self) -> Harness:
         """Communicating, servos on, at rest; earlier calls forgotten."""
@@ -100,4 +121,5 @@ class Harness:
         self.driver.image.servo_on[:] = True
         self.refresh()
         self.device.calls.clear()
+        self.clock.on_sleep = self.show
         return self

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -140,11 +140,34 @@ def test_an_axis_belongs_to_its_homing_or_change_of_mode_until_it_ends(
     assert not axes.owner(0)
 
 
+def test_a_homing_that_moves_takes_the_speed_in_force(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One that does not move is not bound by it, also while motion is paused."""
+    axes, searches = harness.axes, list[tuple[object, ...]]()
+    monkeypatch.setattr(harness.driver, "search_home", lambda *given: searches.append(given))
+    monkeypatch.setattr(harness.driver, "homing_speed", lambda axis: 0.0 if axis == 2 else 0.4)
+    axes.speed.set(0.5)
+    limits = MotionLimits((0, 1))
+    axes.motion_limits.append(limits)
+    axes.home(0)
+    limits.set_speed(lambda positions, _: np.full(len(positions), 0.25), "reduced speed", "")
+    axes.home(1)
+    assert [call[:2] for call in searches] == [(0, pytest.approx(0.2)), (1, pytest.approx(0.05))]
+    axes.speed.pause()
+    rejected(harness, NotReady, "^joint1: motion is paused; robotd resume", lambda: axes.home(0))
+    assert len(searches) == 2
+    axes.home(2)
+    assert harness.driver.calls[-1][0] == "home"
+
+
 @pytest.mark.parametrize("operation", [op for op in Operation if op is not Operation.IDLE])
 def test_mode_and_home_need_an_idle_axis(harness: Harness, operation: Operation) -> None:
     harness.driver.image.operation[0] = operation
     harness.refresh()
     text = f"needs an idle axis, this one is in {operation.name.lower()}$"
+    if operation is Operation.GUIDING:
+        text = "joint1: in use by hand guiding$"
     rejected(harness, NotReady, text, lambda: harness.axes.set_command_mode(0, 1))
     rejected(harness, NotReady, text, lambda: harness.axes.home(0))
 
@@ -304,6 +327,12 @@ def test_no_axis_and_the_same_axis_twice_are_rejected(harness: Harness) -> None:
     rejected(harness, InvalidArgument, "^axis 1 is given twice$", lambda: harness.axes.move(twice))
 
 
+@pytest.mark.parametrize("axis", [-1, 99])
+def test_a_jog_of_an_axis_that_does_not_exist_is_rejected(harness: Harness, axis: int) -> None:
+    call = partial(harness.axes.jog, [Jog(axis, PROFILE)])
+    rejected(harness, InvalidArgument, f"axis {axis}", call)
+
+
 def test_jogs_are_checked_and_start_together(harness: Harness) -> None:
     jogging(harness)
     backwards = Profile(-3.0, 10.0, 10.0)
@@ -346,6 +375,7 @@ def test_stops_have_no_effect_before_the_engine_is_ready() -> None:
 
 def test_rest_waits_for_standstill_and_names_who_still_moves(harness: Harness) -> None:
     harness.axes.stop_and_wait([0, 1], 1.0)
+    harness.driver.stop = lambda axes: None  # type: ignore[method-assign]
     harness.driver.image.operation[1] = Operation.STOPPING
     harness.refresh()
     before_ns = harness.clock.now_ns()
@@ -459,3 +489,17 @@ def test_a_motion_that_cannot_begin_stops_those_that_began_with_it(
     with pytest.raises(OperationError, match="axis 2: the drive answers error 7"):
         command()
     assert harness.driver.calls[-1] == ("stop", [1])
+
+
+def test_a_stop_while_guiding_begins_is_made_again_and_guiding_rejected(harness: Harness) -> None:
+    def begin_guiding(axes: Sequence[int], timeout_s: float) -> None:
+        harness.axes.stop([1])
+        harness.driver.calls.append(("begin_guiding", list(axes)))
+        harness.driver.image.operation[:2] = Operation.GUIDING
+        harness.refresh()
+
+    harness.driver.begin_guiding = begin_guiding  # type: ignore[method-assign]
+    with pytest.raises(NotReady, match="joint2: stopped before the motion began"):
+        harness.axes.begin_guiding([0, 1])
+    names = [call[0] for call in harness.driver.calls]
+    assert names[names.index("begin_guiding") + 1 :] == ["stop"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 from tests.core.device.harness import ALL, Harness
@@ -14,6 +15,16 @@ from robotd.errors import InvalidArgument, NotReady, Unsupported
 
 def test_the_network_is_told(harness: Harness) -> None:
     assert [slave.id for slave in harness.fieldbus.status(0).nodes] == [0, 1]
+
+
+def test_a_status_that_another_reader_has_read_will_do_for_its_age(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = harness.fieldbus_driver.status
+    monkeypatch.setattr(harness.fieldbus_driver, "status", lambda bus: replace(read(bus)))
+    newest = harness.fieldbus.status(0)
+    assert harness.fieldbus.status(0, 3600.0) is newest
+    assert harness.fieldbus.status(0) is not newest
 
 
 def test_registers_are_read(harness: Harness) -> None:

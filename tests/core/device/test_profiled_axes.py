@@ -283,3 +283,19 @@ def test_an_axis_that_is_off_or_busy_takes_no_command() -> None:
         arm.move(0, 0.0, PROFILE)
     with pytest.raises(Unsupported):
         arm.set_command_mode(0, CommandMode.TORQUE)
+
+
+def test_an_axis_whose_drive_does_not_answer_keeps_its_command_and_goes_on_from_rest() -> None:
+    arm = Arm()
+    arm.move(0, 1.5, PROFILE)
+    arm.move(1, 0.5, PROFILE)
+    arm.period(100)
+    before = arm.image.position_command.copy()
+    arm.image.silent[0] = True
+    arm.period(50)
+    assert arm.image.position_command[0] == before[0]
+    assert arm.image.position_command[1] > before[1] + 0.01
+    arm.image.silent[0] = False
+    velocity = arm.until_idle()[:, 0]
+    assert velocity[0] <= PROFILE.acceleration * PERIOD_S + 1e-9
+    assert arm.image.position_command == pytest.approx([1.5, 0.5])

@@ -1,4 +1,4 @@
-"""Reference through windows of points: averages, replacement, and what is beyond the points."""
+"""Reference through windows of points: averages, replacement, and times beyond the points."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ def window(times_s: FloatArray, velocity: float = 0.3) -> SlidingWindow:
 
 
 def points(times_s: FloatArray, velocity: float = 0.3) -> tuple[list[int], FloatArray, FloatArray]:
-    times_ns = [round(each * NANOSECONDS) for each in times_s]
+    times_ns = [round(time_s * NANOSECONDS) for time_s in times_s]
     return times_ns, velocity * times_s[:, None], np.full((len(times_s), 1), velocity)
 
 
 def sampled(curve: SlidingWindow, begin_s: float, end_s: float) -> FloatArray:
     times_s = np.arange(begin_s, end_s, PERIOD_S)
-    return np.array([curve.at(round(each * NANOSECONDS))[:, 0] for each in times_s])
+    return np.array([curve.at(round(time_s * NANOSECONDS))[:, 0] for time_s in times_s])
 
 
 @pytest.mark.parametrize("time_s", [0.0, 0.1, 0.15, 0.199, 0.3])
@@ -42,7 +42,7 @@ def test_a_step_of_the_velocity_takes_two_widths_and_is_consistent() -> None:
     times_s = np.arange(0.0, 1.0, 0.01)
     position = 0.3 * np.minimum(times_s, 0.5)[:, None]
     velocity = np.where(times_s < 0.5, 0.3, 0.0)[:, None]
-    curve = SlidingWindow([round(each * NANOSECONDS) for each in times_s], position, velocity)
+    curve = SlidingWindow([round(time_s * NANOSECONDS) for time_s in times_s], position, velocity)
     states = sampled(curve, 0.3, 0.7)
     deviation = states[:, 0] - 0.3 * np.minimum(np.arange(0.3, 0.7, PERIOD_S), 0.5)
     assert np.abs(deviation).max() < 0.3 * WIDTH_S / 5
@@ -79,7 +79,7 @@ def test_times_of_a_jittering_client_hardly_reach_the_velocity() -> None:
     times_s = np.arange(250) * 0.004 + late
     position = 0.3 * 0.004 * np.arange(250)[:, None]
     velocity = np.gradient(position[:, 0], times_s)[:, None]
-    curve = SlidingWindow([round(each * NANOSECONDS) for each in times_s], position, velocity)
+    curve = SlidingWindow([round(time_s * NANOSECONDS) for time_s in times_s], position, velocity)
     assert velocity.max() > 0.5
     states = sampled(curve, 0.1, 0.9)
     assert states[:, 1] == pytest.approx(0.3, rel=0.1)

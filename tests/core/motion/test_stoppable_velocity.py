@@ -14,7 +14,7 @@ PERIOD_S = 0.001
 
 def limits(acceleration: float, jerk: float) -> JointLimits:
     return JointLimits(
-        ("joint1",), *(np.array([each]) for each in (-9.0, 9.0, 9.0, acceleration)),
+        ("joint1",), *(np.array([value]) for value in (-9.0, 9.0, 9.0, acceleration)),
         jerk=np.array([jerk]),
     )  # fmt: skip
 

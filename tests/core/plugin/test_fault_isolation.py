@@ -15,7 +15,7 @@ from tests.fakes import FakeAxes, FakeDevice, FakeFieldbus, FakeIo
 from robotd.arrays import FloatArray
 from robotd.clock import MonotonicClock, wait_until
 from robotd.clock.simulated import SteppedClock
-from robotd.control.completion import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import ConnectionState

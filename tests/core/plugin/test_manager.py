@@ -83,7 +83,7 @@ def test_two_distributions_with_one_name_are_both_named(install: Install) -> Non
     install("odd", distribution="one", version="1.0")
     install("odd", distribution="two", version="2.0")
     text = rejection()
-    assert "two plugins offer the backend 'odd'" in text
+    assert "the name 'odd' is taken by" in text
     assert "of one 1.0)" in text
     assert "of two 2.0)" in text
     assert not {"plugin_one", "plugin_two"} & set(sys.modules)
@@ -101,7 +101,7 @@ def test_another_api_version_is_rejected_with_both_versions(install: Install, ve
 def test_a_backend_without_an_api_version_is_rejected(install: Install) -> None:
     source = backend_source().replace("api_version=1", "")
     install("odd", source)
-    assert "missing 1 required positional argument: 'api_version'" in rejection()
+    assert "BackendInfo.api_version: Field required" in rejection()
 
 
 def test_the_version_is_told_first_where_the_hooks_are_another_versions_too(
@@ -177,7 +177,7 @@ def test_the_hooks_say_what_is_there(install: Install) -> None:
         ),
         pytest.param(
             backend_source(options="dict"),
-            "options do not derive from BackendOptions",
+            "BackendInfo.options: must be a subclass of BackendOptions",
             id="options",
         ),
         pytest.param(
@@ -277,6 +277,7 @@ class Bare(AxisDriver):
     [
         ("VELOCITY_MODE", "Bare has no method jog()"),
         ("TORQUE_MODE", "Bare has no method set_command_mode()"),
+        ("HAND_GUIDING", "Bare has no method begin_guiding()"),
         ("HOMING", "Bare has no method home()"),
         ("SCALING", "Bare has no method set_polarity()"),
         ("TRAJECTORIES_ON_DEVICE", "Bare has no method follow()"),
@@ -359,36 +360,61 @@ def test_plugins_of_the_other_group_load_each_on_its_own(install: Install, tmp_p
     assert "bad" not in names
     assert [origin.name for origin in failures] == ["bad"]
     assert all("not_there_at_all" in reason for reason in failures.values())
-    registered, nodes = register_all(plugins)
+    registered, nodes, missing = register_all(plugins)
+    assert not missing
     assert registered.folders == [robots]
     assert nodes.nodes["lights"].factory == "acme.lights:Lights"
 
 
-def test_two_plugins_with_one_node_stop_the_start(install: Install) -> None:
+def test_a_node_of_two_plugins_is_left_out_and_hides_no_other(install: Install) -> None:
     source = """
         from robotd.api import hookimpl
 
         @hookimpl
         def robotd_register_nodes(registry):
             registry.add("lights", __name__ + ":Lights")
+            registry.add(__name__, __name__ + ":Own")
     """
     install("one", source, distribution="one", group=PLUGINS)
     install("two", source, distribution="two", group=PLUGINS)
-    plugins, _ = load_plugins()
-    with pytest.raises(PluginError, match=r"'lights' is registered twice: plugin_one.*plugin_two"):
-        register_all(plugins)
+    _, nodes, failures = register_all(load_plugins()[0])
+    assert {"plugin_one", "plugin_two"} <= nodes.nodes.keys()
+    with pytest.raises(DescriptorError, match=r"node 'lights' is taken by 'one' \(plugin_one"):
+        nodes.select(["lights"])
+    texts = {origin.distribution: text for origin, text in failures.items()}
+    assert texts["one"] == (
+        "plugin 'one' (plugin_one of one 1.2): node 'lights' is taken by"
+        " 'two' (plugin_two of two 1.2)"
+    )
+    assert texts.keys() == {"one", "two"}
 
 
-def test_a_folder_that_does_not_exist_is_rejected(install: Install) -> None:
-    source = """
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ('registry.add_folder(Path("/does/not/exist"))', "/does/not/exist does not exist"),
+        ('registry.add_folder("/tmp")', "robot folder must be a Path (value '/tmp')"),
+        ("registry.add_folder(registry)", "robot folder must be a Path"),
+        ("raise KeyError(3)", "robotd_register_robots failed: KeyError: 3 (plugin_one.py:7)"),
+    ],
+)
+def test_a_hook_that_fails_hides_only_its_own(install: Install, line: str, says: str) -> None:
+    source = f"""
         from pathlib import Path
         from robotd.api import hookimpl
 
         @hookimpl
         def robotd_register_robots(registry):
-            registry.add_folder(Path("/does/not/exist"))
+            {line}
+
+        @hookimpl
+        def robotd_register_nodes(registry):
+            registry.add("lights", "acme:Lights")
     """
-    install("one", source, group=PLUGINS)
-    plugins, _ = load_plugins()
-    with pytest.raises(PluginError, match="/does/not/exist does not exist"):
-        register_all(plugins)
+    install("one", source, distribution="one", group=PLUGINS)
+    _, nodes, failures = register_all(load_plugins()[0])
+    assert "wmx_engine_node" in nodes.nodes
+    assert "lights" not in nodes.nodes
+    [text] = failures.values()
+    assert text.startswith("plugin 'one' (plugin_one of one 1.2): ")
+    assert says in text

@@ -79,7 +79,7 @@ def test_a_file_that_fails_its_check_is_not_written(path: Path) -> None:
     assert path.read_text() == TEXT
     edit.save(edit.changed([Change(Place.JOINT, "upper_rad", 0.5)]), load_robot_descriptor)
     assert load_robot_descriptor(path).joints[0].upper_rad == 0.5
-    assert [each.name for each in path.parent.iterdir()] == ["robot.yaml"]
+    assert [file.name for file in path.parent.iterdir()] == ["robot.yaml"]
 
 
 def test_a_symbolic_link_stays_one(path: Path) -> None:
@@ -96,8 +96,8 @@ def test_a_symbolic_link_stays_one(path: Path) -> None:
     assert record.is_symlink()
     assert load_robot_descriptor(file).joints[0].upper_rad == 0.5
     assert CommissionRecord(path).finding("a", "direction") == "right"
-    assert {each.name for each in file.parent.iterdir()} == {"third.yaml", "third.json"}
-    assert {each.name for each in path.parent.iterdir()} == {path.name, record.name, "machines"}
+    assert {path.name for path in file.parent.iterdir()} == {"third.yaml", "third.json"}
+    assert {file.name for file in path.parent.iterdir()} == {path.name, record.name, "machines"}
 
 
 def test_lines_keep_their_ends(path: Path) -> None:

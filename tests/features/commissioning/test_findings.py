@@ -13,8 +13,8 @@ from robotd.device.bus_status import BusNode, BusState
 from robotd.errors import OperationError
 from robotd_commissioning.findings import (
     Change,
-    Finding,
     Place,
+    StepFinding,
     in_words,
     judge_brake,
     judge_direction,
@@ -43,7 +43,7 @@ def drive(key: str, value: object) -> tuple[Change, ...]:
     return (Change(Place.DRIVE, key, value),)
 
 
-def direction(reported: float, *, positive: bool, polarity: int = 1) -> Finding:
+def direction(reported: float, *, positive: bool, polarity: int = 1) -> StepFinding:
     return judge_direction(
         reported, positive=positive, polarity=polarity, key="polarity", unit="rad"
     )

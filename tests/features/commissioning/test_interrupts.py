@@ -48,7 +48,7 @@ def test_ctrl_c_again_leaves_no_servo_on(tmp_path: Path, monkeypatch: pytest.Mon
     path = tmp_path / "robot.yaml"
     path.write_text(ROBOT)
     monkeypatch.setattr(session, "Robot", EnergisedRobot)
-    handlers = {each: signal.signal(each, signal.default_int_handler) for each in {*SIGNALS}}
+    handlers = {signum: signal.signal(signum, signal.default_int_handler) for signum in {*SIGNALS}}
     never: Any = None
     try:
         commissioning = session.Commissioning(
@@ -60,8 +60,8 @@ def test_ctrl_c_again_leaves_no_servo_on(tmp_path: Path, monkeypatch: pytest.Mon
         )
         with pytest.raises(KeyboardInterrupt):
             commissioning.run()
-        assert {signal.getsignal(each) for each in SIGNALS} == {signal.default_int_handler}
+        assert {signal.getsignal(signum) for signum in SIGNALS} == {signal.default_int_handler}
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
-    assert [each.servo_on for each in robots] == [False]
+    assert [robot.servo_on for robot in robots] == [False]

@@ -6,15 +6,17 @@ import math
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 
 from robotd.descriptor import load_robot_descriptor
 from robotd.device.bus_status import BusNode
-from robotd.errors import OperationError
+from robotd.errors import NotReady, OperationError
 from robotd_canopen import robotd_backend
 from robotd_commissioning import steps
+from robotd_commissioning.commissioned_axis import CommissionedAxis
 from robotd_commissioning.steps import Bench
 
 JOINT = load_robot_descriptor("cr3a").joints[0]
@@ -151,3 +153,19 @@ def test_the_following_error_needs_motion() -> None:
 
 def test_the_brake_is_judged_by_what_moves_without_the_servo() -> None:
     assert steps.brake(bench(move=0.0)[0]).text
+
+
+def test_a_servo_off_that_fails_hides_no_error_of_the_step() -> None:
+    """The first one says what has happened at the machine."""
+
+    def servo(_: int, on: bool) -> None:
+        if not on:
+            raise NotReady("servo off was sent and is not confirmed")
+
+    axes: Any = SimpleNamespace(clear_alarm=int, servo=servo, stop_and_wait=lambda *_: None)
+    axis = object.__new__(CommissionedAxis)
+    axis._robot, axis.number, axis.joint = SimpleNamespace(axes=axes), 0, JOINT  # type: ignore[assignment]
+    with pytest.raises(OperationError, match="jammed"), axis.powered():
+        raise OperationError("jammed")
+    with pytest.raises(NotReady, match="is not confirmed"), axis.powered():
+        pass

@@ -13,7 +13,7 @@ from robotd_conformance.checks.inconclusive import ATTEMPTS, STALL_S, Repeats, S
 CHECKS = """
 import pytest
 from itertools import count
-from robotd_conformance.checks.inconclusive import CERTAIN, UNDECIDED
+from robotd_conformance.checks.inconclusive import CERTAIN, STALL_S, UNDECIDED
 attempts, looks = count(1), count(1)
 def test_fails_once():
     assert next(attempts) > 1
@@ -35,9 +35,10 @@ class Target:
     """Target that counts; stands in for ``KitTarget``."""
 
     cleared = 0
+    stall_s = STALL_S
 
-    def __init__(self, real_time: bool, stray: str) -> None:
-        self.real_time, self.stray = real_time, stray
+    def __init__(self, real_time: bool, stray: str, refused: str) -> None:
+        self.real_time, self.stray, self.refused = real_time, stray, refused
 
     def begin(self, item: pytest.Item) -> None:
         pass
@@ -72,6 +73,7 @@ def run(
     stall_s: float,
     real_time: bool = True,
     stray: str = "",
+    refused: str = "",
 ) -> tuple[Reports, Repeats]:
     """Run CHECKS on a computer that stalls for ``stall_s`` during each attempt."""
 
@@ -84,7 +86,7 @@ def run(
     file.write_text(CHECKS, encoding="utf-8")
     monkeypatch.setattr(StallMonitor, "__exit__", observe)
     monkeypatch.setattr(inconclusive, "_wait_calm", lambda: None)
-    reports, repeats = Reports(), Repeats(Target(real_time, stray))
+    reports, repeats = Reports(), Repeats(Target(real_time, stray, refused))
     arguments = [str(file), "--config-file=/dev/null", f"--rootdir={folder}", "-qq"]
     pytest.main([*arguments, "-pno:cacheprovider"], plugins=[repeats, reports])
     return reports, repeats
@@ -120,6 +122,16 @@ def test_a_fault_on_a_calm_computer_or_in_stepped_time_or_of_a_robot_gone_astray
     assert reports.outcomes["test_always_fails"] == "failed"
     assert reports.outcomes["test_fails_once"] == "failed"
     assert "test_always_fails" not in repeats.repeated
+
+
+def test_a_check_whose_command_was_refused_has_neither_passed_nor_failed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever it makes of the error; and it is not repeated."""
+    reports, repeats = run(tmp_path, monkeypatch, stall_s=9.0, refused="a move to 3.04 rad")
+    assert set(reports.outcomes.values()) == {"skipped"}
+    assert "refused by the kit: a move to 3.04 rad" in reports.reasons["test_passes"]
+    assert not repeats.repeated
 
 
 def test_a_monitor_sees_a_stall_of_the_process() -> None:

@@ -8,18 +8,18 @@ from contextlib import suppress
 
 import pytest
 
-from robotd_conformance.checks.interruption import Interruption
+from robotd_conformance.checks.interruption import InterruptOnce
 
 
 @pytest.fixture
-def interruption() -> Iterator[Interruption]:
-    interruption = Interruption()
+def interruption() -> Iterator[InterruptOnce]:
+    interruption = InterruptOnce()
     restore = interruption.install()
     yield interruption
     restore()
 
 
-def test_a_signal_counts_where_its_exception_was_swallowed(interruption: Interruption) -> None:
+def test_a_signal_counts_where_its_exception_was_swallowed(interruption: InterruptOnce) -> None:
     interruption.between_checks()
     with suppress(KeyboardInterrupt):  # as Python does in a finalizer
         signal.raise_signal(signal.SIGTERM)
@@ -27,7 +27,7 @@ def test_a_signal_counts_where_its_exception_was_swallowed(interruption: Interru
         interruption.between_checks()
 
 
-def test_a_signal_during_a_shutdown_counts_at_its_end(interruption: Interruption) -> None:
+def test_a_signal_during_a_shutdown_counts_at_its_end(interruption: InterruptOnce) -> None:
     steps = []
 
     def shut_down() -> None:

@@ -24,8 +24,8 @@ def told(name: str, when: Phase, outcome: Outcome, why: str = "no bench") -> Any
 
 def lines(*reports: Any) -> list[str]:
     report = Report(KitTarget("sim", None))
-    for each in reports:
-        report.pytest_runtest_logreport(each)
+    for reported in reports:
+        report.pytest_runtest_logreport(reported)
     return list(report.lines())
 
 
@@ -43,15 +43,17 @@ def test_a_check_counts_once_and_failures_are_named() -> None:
         "duration: 0 s",
         "  1 skipped: no bench",
         f"INCONCLUSIVE test_units.py::test_d: {UNDECIDED}; seen: 3 rad",
-        "FAILED test_units.py::test_b  AxisDriver.read/fills",
+        "FAILED test_units.py::test_b",
+        "  AxisDriver.read/fills: Fill every array of ``image`` in place, and ``fresh_ns``.",
         "verdict: FAILED, 1 of 2",
     ]
 
 
 def test_a_failure_while_cleaning_up_is_a_failure() -> None:
     found = lines(told("test_a", "call", "passed"), told("test_a", "teardown", "failed"))
-    assert found[-2:] == [
-        "FAILED test_units.py::test_a  AxisDriver.read/fills",
+    assert found[-3:] == [
+        "FAILED test_units.py::test_a",
+        "  AxisDriver.read/fills: Fill every array of ``image`` in place, and ``fresh_ns``.",
         "verdict: FAILED, 1 of 1",
     ]
 
@@ -61,3 +63,9 @@ def test_a_failure_while_cleaning_up_is_a_failure() -> None:
 )
 def test_who_declares_nothing_has_not_passed(outcome: Outcome, verdict: str) -> None:
     assert lines(told("test_a", "call", outcome))[-1] == f"verdict: {verdict}"
+
+
+def test_a_failure_names_faults_that_the_check_has_found() -> None:
+    found = lines(told("test_a_commanded_radian_is_a_measured_radian[x]", "call", "failed"))
+    (faults,) = (line for line in found if "faults that it has found" in line)
+    assert "degrees" in faults

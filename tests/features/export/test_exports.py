@@ -273,7 +273,7 @@ def test_export_page_and_recording_read_the_urdf_of_check(
     assert ExportInput(descriptor).urdf() == text
     robot = Robot(descriptor, load_backend("sim"), MonotonicClock())
     assert Tap(robot, 1.0).urdf == text
-    assert [each.link for each in robot.tools] == ["link6"]
+    assert [tool.link for tool in robot.tools] == ["link6"]
 
 
 def test_a_skid_steer_base_is_a_differential_one_for_others() -> None:

@@ -20,9 +20,15 @@ from robotd_export.disabled_collisions import Cover, collision_covers, disabled_
 from robotd_export.export_input import ExportInput
 from robotd_export.moveit import move_group_parameters
 from robotd_export.moveit_package import moveit_package
+from robotd_shared.pose_file import write_poses
 
 ROBOTS = ("cr3a", "dual_cr3a", "mobile_manipulator")
 SAMPLES = 2000
+
+
+@pytest.fixture(autouse=True)
+def no_poses_of_the_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
 
 
 class Package:
@@ -47,15 +53,20 @@ def test_the_srdf_speaks_of_the_urdf(package: Package) -> None:
     urdf, srdf = package.urdf, package.srdf
     assert srdf.get("name") == urdf.name
     links = [
-        each.get(key) for each in srdf.iter() for key in ("base_link", "tip_link") if each.get(key)
+        element.get(key)
+        for element in srdf.iter()
+        for key in ("base_link", "tip_link")
+        if element.get(key)
     ]
-    links += [each.get("parent_link") for each in srdf.iterfind("end_effector")]
+    links += [element.get("parent_link") for element in srdf.iterfind("end_effector")]
     links += [
-        each.get(key) for each in srdf.iterfind("disable_collisions") for key in ("link1", "link2")
+        element.get(key)
+        for element in srdf.iterfind("disable_collisions")
+        for key in ("link1", "link2")
     ]
     assert links
     assert set(links) <= set(urdf.links)
-    joints = {each.get("name") for each in srdf.iter("joint", "passive_joint")}
+    joints = {element.get("name") for element in srdf.iter("joint", "passive_joint")}
     assert joints <= set(urdf.joint)
 
 
@@ -124,7 +135,7 @@ def test_an_arm_and_a_gripper_of_one_controller_name_are_rejected(tmp_path: Path
 
 def test_every_moving_joint_is_planned_or_passive(package: Package) -> None:
     urdf, srdf = package.urdf, package.srdf
-    held = {each.get("name") for each in srdf.iter("joint", "passive_joint")}
+    held = {element.get("name") for element in srdf.iter("joint", "passive_joint")}
     assert held == {joint.name for joint in urdf.joints if joint.moves}
 
 
@@ -137,12 +148,34 @@ def test_the_home_position_is_within_the_limits_of_the_descriptor() -> None:
     srdf = moveit_package(ExportInput(descriptor))["config/cr3a.srdf"]
     home = etree.fromstring(srdf.encode()).find("group_state")
     assert home is not None
-    values = {each.get("name"): float(each.get("value")) for each in home}
+    values = {element.get("name"): float(element.get("value")) for element in home}
     assert [values[f"joint{number}"] for number in (1, 2, 3)] == [0.2, -0.3, 0.0]
 
 
+def test_taught_poses_are_named_states(tmp_path: Path) -> None:
+    joints = [f"joint{number}" for number in range(1, 7)]
+    poses = tmp_path / "poses.yaml"
+    write_poses(
+        poses,
+        {
+            "home": dict.fromkeys(joints, 0.25),
+            "pick": dict.fromkeys(joints, -0.5),
+            "too--far": dict.fromkeys(joints, 0.0) | {"joint2": 9.0},
+            "other_arm": {"left": 0.0},
+        },
+    )
+    descriptor = load_robot_descriptor("cr3a", overrides=[parse_override(f"poses={poses}")])
+    srdf = moveit_package(ExportInput(descriptor))["config/cr3a.srdf"]
+    states = {
+        state.get("name"): {joint.get("name"): float(joint.get("value")) for joint in state}
+        for state in etree.fromstring(srdf.encode()).iterfind("group_state")
+    }
+    assert states == {"home": dict.fromkeys(joints, 0.25), "pick": dict.fromkeys(joints, -0.5)}
+    assert "The pose too- -far of arm is beyond the limits of joint2." in srdf
+
+
 def test_controllers_solvers_and_planners_belong_to_groups(package: Package) -> None:
-    groups = {each.get("name") for each in package.srdf.iterfind("group")}
+    groups = {element.get("name") for element in package.srdf.iterfind("group")}
     assert set(package.content("kinematics")) == groups - {"gripper"}
     assert set(package.content("ompl_planning")) >= groups - {"gripper"}
     controllers = package.content("moveit_controllers")["moveit_simple_controller_manager"]
@@ -161,7 +194,7 @@ def test_an_execution_may_take_longer_at_a_lower_speed(package: Package) -> None
 
 
 def test_the_launch_file_compiles_and_names_the_package(package: Package) -> None:
-    (name,) = [each for each in package.files if each.endswith(".launch.py")]
+    (name,) = [file for file in package.files if file.endswith(".launch.py")]
     compile(package.files[name], name, "exec")
     robot = package.source.descriptor.name
     assert f'package_name="{robot}_moveit_config"' in package.files[name]
@@ -249,7 +282,7 @@ def test_meshes_are_inside_their_spheres(tmp_path: Path, is_text: bool) -> None:
         corners = "".join(f"vertex {x} {y} {z}\n" for x, y, z in triangles.reshape(-1, 3))
         data = f"solid it\n{corners}endsolid\n".encode()
     else:
-        facets = b"".join(bytes(12) + each.tobytes() + bytes(2) for each in triangles)
+        facets = b"".join(bytes(12) + triangle.tobytes() + bytes(2) for triangle in triangles)
         data = bytes(80) + len(triangles).to_bytes(4, "little") + facets
     (tmp_path / "a.stl").write_bytes(data)
     text = (
@@ -269,7 +302,7 @@ def test_links_with_meshes_that_are_not_read_are_apart_by_no_proof(tmp_path: Pat
     path = tmp_path / "arm.urdf"
     path.write_text(text, encoding="utf-8")
     pairs = [
-        each[:2] for each in disabled_collisions(read_urdf(path), collision_covers(text, path))
+        pair[:2] for pair in disabled_collisions(read_urdf(path), collision_covers(text, path))
     ]
     assert ("base", "tip") not in pairs
 

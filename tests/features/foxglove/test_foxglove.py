@@ -54,7 +54,7 @@ class Client:
                         self.channels[channel["topic"]] = channel
                 elif message.data[0] == MESSAGE_DATA:
                     number, _ = struct.unpack_from("<IQ", message.data, 1)
-                    names = {each["id"]: topic for topic, each in self.channels.items()}
+                    names = {channel["id"]: topic for topic, channel in self.channels.items()}
                     self.newest[names[number]] = message.data[13:]
 
     def read(self, topic: str) -> Any:
@@ -155,21 +155,21 @@ def assert_fits(value: Any, schema: dict[str, Any], where: str = "state") -> Non
     """Check a value by the part of JSON Schema that the server's schema uses."""
     if "oneOf" in schema:
         (schema,) = (
-            each for each in schema["oneOf"] if (each["type"] == "null") == (value is None)
+            choice for choice in schema["oneOf"] if (choice["type"] == "null") == (value is None)
         )
     kind = schema["type"]
     if kind == "object":
         assert isinstance(value, dict), where
         if "properties" in schema:
             assert value.keys() == schema["properties"].keys() == set(schema["required"]), where
-            for name, each in schema["properties"].items():
-                assert_fits(value[name], each, f"{where}.{name}")
+            for name, part in schema["properties"].items():
+                assert_fits(value[name], part, f"{where}.{name}")
     elif kind == "number":
         assert type(value) in (int, float), where
     else:
         assert type(value) is JSON_TYPES[kind], where
-        for number, each in enumerate(value if kind == "array" else ()):
-            assert_fits(each, schema["items"], f"{where}[{number}]")
+        for number, item in enumerate(value if kind == "array" else ()):
+            assert_fits(item, schema["items"], f"{where}[{number}]")
 
 
 def test_the_state_fits_the_schema_that_clients_are_told(tmp_path: Path) -> None:

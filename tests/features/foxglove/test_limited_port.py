@@ -36,7 +36,7 @@ def port() -> Iterator[int]:
         limited.stop()
         server.shutdown()
         thread.join()
-    names = [each.name for each in threading.enumerate()]
+    names = [thread.name for thread in threading.enumerate()]
     assert "robotd-foxglove-port" not in names
 
 

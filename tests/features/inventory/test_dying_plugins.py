@@ -107,3 +107,41 @@ def test_a_child_that_notes_nothing_any_more_is_killed(monkeypatch: pytest.Monke
     status, _, step = run_noted(command, capture=True)
     assert status < 0
     assert step == "starting Python"
+
+
+def test_plugins_shows_what_each_distribution_adds_and_what_is_wrong(tmp_path: Path) -> None:
+    done = robotd(tmp_path, AT_OPEN, "plugins")
+    assert done.returncode == 0, done.stderr
+    own, foreign = done.stdout.split("\nodd 1.0\n")
+    assert own.startswith("robotd ")
+    assert "  feature       foxglove, metrics, page" in own
+    assert "wrong" not in done.stdout
+    assert foreign.splitlines()[0] == "  backend       odd"
+
+
+@pytest.mark.parametrize(
+    ("source", "status", "problem"),
+    [
+        (AT_OPEN, ExitCode.OK, None),
+        (
+            AT_IMPORT,
+            ExitCode.PLUGIN,
+            f"odd 1.0 ended the process with status 9 while {ORIGIN} is imported and examined",
+        ),
+        (
+            "import nothing_here",
+            ExitCode.PLUGIN,
+            f"{ORIGIN} cannot be imported: ModuleNotFoundError: No module named 'nothing_here'",
+        ),
+    ],
+)
+def test_one_distribution_is_checked(
+    tmp_path: Path, source: str, status: ExitCode, problem: str | None
+) -> None:
+    done = robotd(tmp_path, source, "plugins", "--json", "--check", "odd")
+    [found] = json.loads(done.stdout)
+    assert found["name"] == "odd"
+    assert [problem.removesuffix(" (odd_module.py:1)") for problem in found["problems"]] == (
+        [problem] if problem else []
+    )
+    assert done.returncode == status

@@ -1,10 +1,10 @@
 """Stand-in for the parts of LeRobot 0.6 that ``lerobot_robot_robotd`` imports.
 
-LeRobot itself needs PyTorch. Modelled: ``Robot`` with its abstract members, calibration folder and
-context; ``RobotConfig`` with the registry of types and the check of cameras; the making of a
-robot from its configuration by the names of the classes; cameras that return a grey image; the
-errors. Not modelled: the command line (draccus), calibration files, motors, datasets, processors,
-policies, teleoperators, real cameras.
+LeRobot itself needs PyTorch. Modelled: ``Robot`` and ``Teleoperator`` with their abstract members,
+calibration folder and context; their configurations with the registry of types and the check of
+cameras; the making of a device from its configuration by the names of the classes; cameras that
+return a grey image; the errors. Not modelled: the command line
+(draccus), calibration files, motors, datasets, processors, policies, keyboard events, real cameras.
 """
 
 from __future__ import annotations
@@ -109,6 +109,62 @@ class Robot(abc.ABC):
     def disconnect(self) -> None: ...
 
 
+@dataclass(kw_only=True)
+class TeleoperatorConfig:
+    types: ClassVar[dict[str, type[TeleoperatorConfig]]] = {}
+    id: str | None = None
+    calibration_dir: Path | None = None
+
+    @classmethod
+    def register_subclass(cls, name: str) -> Callable[[type], type]:
+        def register(config: type) -> type:
+            cls.types[name] = config
+            return config
+
+        return register
+
+
+class Teleoperator(abc.ABC):
+    name: str
+
+    def __init__(self, config: TeleoperatorConfig) -> None:
+        assert config.calibration_dir is not None, "the real one writes into the home directory"
+        self.id = config.id
+        config.calibration_dir.mkdir(parents=True, exist_ok=True)
+
+    def __enter__(self) -> Self:
+        self.connect()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.disconnect()
+
+    @property
+    @abc.abstractmethod
+    def action_features(self) -> dict[str, Any]: ...
+    @property
+    @abc.abstractmethod
+    def feedback_features(self) -> dict[str, Any]: ...
+    @property
+    @abc.abstractmethod
+    def is_connected(self) -> bool: ...
+    @property
+    @abc.abstractmethod
+    def is_calibrated(self) -> bool: ...
+    @abc.abstractmethod
+    def connect(self, calibrate: bool = True) -> None: ...
+    @abc.abstractmethod
+    def calibrate(self) -> None: ...
+    @abc.abstractmethod
+    def configure(self) -> None: ...
+    @abc.abstractmethod
+    def get_action(self) -> dict[str, Any]: ...
+    @abc.abstractmethod
+    def send_feedback(self, feedback: dict[str, Any]) -> None: ...
+    @abc.abstractmethod
+    def disconnect(self) -> None: ...
+
+
 class DeviceNotConnectedError(ConnectionError):
     pass
 
@@ -117,8 +173,8 @@ class DeviceAlreadyConnectedError(ConnectionError):
     pass
 
 
-def make_robot_from_config(config: RobotConfig) -> Any:
-    """Find the class of the robot as LeRobot does: beside the configuration, without Config."""
+def make_robot_from_config(config: RobotConfig | TeleoperatorConfig) -> Any:
+    """Find the class of the device as LeRobot does: beside the configuration, without Config."""
     kind = type(config)
     package = importlib.import_module(kind.__module__.rpartition(".")[0])
     return getattr(package, kind.__name__.removesuffix("Config"))(config)
@@ -129,6 +185,10 @@ def install(monkeypatch: pytest.MonkeyPatch) -> None:
     modules = {
         "lerobot": {},
         "lerobot.robots": {"Robot": Robot, "RobotConfig": RobotConfig},
+        "lerobot.teleoperators": {
+            "Teleoperator": Teleoperator,
+            "TeleoperatorConfig": TeleoperatorConfig,
+        },
         "lerobot.cameras": {
             "CameraConfig": CameraConfig,
             "make_cameras_from_configs": lambda configs: {

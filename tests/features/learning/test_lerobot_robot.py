@@ -96,8 +96,19 @@ def test_targets_are_not_farther_away_than_the_greatest_distance(make: Make) -> 
         )
         assert sent["joint3.pos"] == pytest.approx(rest["joint3.pos"] - 0.05)
         assert sent["joint1.pos"] == pytest.approx(rest["joint1.pos"] + 0.01)
-    with pytest.raises(InvalidArgument, match=r"max_relative_target 0\.0: must be above 0"):
+    with pytest.raises(InvalidArgument, match=r"max_relative_target 0\.0 of joint1: must be above"):
         make(max_relative_target=0.0)
+
+
+def test_the_greatest_distance_of_one_joint_leaves_the_others(make: Make) -> None:
+    with make(max_relative_target={"joint3": 0.05}) as robot:
+        rest = robot.get_observation()
+        moved = {"joint3.pos": -1.0, "joint1.pos": rest["joint1.pos"] + 0.1}
+        sent = robot.send_action(rest | moved)
+        assert sent["joint3.pos"] == pytest.approx(rest["joint3.pos"] - 0.05)
+        assert sent["joint1.pos"] == pytest.approx(rest["joint1.pos"] + 0.1)
+    with pytest.raises(InvalidArgument, match=r"no joint 'elbow' \(available: joint1, "):
+        make(max_relative_target={"elbow": 0.1})
 
 
 def test_datasets_name_the_robot(make: Make) -> None:

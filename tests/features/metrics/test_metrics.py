@@ -118,7 +118,7 @@ def test_metrics_are_served_on_the_loopback_interface_only(arm: Observed) -> Non
         if not own.startswith("127."):
             with pytest.raises(OSError, match=f"Errno {errno.ECONNREFUSED}"):
                 socket.create_connection((own, port), timeout=5).close()
-    assert not [each for each in threading.enumerate() if each.name == "robotd-metrics"]
+    assert not [thread for thread in threading.enumerate() if thread.name == "robotd-metrics"]
 
 
 def test_connections_are_limited(arm: Observed) -> None:
@@ -161,7 +161,7 @@ def test_a_request_that_breaks_off_is_one_warning(
             client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
             client.sendall(b"GET /metrics HTTP/1.1\r\nHost: localhost")
         assert wait_until(lambda: bool(logged), 10.0, MonotonicClock(), 0.02)
-    assert [each.getMessage()[:15] for each in logged] == ["request failed:"]
+    assert [record.getMessage()[:15] for record in logged] == ["request failed:"]
     assert "Traceback" not in capsys.readouterr().err
 
 

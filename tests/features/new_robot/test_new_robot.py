@@ -16,7 +16,7 @@ from tests.command_line import Robotd
 
 from robotd.cli.exit_codes import ExitCode
 from robotd.clock.simulated import SteppedClock
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.motion import TrajectoryRequest
 from robotd.plugin.manager import load_backend

@@ -14,7 +14,7 @@ from tests.command_line import Robotd
 
 from robotd.cli.exit_codes import ExitCode
 from robotd.clock.simulated import SteppedClock
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.descriptor.urdf import read_urdf
 from robotd.motion import TrajectoryRequest
@@ -59,14 +59,14 @@ def move(robot: RobotDescriptor) -> None:
         executions = []
         for group in moving.groups.values():
             row = [
-                0.5 * (each.upper + now)
-                for each, now in zip(robot.joints, moving.image.position_command, strict=False)
-                if each.name in group.joint_names
+                0.5 * (joint.upper + now)
+                for joint, now in zip(robot.joints, moving.image.position_command, strict=False)
+                if joint.name in group.joint_names
             ]
-            goal = TrajectoryRequest.from_rows(group.joint_names, [20.0], [row])
+            goal = TrajectoryRequest.from_rows(group.joint_names, [4.0], [row])
             executions.append(stack.enter_context(group.follower.follow(goal)))
-        moving.step(round(22.0 * robot.cycle.rate_hz))
-        assert {each.outcome for each in executions} == {Outcome.SUCCEEDED}
+        moving.step(round(5.0 * robot.cycle.rate_hz))
+        assert {execution.outcome for execution in executions} == {Outcome.SUCCEEDED}
 
 
 @pytest.mark.parametrize("mimic", ['<mimic joint="left"/>', ""])
@@ -98,7 +98,7 @@ def test_a_speed_is_for_its_joint_or_for_all_without_one(make: Make) -> None:
     slow = LIMIT.replace('"2"', '"0"')
     body = joint("a", "base", "b") + joint("c", "b", "d", slow) + joint("e", "d", "f", slow)
     robot, _ = make(body, "--speed", "e=4", "--speed", "3")
-    assert [each.velocity for each in robot.joints] == [2.0, 3.0, 4.0]
+    assert [joint.velocity for joint in robot.joints] == [2.0, 3.0, 4.0]
 
 
 @pytest.mark.parametrize(
@@ -192,7 +192,7 @@ def test_names_that_would_become_the_same_stay_apart(make: Make) -> None:
     assert robot.joint_names == ("j_1_2", "j_1", "j_1_3")
     assert robot.urdf is not None
     references = etree.parse(str(robot.urdf)).findall("gazebo")
-    assert [each.get("reference") for each in references] == ["j_1_2", "b"]
+    assert [reference.get("reference") for reference in references] == ["j_1_2", "b"]
 
 
 @pytest.mark.parametrize("kind", ["floating", "planar"])

@@ -13,7 +13,7 @@ from robotd.errors import NotReady
 from robotd.robot import Robot, build_robot
 from robotd_page.control_drive import (
     MAX_VELOCITY_M_S,
-    Drive,
+    DriveBeat,
     HeldDrive,
     drive_limits,
     drive_motions,
@@ -34,7 +34,7 @@ class Client(BaseHarness):
         self.hold = 0
 
     def beat(self, linear: float) -> None:
-        drive = Drive(type="drive", hold=self.hold, linear=linear, lateral=0.0, angular=0.0)
+        drive = DriveBeat(type="drive", hold=self.hold, linear=linear, lateral=0.0, angular=0.0)
         self.held.beat(drive)
         self.settle()
 
@@ -84,7 +84,7 @@ def test_a_diagonal_is_no_faster_than_a_straight_line() -> None:
     client = Client("mecanum_base")
     client.hold = 1
     for linear, lateral in ((9.0, 9.0), (0.25, -0.25)):
-        drive = Drive(type="drive", hold=1, linear=linear, lateral=lateral, angular=0.0)
+        drive = DriveBeat(type="drive", hold=1, linear=linear, lateral=lateral, angular=0.0)
         for _ in range(50):
             client.held.beat(drive)
             client.settle()
@@ -148,7 +148,7 @@ def test_each_base_has_the_directions_that_it_can_go(robot: str, names: list[str
     assert made.base is not None
     assert limits is not None
     motions = [*drive_motions(made.base, limits)]
-    assert [each["name"] for each in motions] == names
+    assert [motion["name"] for motion in motions] == names
     for motion in motions:
         with pytest.raises(NotReady, match="engine is not ready"):
             made.base.command(motion["linear"], motion["angular"], motion["lateral"])
@@ -158,5 +158,5 @@ def test_a_robot_without_a_base_rejects_to_drive() -> None:
     robot, ended = build_robot("cr3a", "sim"), list[JogEnd]()
     assert drive_limits(robot) is None
     held = HeldDrive(robot, "page 1", ended.append)
-    held.beat(Drive(type="drive", hold=1, linear=0.1, lateral=0.0, angular=0.0))
+    held.beat(DriveBeat(type="drive", hold=1, linear=0.1, lateral=0.0, angular=0.0))
     assert "cr3a has no mobile base" in ended[0].reason or "a mobile base" in ended[0].reason

@@ -16,7 +16,7 @@ from robotd.errors import InvalidArgument
 from robotd.motion import TrajectoryRequest
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot, build_robot
-from robotd_page.control_jog import STOP_S, HeldJog, Jog, jog_velocities
+from robotd_page.control_jog import STOP_S, HeldJoint, JogBeat, jog_velocities
 from robotd_page.held_motion import HEARTBEAT_S, REACHED, RELEASED, TIMEOUT_S, JogEnd
 
 PATIENCE_S = 30.0
@@ -35,7 +35,7 @@ class Client:
         self.robot = robot
         self.ended: list[JogEnd] = []
         self.workers = ThreadPoolExecutor(4)
-        self.jog = HeldJog(robot, name, self.workers, self.ended.append)
+        self.jog = HeldJoint(robot, name, self.workers, self.ended.append)
         self.hold = 0
 
     def press(self, velocity: float = 9.0, step: float | None = None) -> None:
@@ -46,7 +46,7 @@ class Client:
         wait_until(lambda: len(self.ended) > count or self._is_open())
 
     def beat(self, velocity: float = 9.0, step: float | None = None) -> None:
-        jog = Jog(type="jog", hold=self.hold, joint=JOINT, velocity=velocity, step=step)
+        jog = JogBeat(type="jog", hold=self.hold, joint=JOINT, velocity=velocity, step=step)
         self.jog.beat(jog)
 
     def hold_for(self, seconds: float, velocity: float = 9.0, step: float | None = None) -> None:
@@ -111,7 +111,7 @@ def test_a_joint_moves_while_heartbeats_arrive_and_stops_when_released(client: C
     assert client.end() == JogEnd(1, True, False, RELEASED)
     assert client.robot.axes.owner(AXIS) == ""
     assert client.position == pytest.approx(0.1, abs=0.01)
-    (command,) = [each for each in client.robot.events.since(0)[0] if each.subject == "jog"]
+    (command,) = [event for event in client.robot.events.since(0)[0] if event.subject == "jog"]
     assert (command.sender, command.text) == ("page 1", "jog: joint2, velocity 0.1")
 
 
@@ -217,7 +217,7 @@ def test_a_wrong_jog_is_rejected_with_the_reason(
 ) -> None:
     client.hold = 1
     fields = {"type": "jog", "hold": 1, "joint": JOINT, "velocity": 0.1} | jog
-    client.jog.beat(Jog.model_validate(fields))
+    client.jog.beat(JogBeat.model_validate(fields))
     end = client.end()
     assert not end.is_wanted
     assert reason in end.reason
@@ -287,6 +287,6 @@ def test_a_slow_control_loop_allows_no_jog(rate_hz: int) -> None:
     descriptor = load_robot_descriptor("cr3a", overrides=[override])
     robot = Robot(descriptor, load_backend("sim"), SteppedClock())
     assert set(jog_velocities(robot).values()) == {0.0}
-    jog = HeldJog(robot, "page 1", ThreadPoolExecutor(1), lambda end: None)
+    jog = HeldJoint(robot, "page 1", ThreadPoolExecutor(1), lambda end: None)
     with pytest.raises(InvalidArgument, match=f"cycle.rate_hz {rate_hz}; it takes more than 33 Hz"):
         jog.jog(JOINT, 0.1, None)

@@ -19,7 +19,7 @@ from robotd_page.control_jog import jog_velocities
 from robotd_page.control_target import HeldMove, MoveTool, Reach, reach
 from robotd_page.control_tool import HeldTool, JogTool, describe_tools
 from robotd_page.held_motion import HEARTBEAT_S, RELEASED, TIMEOUT_S, JogEnd
-from robotd_tool_space.robot_tool import RobotTool
+from robotd_tool_space import ToolGroups
 from robotd_tool_space.tool_motion import ToolMotion
 
 BENT = [0.3, -0.6, 1.6, -0.3, 1.2, 0.0]
@@ -35,11 +35,12 @@ class Client:
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
-        self.tool: RobotTool = robot.attribute("tool")
+        self.tool = robot.feature(ToolGroups).only
         self.ended: list[JogEnd] = []
         self.notes: list[str] = []
         self.workers = ThreadPoolExecutor(2)
         self.held = HeldTool(
+            robot.feature(ToolGroups),
             robot,
             "page 1",
             self.workers,
@@ -169,16 +170,17 @@ def test_a_stop_ends_the_hold_and_heartbeats_move_nothing_after_it(client: Clien
 def test_rejections(client: Client) -> None:
     client.press()
     assert client.end().reason == "the jog velocity of the tool is 0"
-    described = describe_tools(client.robot)
-    assert [(each["link"], each["axes"]) for each in described] == [("link6", [0, 1, 2, 3, 4, 5])]
-    with open_robot("baymax", "sim", clock=SteppedClock()) as base:
-        assert describe_tools(base) == []
+    described = describe_tools(client.robot.feature(ToolGroups))
+    assert [(tool["link"], tool["axes"]) for tool in described] == [("link6", [0, 1, 2, 3, 4, 5])]
+    assert describe_tools({}) == []
 
 
 def posture(robot: Robot, pose: FloatArray | None, *, is_final: bool = True) -> dict[str, Any]:
     numbers = None if pose is None else tuple(pose.T.ravel().tolist())
-    group = robot.attribute("tool").group.name
-    return reach(robot, Reach(type="reach", id=1, group=group, pose=numbers, is_final=is_final))
+    tools = robot.feature(ToolGroups)
+    group = tools.only.group.name
+    question = Reach(type="reach", id=1, group=group, pose=numbers, is_final=is_final)
+    return reach(robot, tools, question)
 
 
 def test_the_posture_of_a_target_or_why_there_is_none(client: Client) -> None:
@@ -210,7 +212,7 @@ def test_a_move_from_before_a_stop_moves_nothing(
         return motion
 
     monkeypatch.setattr(tool, "plan_move", stopped)
-    held = HeldMove(robot, "page 1", client.workers, client.ended.append)
+    held = HeldMove(robot.feature(ToolGroups), robot, "page 1", client.workers, client.ended.append)
     target = before.copy()
     target[2, 3] -= 0.05
     numbers = tuple(target.T.ravel().tolist())
@@ -227,14 +229,16 @@ def test_a_move_from_before_a_stop_moves_nothing(
 @pytest.mark.parametrize("ends", ["reached", "released", "silent"])
 def test_a_move_goes_on_while_heartbeats_arrive(ends: str) -> None:
     with open_robot("cr3a", "sim", clock=PacedClock(1.0)) as robot:
-        tool: RobotTool = robot.attribute("tool")
+        tool = robot.feature(ToolGroups).only
         request = TrajectoryRequest.from_rows(robot.joint_names, [1.0], [BENT])
         with robot.follower.follow(request) as goal:
             assert goal.wait(PATIENCE_S)
         ended: list[JogEnd] = []
         workers = ThreadPoolExecutor(1)
         timeout_s = 0.2 if ends == "silent" else 600.0
-        held = HeldMove(robot, "page 1", workers, ended.append, timeout_s)
+        held = HeldMove(
+            robot.feature(ToolGroups), robot, "page 1", workers, ended.append, timeout_s
+        )
         start, way_m = tool.pose, 0.02 if ends == "reached" else 0.2
         target = start.copy()
         target[2, 3] -= way_m

@@ -12,7 +12,7 @@ from tests.features.harness import Observed
 from tests.world_backend import START, Cubes, cube_backend
 
 from robotd.clock.simulated import SteppedClock
-from robotd.control.problem import ProblemKind
+from robotd.control.groups.problem import ProblemKind
 from robotd.descriptor import load_robot_descriptor
 from robotd.events import EventKind, sent_by
 from robotd.observation.frame_ring import frame_type
@@ -114,17 +114,17 @@ def test_each_viewer_gets_each_event_once(arm: Observed) -> None:
         first = feed.first(viewers)
         arm.tap.events.add(EventKind.MARK, "test", f"after {viewers}")
         messages = [*first, *feed.messages(viewers, changes=True)]
-        texts = [json.loads(each) for each in messages if isinstance(each, str)]
-        events = [event for each in texts for event in each.get("events", ())]
-        got = [each["text"] for each in events if each["subject"] == "test"]
+        texts = [json.loads(message) for message in messages if isinstance(message, str)]
+        events = [event for message in texts for event in message.get("events", ())]
+        got = [event["text"] for event in events if event["subject"] == "test"]
     assert got == ["before 2", "after 2", "before 3", "after 3"]
 
 
 def test_problems_have_kinds_and_remedies(arm: Observed) -> None:
     def kinds() -> list[tuple[str, bool]]:
         state = state_of(arm.tap, [], 1)
-        assert all(each["remedy"] for each in state["problems"])
-        return [(each["kind"], each["is_fault"]) for each in state["problems"]]
+        assert all(problem["remedy"] for problem in state["problems"])
+        return [(problem["kind"], problem["is_fault"]) for problem in state["problems"]]
 
     assert kinds() == []
     arm.robot.axes.servo(1, False)
@@ -150,14 +150,17 @@ def test_inputs_are_shown_and_named(arm: Observed) -> None:
     described = describe(arm.tap, ["a_node"], {})
     assert described["io_names"] == {"out0.0": "close gripper"}
     assert described["tools"] == [{"link": "link6", "base": "base_link"}]
-    assert [each["name"] for each in described["fingers"]] == ["picker_1_joint", "picker_2_joint"]
+    assert [finger["name"] for finger in described["fingers"]] == [
+        "picker_1_joint",
+        "picker_2_joint",
+    ]
 
 
 def test_axes_name_the_joints_of_the_urdf_that_they_move(tmp_path: Path) -> None:
     base = Observed(tmp_path, robot="baymax")
     axes = describe(base.tap, [], {})["axes"]
     base.close()
-    assert [each["joint"] for each in axes] == ["left_wheel_joint", "right_wheel_joint"]
+    assert [axis["joint"] for axis in axes] == ["left_wheel_joint", "right_wheel_joint"]
 
 
 def test_the_latest_period_of_an_interval_is_kept_with_its_largest_lateness() -> None:

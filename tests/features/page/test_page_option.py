@@ -46,8 +46,8 @@ def test_the_page_works_without_the_recorder(tmp_path: Path) -> None:
     made = robot(tmp_path, f"page={port}", "recorder.enabled=false")
     with open_features(made, say=lines.append) as features:
         assert "recorder" not in features.parts
-        for each in features.on_ready:
-            each()
+        for task in features.on_ready:
+            task()
         assert lines == [f"page http://127.0.0.1:{port}/"]
         urlopen(f"http://127.0.0.1:{port}/metrics", timeout=30).close()
 
@@ -57,8 +57,8 @@ def test_control_is_off_unless_it_is_asked_for(tmp_path: Path, has_control: bool
     shown: list[str] = []
     made = robot(tmp_path, "page=0", *(["page_control=true"] if has_control else []))
     with capture_logs() as lines, open_features(made, say=shown.append) as features:
-        for each in features.on_ready:
-            each()
+        for task in features.on_ready:
+            task()
         address, _, token = shown[0].removeprefix("page ").split()[0].partition("#token=")
         assert bool(token) is has_control
         assert ("keep it to yourself" in shown[0]) is has_control

@@ -65,7 +65,7 @@ def test_a_long_recording_is_split_by_size(arm: Observed) -> None:
     recorder.stop()
     frames = [read_recording(path).frames for path in arm.files()]
     assert len(frames) > 1
-    starts = sorted(np.concatenate([each["start_ns"] for each in frames]).tolist())
+    starts = sorted(np.concatenate([frame["start_ns"] for frame in frames]).tolist())
     assert len(starts) == len(set(starts)) >= 4 * 600
 
 

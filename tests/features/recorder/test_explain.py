@@ -59,7 +59,7 @@ def test_the_root_cause_comes_first_with_values_limits_and_the_client(fault: Pat
     assert "goal of 1 point over 1.000 s" in text
     lines = events.splitlines()
     order = ["servo: joint6, off  [/panel]", "goal of 1 point", "* ", "goal fault: joint3 at"]
-    places = [next(i for i, line in enumerate(lines) if each in line) for each in order]
+    places = [next(i for i, line in enumerate(lines) if part in line) for part in order]
     assert places == sorted(places)
 
 
@@ -190,7 +190,7 @@ def test_the_client_is_one_that_commanded_the_axis(fault: Path) -> None:
     events.sort(key=lambda event: event.time_ns)
 
     def text_of(subject: str) -> str:
-        found = [replace(each, subject=subject) if each is cause else each for each in events]
+        found = [replace(event, subject=subject) if event is cause else event for event in events]
         return "\n".join(explained(replace(recording, info=info, events=tuple(found))))
 
     assert "  commanded by /move_group, 0.4" in text_of("joint3")
@@ -203,6 +203,6 @@ def test_an_axis_without_limits_has_none(fault: Path) -> None:
     limits = {**recording.info.limits, "joint3": (-math.inf, math.inf, 3.0, 9.0)}
     turning = replace(recording, info=replace(recording.info, limits=limits))
     wheel = replace(recording, info=replace(recording.info, limits={}))
-    for each, limited in ((turning, ["velocity"]), (wheel, [])):
-        lines = [line.split() for line in explained(each) if line.startswith("  ")]
+    for base, limited in ((turning, ["velocity"]), (wheel, [])):
+        lines = [line.split() for line in explained(base) if line.startswith("  ")]
         assert [line[0] for line in lines if {"limit", "limits"} & {*line}] == limited

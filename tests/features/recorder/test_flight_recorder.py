@@ -77,7 +77,7 @@ def test_each_fault_has_the_reason_of_its_own_time(arm: Observed) -> None:
         arm.robot.axes.clear_alarm(2)
         arm.robot.step(2)
     arm.tap.observe()
-    faults = [each.text for each in arm.robot.events.since(0)[0] if each.kind is EventKind.FAULT]
+    faults = [event.text for event in arm.robot.events.since(0)[0] if event.kind is EventKind.FAULT]
     assert faults == [
         "joint3: amplifier alarm 12816 (DC link over-voltage)",
         "joint3: amplifier alarm 34321 (following error)",
@@ -138,7 +138,7 @@ def test_commands_of_clients_are_recorded_also_rejected_ones(arm: Observed) -> N
         with pytest.raises(OperationError):
             arm.robot.axes.servo(17, True)
     events = read_recording(arm.flight.snapshot("test")).events
-    found = [(each.text, each.sender) for each in events if each.sender == "/panel"]
+    found = [(event.text, event.sender) for event in events if event.sender == "/panel"]
     assert found == [
         ("servo: joint4, off", "/panel"),
         ("servo rejected: axis 17 is outside 0..5", "/panel"),
@@ -203,6 +203,19 @@ def test_a_writing_process_that_fails_at_the_end_has_not_saved_a_recording(
     assert "TypeError" in capfd.readouterr().err
 
 
+def test_the_writing_process_leaves_the_processor_to_robots_before_it_imports(
+    arm: Observed, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    says = (
+        "import os, sys; print(os.getpriority(os.PRIO_PROCESS, 0), 'numpy' in sys.modules,"
+        " os.getsid(0), os.getpgid(0) == os.getpid())"
+    )
+    before, word, after = recorder_process.PROGRAM.partition("from robotd_recording")
+    monkeypatch.setattr(recorder_process, "PROGRAM", f"{before}{says}\n{word}{after}")
+    arm.flight.snapshot("test")
+    assert capfd.readouterr().out.split() == ["10", "False", f"{os.getsid(0)}", "True"]
+
+
 def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     observed = Observed(tmp_path / "file" / "recordings")
@@ -232,7 +245,7 @@ def test_simulated_time_waits_while_a_fault_is_saved(
         robot.start()
         events, flight = host.tap().events, host.parts["recorder"].flight
         wait = partial(wait_until, timeout_s=60.0, clock=MonotonicClock())
-        assert wait(lambda: "device" in {each.subject for each in events.since(0)[0]})
+        assert wait(lambda: "device" in {event.subject for event in events.since(0)[0]})
         robot.fault_injector.trip(2, 0x8611)
         assert wait(lambda: flight.saved or flight.failed)
         robot.shutdown()

@@ -113,7 +113,7 @@ def test_many_chunks_are_limited_together(tmp_path: Path, monkeypatch: pytest.Mo
     for read in (read_recording, recover):
         with pytest.raises(RecordingError, match="more than 4 MiB when decompressed"):
             read(bomb)
-    assert [each.name for each in tmp_path.iterdir()] == ["bomb.mcap"]
+    assert [path.name for path in tmp_path.iterdir()] == ["bomb.mcap"]
 
 
 @pytest.mark.parametrize("length", [2**30, 2**62, 2**64 - 1])

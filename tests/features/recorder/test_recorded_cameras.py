@@ -28,7 +28,7 @@ WAIT_S = 60.0
 
 def recorded(folder: Path, *overrides: str) -> tuple[Path, Any]:
     """Record an arm in simulated time; return the file and the last picture of each camera."""
-    values = [parse_override(each) for each in (f"record={folder}", *overrides)]
+    values = [parse_override(text) for text in (f"record={folder}", *overrides)]
     descriptor = load_robot_descriptor("cr3a", overrides=values)
     robot = Robot(descriptor, load_backend("mujoco"), PacedClock(1.0))
     host = FeatureHost(robot, (), "/", print)
@@ -67,12 +67,14 @@ def test_pictures_are_recorded_at_their_rate_and_are_those_of_the_cameras(tmp_pa
     assert sorted(found) == CAMERAS
     for name in CAMERAS:
         messages = found[name]
-        stamps = [each.header.stamp.sec + each.header.stamp.nanosec * 1e-9 for each in messages]
+        stamps = [
+            message.header.stamp.sec + message.header.stamp.nanosec * 1e-9 for message in messages
+        ]
         assert len(messages) >= SECONDS * RATE_HZ
         assert np.diff(stamps) == pytest.approx(1.0 / RATE_HZ, abs=0.005)
         last = messages[-1]
         assert (last.header.frame_id, last.format) == (name, "jpeg")
-        # The arm stands, so that any picture is like the one that the camera has now.
+        # The arm is at rest, so that any picture is like the one that the camera has now.
         shown = np.asarray(Image.open(io.BytesIO(bytes(last.data)))).astype(int)
         assert np.abs(shown - pictures[name]).mean() < 4.0
     assert len(read_recording(path).frames) > 0

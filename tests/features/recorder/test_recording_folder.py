@@ -30,7 +30,7 @@ def test_the_oldest_beyond_the_number_are_removed(tmp_path: Path) -> None:
     files = [add(tmp_path, f"arm-{age}.mcap", age) for age in range(4)]
     other = add(tmp_path, "leg-9.mcap", 9)
     assert RecordingFolder(tmp_path, "arm", 2, 1e6).remove_old(files[0]) == files[2:]
-    assert [each.exists() for each in (*files, other)] == [True, True, False, False, True]
+    assert [file.exists() for file in (*files, other)] == [True, True, False, False, True]
 
 
 def test_the_newest_is_kept_whatever_its_size(tmp_path: Path) -> None:

@@ -45,7 +45,7 @@ def test_a_damaged_chunk_ends_the_recording(tmp_path: Path) -> None:
     frames = ramp(1000)
     write(path, frames)
     data = bytearray(path.read_bytes())
-    chunks = [each.start() for each in re.finditer(rb"\x28\xb5\x2f\xfd", data)]  # of zstd
+    chunks = [match.start() for match in re.finditer(rb"\x28\xb5\x2f\xfd", data)]  # of zstd
     data[chunks[3] + 200] ^= 0xFF
     path.write_bytes(data)
     recover(path)
@@ -59,7 +59,7 @@ def test_a_complete_file_stays_as_it_is(tmp_path: Path) -> None:
     write(path, ramp(1000))
     whole = path.read_bytes()
     assert recover(path) is None
-    assert [each.name for each in tmp_path.iterdir()] == ["whole.mcap"]
+    assert [path.name for path in tmp_path.iterdir()] == ["whole.mcap"]
     assert path.read_bytes() == whole
 
 
@@ -68,5 +68,5 @@ def test_a_file_without_a_complete_chunk_stays_as_it_is(tmp_path: Path) -> None:
     path.write_bytes(b"\x89MCAP0\r\n\x01")
     with pytest.raises(RecordingError, match="no complete chunk"):
         recover(path)
-    assert [each.name for each in tmp_path.iterdir()] == ["short.mcap"]
+    assert [path.name for path in tmp_path.iterdir()] == ["short.mcap"]
     assert path.read_bytes() == b"\x89MCAP0\r\n\x01"

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from tests.core.control.harness import Harness
 from tests.features.scenario.harness import MOVE, run
 
 from robotd.errors import DescriptorError, InvalidArgument
-from robotd_scenario import FAULTS, nested, validate_fault
+from robotd_scenario import FAULTS, FaultSchedule, nested, validate_fault
 
 BACK = {"move": {"to_rad": {"joint1": 0.0}, "time_s": 1.0}}
 SERVOS_ON = {"servos": "on"}
@@ -63,6 +64,10 @@ CASES: dict[str, tuple[dict[str, Any], list[dict[str, Any]]]] = {
         {"at_s": 0.5, "encoder_jump": {"axis": 0, "delta_rad": 1.5}},
         [{**MOVE, "expect": "path_tolerance"}, {"wait_s": 0.5}, BACK],
     ),
+    "moved_by_hand": (
+        {"at_s": 0.5, "moved_by_hand": {"axis": 0, "delta_rad": 0.3}},
+        [{"servos": "off"}, {"wait_s": 1.0}, SERVOS_ON, check(joints_rad={"joint1": 0.3}), BACK],
+    ),
     "communication_drop": (
         {"at_s": 0.5, "communication_drop": {}},
         [
@@ -89,7 +94,7 @@ def test_a_fault_does_what_it_says_and_the_robot_recovers(kind: str) -> None:
     fault, program = CASES[kind]
     result = run(*program, faults=[fault])
     assert result.failures == []
-    assert [each.fault.name for each in result.faults if not each.over] == [kind]
+    assert [fault.fault.name for fault in result.faults if not fault.over] == [kind]
     assert result.faults[0].time_s == pytest.approx(fault.get("at_s", 0.0), abs=0.003)
 
 
@@ -207,3 +212,48 @@ def test_dotted_names_nest() -> None:
         "a": {"b": 1, "c": 2}, "d": 3.0, "e": {}}  # fmt: skip
     with pytest.raises(InvalidArgument, match="a has a value already"):
         nested({"a": 1, "a.b": 2})
+
+
+def bit(value: bool, at_s: float, for_s: float) -> dict[str, Any]:
+    fault = {"byte": 1, "bit": 2, "value": value, "for_s": for_s}
+    return {"at_s": at_s, "input_bit": fault}
+
+
+@pytest.mark.parametrize("before", [False, True])
+@pytest.mark.parametrize(
+    ("faults", "levels"),
+    [
+        ([bit(True, 0.1, 0.2)], "b1bbb"),
+        ([bit(False, 0.1, 0.2)], "b0bbb"),
+        ([bit(True, 0.1, 0.6), bit(False, 0.3, 0.2)], "b101b"),  # at 0.2, 0.4, 0.6
+        ([bit(True, 0.1, 0.4), bit(False, 0.3, 0.4)], "b100b"),
+        ([bit(True, 0.1, 0.4), bit(True, 0.3, 0.4)], "b111b"),
+        ([bit(True, 0.1, 0.6), bit(True, 0.3, 0.2)], "b111b"),
+    ],
+)
+def test_an_input_is_as_before_when_the_last_of_its_faults_is_over(
+    before: bool, faults: list[dict[str, Any]], levels: str
+) -> None:
+    arm = Harness()
+    schedule = FaultSchedule(arm.robot, [validate_fault(fault) for fault in faults])
+    arm.up()
+    arm.robot.fault_injector.set_input_bit(1, 2, before)
+    schedule.begin()
+    seen = []
+    for _ in range(5):
+        seen.append(arm.robot.io.input_bit(1, 2))
+        arm.run(0.2)
+    expected = [before if level == "b" else level == "1" for level in levels]
+    assert seen == expected
+    assert len(schedule.happened) == 2 * len(faults)
+    assert not schedule.failures()
+
+
+def test_a_gripper_that_is_stuck_twice_is_stuck_as_the_fault_that_lasts() -> None:
+    stuck = [
+        {"stuck_gripper": {"closed": True}},
+        {"at_s": 0.3, "stuck_gripper": {"closed": False, "for_s": 0.5}},
+    ]
+    program = [{"wait_s": 1.2}, check(gripper="closed")]
+    assert run(*program, faults=stuck).failures == []
+    assert run({"wait_s": 0.7}, check(gripper="open"), faults=stuck).failures == []

@@ -73,7 +73,7 @@ def test_a_scale_that_makes_no_sense_is_a_usage_error(
 
 
 def asked_of_robot(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Any]]:
-    """Answer the calls of ``robotd sim`` with "done"; return where they are noted."""
+    """Answer the calls of ``robotd sim`` with "done"; return where they are recorded."""
     asked: list[tuple[str, Any]] = []
 
     def call(name: str, fields: Any) -> str:

@@ -12,6 +12,7 @@ from click.testing import CliRunner, Result
 from tests.features.harness import Observed
 
 from robotd.cli import main
+from robotd.descriptor import load_robot_descriptor
 from robotd.device.axes import Move
 from robotd.motion import TrajectoryRequest
 from robotd.motion.profile import Profile
@@ -53,7 +54,7 @@ def test_missed_periods_of_the_recording_are_no_difference(arm: Observed) -> Non
         replace(recording, frames=frames), arm.robot.descriptor, load_backend("sim")
     ).run()
     assert len(found.recorded) == len(found.simulated)
-    position = [each["values"][:, POSITION, 0] for each in (found.recorded, found.simulated)]
+    position = [frames["values"][:, POSITION, 0] for frames in (found.recorded, found.simulated)]
     np.testing.assert_allclose(*position, atol=0.01)
 
 
@@ -73,6 +74,34 @@ def test_goals_of_joint_groups_are_repeated_beside_each_other(tmp_path: Path) ->
     assert result.exit_code == 0, result.output
     assert "the simulation moved as recorded" in result.output
     assert "right_joint6" in result.output
+
+
+def test_inputs_that_guard_the_robot_are_repeated(tmp_path: Path) -> None:
+    file = tmp_path / "robot.yaml"
+    file.write_text(
+        "extends: cr3a\nname: guarded\ninputs: {automatic: 0.3}\n"
+        "stop_input: {input_byte: 0, input_bit: 5}\n"
+        "tool_space: {reduced_speed_input: automatic}\n"
+        "backends: {sim: {initial_inputs: [40]}}\n",
+        encoding="utf-8",
+    )
+    arm = Observed(tmp_path, robot=str(file))
+    with arm.goal([1.5, 0.8, 0.4, 0.0, 0.4, -0.5]):
+        arm.step(1.2)
+    arm.robot.fault_injector.set_input_bit(0, 3, False)
+    arm.step(0.1)
+    with arm.goal([0.0, 0.8, 0.4, 0.0, 0.4, -0.5]):
+        arm.step(0.6)
+        arm.robot.fault_injector.set_input_bit(0, 5, False)
+        arm.step(0.6)
+    assert arm.robot.image.position[0] > 0.5, "slow, and stopped on its way"
+    recording = read_recording(arm.flight.snapshot("test"))
+    arm.close()
+    file.write_text(file.read_text(encoding="utf-8").replace("[40]", "[]"), encoding="utf-8")
+    found = CommandRepeater(recording, load_robot_descriptor(file), load_backend("sim")).run()
+    assert found.rejections == ()
+    position = [frames["values"][:, POSITION, 0] for frames in (found.recorded, found.simulated)]
+    np.testing.assert_allclose(*position, atol=0.02)
 
 
 def test_the_first_difference_is_named(arm: Observed) -> None:

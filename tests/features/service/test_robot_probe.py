@@ -107,8 +107,8 @@ def test_the_manager_gets_no_watchdog_notification_while_the_loop_hangs(
 
     with arm() as robot, open_features(robot) as host:
         assert "service" in host.parts
-        for each in host.on_served:
-            each()
+        for task in host.on_served:
+            task()
         texts("READY=1")
         robot.start(enable=False)
         texts("servo off")

@@ -33,7 +33,7 @@ def unit_of(root: Path, *words: str) -> Path:
 
 
 def value(unit: Path, key: str) -> str:
-    [line] = [each for each in unit.read_text().splitlines() if each.startswith(f"{key}=")]
+    [line] = [line for line in unit.read_text().splitlines() if line.startswith(f"{key}=")]
     return line.partition("=")[2]
 
 
@@ -143,6 +143,6 @@ def test_the_unit_is_little_exposed(tmp_path: Path) -> None:
         check=False,
     )
     exposed = [
-        each["name"] for each in json.loads(found.stdout) if float(each["exposure"] or 0) > 0.2
+        check["name"] for check in json.loads(found.stdout) if float(check["exposure"] or 0) > 0.2
     ]
     assert found.returncode == 0, exposed

@@ -13,10 +13,10 @@ from robotd_tool_space.tool_motion import (
     LINE_TOLERANCE_M,
     LINE_TOLERANCE_RAD,
     ToolMotion,
-    ToolSpeed,
     plan_joint_motion,
     plan_lines,
 )
+from robotd_tool_space.tool_path import ToolSpeed
 
 PERIOD_S = 0.002
 STARTS = {
@@ -102,15 +102,61 @@ def test_corners_stop_or_are_rounded() -> None:
     arm = Arm("cr3a")
     corners = [arm.moved(xyz) for xyz in ([0, 0.1, 0], [0, 0.1, -0.1], [0, 0, -0.1])]
     sharp, round_ = arm.plan(*corners), arm.plan(*corners, blend_m=0.02)
-    assert round_.duration_s < 0.8 * sharp.duration_s
+    assert round_.duration_s < 0.9 * sharp.duration_s
     place = corners[0][:3, 3]
     nearest = [
-        np.linalg.norm(poses_of(arm, each)[2][:, :3, 3] - place, axis=1).min()
-        for each in (sharp, round_)
+        np.linalg.norm(poses_of(arm, path)[2][:, :3, 3] - place, axis=1).min()
+        for path in (sharp, round_)
     ]
     assert nearest[0] < 1e-4
     assert 0.002 < nearest[1] < 0.02
     assert round_.deviation_m < LINE_TOLERANCE_M
+
+
+def accelerations(poses: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """m/s² and rad/s² of the tool, from poses of each period."""
+    steps = np.diff(pose_differences(poses[:-2], poses[1:-1]) / PERIOD_S, axis=0) / PERIOD_S
+    return np.linalg.norm(steps[:, :3], axis=1), np.linalg.norm(steps[:, 3:], axis=1)
+
+
+@pytest.mark.parametrize("blend_m", [0.002, 0.005, 0.02])
+@pytest.mark.parametrize("acceleration", [0.3, 1.0])
+def test_the_tool_keeps_its_acceleration_in_rounded_corners(
+    blend_m: float, acceleration: float
+) -> None:
+    arm, speed = Arm("cr3a"), ToolSpeed(0.25, 1.0, acceleration)
+    corners = [arm.moved(xyz) for xyz in ([0, 0.1, 0], [0, 0.1, -0.1], [0, 0, -0.1], [0, 0, 0])]
+    motion = arm.plan(*corners, speed=speed, blend_m=blend_m)
+    times_s, _, poses = poses_of(arm, motion)
+    linear, _ = accelerations(poses)
+    assert linear.max() < 1.02 * acceleration
+    speeds = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1) / PERIOD_S
+    inner = (times_s[:-1] > 0.3) & (times_s[:-1] < motion.duration_s - 0.3)
+    assert speeds[inner].min() > 0.01, "it does not stop in a corner"
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_tool_keeps_its_accelerations_on_random_paths(seed: int) -> None:
+    arm, random = Arm("cr3a"), np.random.default_rng(seed)
+    ways = random.normal(size=(4, 3)) * random.choice([0.0, 0.005, 0.04])
+    turns = random.normal(size=(4, 3)) * random.choice([0.0, 0.02, 0.3])
+    turns[0] += 0.05  # one that moves
+    places = [arm.moved(way.tolist(), turn.tolist()) for way, turn in zip(ways, turns, strict=True)]
+    speed = ToolSpeed(0.25, 1.0, random.uniform(0.3, 3.0))
+    motion = arm.plan(*places, speed=speed, blend_m=random.choice([0.0, 0.001, 0.01]))
+    linear, angular = accelerations(poses_of(arm, motion)[2])
+    assert linear.max() < 1.02 * speed.acceleration
+    assert angular.max() < 1.02 * speed.angular_acceleration
+
+
+@pytest.mark.parametrize("way_m", [0.0, 0.004])
+def test_a_corner_between_two_turns_is_as_near_as_one_between_two_ways(way_m: float) -> None:
+    arm, speed = Arm("cr3a"), ToolSpeed(0.25, 1.0, 1.0)
+    turned = arm.moved([0.0, way_m, 0.0], [0.0, 0.0, np.radians(60.0)])
+    motion = arm.plan(turned, arm.pose, speed=speed, blend_m=0.001)
+    off = pose_differences(poses_of(arm, motion)[2], turned)
+    assert np.linalg.norm(off[:, 3:], axis=1).min() < 0.001 * 1.0 / 0.25
+    assert np.linalg.norm(off[:, :3], axis=1).min() < 0.001
 
 
 @pytest.mark.parametrize("step_m", [0.0002, 0.001, 0.005, 0.02])

@@ -10,8 +10,8 @@ import pytest
 
 from robotd import open_robot
 from robotd.clock.simulated import SteppedClock
-from robotd.control.completion import Outcome
-from robotd_tool_space.robot_tool import RobotTool
+from robotd.control.loop.setpoint_source import Outcome
+from robotd_tool_space import ToolGroups
 from robotd_tool_space.rotations import fill_pose
 
 pytest.importorskip("robotd_msgs", reason="an older build of the interfaces")
@@ -26,7 +26,7 @@ BENT = [0.0, 0.3, 1.4, -0.2, 1.2, 0.0]
 
 def test_a_goal_that_is_canceled_while_it_is_planned_moves_nothing() -> None:
     with open_robot("cr3a", "sim", clock=SteppedClock()) as robot:
-        tool: RobotTool = robot.attribute("tool")
+        tool = robot.feature(ToolGroups).only
         goal, result = MoveTool.Goal(poses=[Pose()]), MoveTool.Result()
         fill_pose(goal.poses[0], tool.kinematics.forward(np.array(BENT)))
         handle = SimpleNamespace(request=goal, is_cancel_requested=True)

@@ -16,9 +16,9 @@ from scipy.spatial.transform import Rotation
 from robotd import Robot, open_robot
 from robotd.api import InvalidArgument, NotReady, wait_until
 from robotd.clock.simulated import SteppedClock
+from robotd_tool_space import ToolGroups
 from robotd_tool_space.r2_motion import E_STOP, R2Error, R2Motion, R2State
 from robotd_tool_space.r2_node import fill_r2_pose, joints_of_r2, pose_of_r2, r2_factors
-from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.tool_motion import ToolMotion
 
 BENT = np.array([0.0, 0.3, 1.4, -0.2, 1.2, 0.0])
@@ -66,7 +66,7 @@ class Arm:
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
-        self.tool: RobotTool = robot.attribute("tool")
+        self.tool = robot.feature(ToolGroups).only
         self.motion = R2Motion(robot, self.tool, self._defer)
         self._waiting: list[Callable[[], None]] = []
 

@@ -10,14 +10,21 @@ import pytest
 from tests.features.tool_space.arms import go
 
 from robotd import Robot, open_robot
-from robotd.api import DescriptorError, FloatArray, NotReady, Operation, Profile
+from robotd.api import (
+    DescriptorError,
+    FloatArray,
+    NotReady,
+    Operation,
+    OperationError,
+    Profile,
+)
 from robotd.api.robots import ProblemKind, TrajectoryRequest
 from robotd.clock.simulated import SteppedClock
-from robotd.control.completion import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.device.axes import Jog, Move
 from robotd.robot import build_robot
-from robotd_tool_space.reduced_speed import ReducedSpeed
-from robotd_tool_space.robot_tool import RobotTool
+from robotd_tool_space import ToolGroups
+from robotd_tool_space.link_speeds import reduced_speed
 
 BENT = np.array([0.0, 0.3, 1.4, -0.2, 1.2, 0.0])
 GOAL = BENT + np.array([1.5, -1.0, 0.5, 0.5, 0.0, 1.0])
@@ -43,8 +50,8 @@ class Arm:
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
-        self.tool: RobotTool = robot.attribute("tool")
-        self.reduced: ReducedSpeed = robot.attribute("reduced_speed")
+        self.tool = robot.feature(ToolGroups).only
+        self.reduced = robot.feature(reduced_speed)
         self.positions: list[FloatArray] = []
 
     def run(self, periods: int, end: Callable[[], bool] = lambda: False) -> None:
@@ -273,7 +280,7 @@ def with_input(file: Path, name: str) -> Path:
 
 def test_an_input_switches_it_on_where_it_is_0(file: Path) -> None:
     with open_robot(with_input(file, "full"), "sim", clock=SteppedClock()) as robot:
-        reduced: ReducedSpeed = robot.attribute("reduced_speed")
+        reduced = robot.feature(reduced_speed)
         assert reduced.is_on
         robot.step(5)
         assert reduced.is_on
@@ -289,7 +296,45 @@ def test_an_input_switches_it_on_where_it_is_0(file: Path) -> None:
         assert reduced.is_on
 
 
+def test_an_input_that_cannot_be_read_slows_down(file: Path) -> None:
+    with open_robot(with_input(file, "full"), "sim", clock=SteppedClock()) as robot:
+        reduced, driver = robot.feature(reduced_speed), robot.io._maybe_driver
+        assert driver is not None
+        read, failure = driver.read_inputs, OperationError("terminal EL1008 is gone")
+
+        def fail(byte: int, length: int) -> bytes:
+            raise failure
+
+        robot.fault_injector.set_input_bit(0, 3, True)
+        robot.step(5)
+        assert not reduced.is_on
+        driver.read_inputs = fail  # type: ignore[method-assign]
+        robot.step(5)
+        assert reduced.is_on
+        (problem,) = robot.find_problems()
+        assert problem.reason.endswith("input full cannot be read (terminal EL1008 is gone)")
+        assert "Check the I/O module" in problem.remedy
+        driver.read_inputs = read  # type: ignore[method-assign]
+        robot.step(5)
+        assert not reduced.is_on
+        assert robot.find_problems() == []
+
+
+def test_an_input_that_cannot_be_read_does_not_end_the_check_of_moves(file: Path) -> None:
+    with open_robot(with_input(file, "full"), "sim", clock=SteppedClock()) as robot:
+        robot.fault_injector.set_input_bit(0, 3, True)
+        go(robot.feature(ToolGroups).only, BENT)
+        robot.axes.move([Move(0, 3.0, FAST)])
+        robot.step(150)
+        driver = robot.io._maybe_driver
+        assert driver is not None
+        driver.read_inputs = lambda *_: b""  # type: ignore[method-assign]
+        robot.step(250)
+        assert robot.image.operation[0] == Operation.IDLE
+        assert robot.image.position[0] < 1.5
+
+
 def test_an_unknown_input_is_an_error(file: Path) -> None:
-    robot = build_robot(with_input(file, "ful"), "sim", clock=SteppedClock())
-    with pytest.raises(DescriptorError, match="unknown input 'ful'; did you mean 'full'"):
-        robot.attribute("reduced_speed")
+    unknown = r"tool_space.reduced_speed_input: .* unknown input 'ful'; did you mean 'full'"
+    with pytest.raises(DescriptorError, match=unknown):
+        build_robot(with_input(file, "ful"), "sim")

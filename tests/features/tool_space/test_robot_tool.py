@@ -20,9 +20,11 @@ from robotd.api import (
     OperationError,
     Profile,
     RobotDescriptor,
+    read_urdf,
 )
 from robotd.api.robots import JointLimits
 from robotd.clock.simulated import SteppedClock
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.device.axes import Move
 from robotd.robot import build_robot
 from robotd_tool_space import Kinematics, Unreachable, pose_differences, pose_of
@@ -52,7 +54,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def robot(file: Path) -> Iterator[Robot]:
     with open_robot(file, "sim", clock=SteppedClock()) as robot:
-        tool = robot.attribute("tool")
+        tool = robot.feature(ToolGroups).only
         limits = tool.group.follower.limits
         tool.execute(plan_joint_motion(tool.kinematics, limits, tool.start(), BENT, tool.speed))
         yield robot
@@ -60,8 +62,7 @@ def robot(file: Path) -> Iterator[Robot]:
 
 @pytest.fixture
 def tool(robot: Robot) -> RobotTool:
-    only: RobotTool = robot.attribute("tool")
-    return only
+    return robot.feature(ToolGroups).only
 
 
 def test_a_line_moves_the_tool(robot: Robot, tool: RobotTool) -> None:
@@ -112,7 +113,7 @@ def test_what_cannot_be_reached_moves_nothing_and_is_an_event(
     with pytest.raises(Unreachable, match=r"^at \d+ % "):
         tool.move_line(tool.pose_relative(z=2.0))
     assert (robot.image.copy().position == before).all()
-    texts = [each.text for each in robot.events.since(0)[0]]
+    texts = [event.text for event in robot.events.since(0)[0]]
     assert any(text.startswith("goal rejected: at ") for text in texts)
 
 
@@ -238,6 +239,48 @@ def test_a_stop_ends_the_motion_on_the_line(robot: Robot, tool: RobotTool) -> No
     assert np.abs(np.delete(off, 1)).max() < 1e-4
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_pauses_and_speeds_on_the_way_keep_the_accelerations_of_the_tool(
+    robot: Robot, tool: RobotTool, seed: int
+) -> None:
+    """Of the commands, by the kinematics of the URDF reader."""
+    random, period_s = np.random.default_rng(seed), 1.0 / robot.descriptor.cycle.rate_hz
+    urdf = read_urdf(robot.descriptor.urdf)
+    motion = tool.plan_lines([tool.pose_relative(y=0.2, yaw=0.4), tool.pose], blend_m=0.01)
+    poses, changes = [], 0
+    with tool.group.follower.follow(motion.request(tool.group.joint_names)) as execution:
+        next_change = random.integers(20, 120)
+        while not execution.done:
+            robot.step(1)
+            position = robot.image.position_command[:6].tolist()
+            named = dict(zip(tool.group.joint_names, position, strict=True))
+            poses.append(urdf.pose(tool.kinematics.chain.link, named))
+            if len(poses) >= next_change:
+                change = random.choice(["pause", "resume", "slow", "full"])
+                match change:
+                    case "pause":
+                        robot.axes.speed.pause()
+                    case "resume":
+                        robot.axes.speed.resume()
+                    case "slow" | "full":
+                        robot.axes.speed.set(0.2 if change == "slow" else 1.0)
+                        robot.axes.speed.resume()
+                changes += 1
+                next_change += random.integers(10, 120)
+            if changes == 25:
+                robot.axes.speed.set(1.0)
+                robot.axes.speed.resume()
+    steps = pose_differences(np.array(poses[:-1]), np.array(poses[1:])) / period_s
+    accelerations = np.diff(steps, axis=0) / period_s
+    linear, angular = (
+        np.linalg.norm(accelerations[:, part], axis=1) for part in (slice(0, 3), slice(3, 6))
+    )
+    assert changes > 5
+    assert linear.max() < 1.05 * tool.speed.acceleration
+    assert angular.max() < 1.05 * tool.speed.angular_acceleration
+    assert execution.outcome is Outcome.SUCCEEDED
+
+
 def test_bad_speeds_and_an_early_end(robot: Robot, tool: RobotTool) -> None:
     with pytest.raises(InvalidArgument, match=r"speed is 2, must be 0.01 to 1"):
         tool.plan_lines([tool.pose], speed=2.0)
@@ -252,11 +295,15 @@ def test_bad_speeds_and_an_early_end(robot: Robot, tool: RobotTool) -> None:
 
 
 def test_a_base_has_no_tool() -> None:
-    with open_robot("baymax", "sim", clock=SteppedClock()) as base:
-        with pytest.raises(OperationError, match="the tool of baymax, which has no"):
-            base.attribute("tool")
-        with pytest.raises(AttributeError, match="no attribute 'tol'"):
-            base.attribute("tol")
+    base = build_robot("baymax", "sim")
+    with pytest.raises(OperationError, match="the tool of baymax, which has no"):
+        base.feature(ToolGroups)
+
+
+def test_with_several_groups_one_has_to_be_named() -> None:
+    groups = ToolGroups(build_robot("dual_cr3a", "sim", clock=SteppedClock()))
+    with pytest.raises(InvalidArgument, match="several joint groups, left and right: name one"):
+        _ = groups.only
 
 
 def test_a_group_whose_tool_no_chain_moves_says_why(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,8 +16,8 @@ from robotd.motion.limiter import SetpointLimiter
 from robotd_tool_space.kinematics import Kinematics
 from robotd_tool_space.rotations import pose_differences, rotation_matrices
 from robotd_tool_space.servo_status import ServoCode, ServoStatus
-from robotd_tool_space.twist import Command, PoseCommand, TwistCommand, TwistStage
-from robotd_tool_space.twist_limits import FactorRamp, TwistLimits
+from robotd_tool_space.twist import Command, PoseCommand, ToolTwist, TwistStage
+from robotd_tool_space.twist_limits import FactorRamp, ToolTwistLimits
 
 PERIOD_S = 0.002
 READY = np.array([0.3, -0.6, 1.6, -0.3, 1.2, 0.0])
@@ -39,11 +39,11 @@ class Run:
 
     @property
     def codes(self) -> set[ServoCode]:
-        return {each.code for each in self.status}
+        return {status.code for status in self.status}
 
 
-def twist(linear: FloatArray, angular: FloatArray = ZERO, *, in_tool: bool = False) -> TwistCommand:
-    return TwistCommand(np.concatenate([linear, angular]), in_tool)
+def twist(linear: FloatArray, angular: FloatArray = ZERO, *, in_tool: bool = False) -> ToolTwist:
+    return ToolTwist(np.concatenate([linear, angular]), in_tool)
 
 
 def limits_of(arm: Kinematics) -> JointLimits:
@@ -190,7 +190,7 @@ def test_other_structures_move_straight_too(name: str) -> None:
     start = lower + np.linspace(0.6, 0.7, len(lower)) * (upper - lower)
     way = arm.jacobian(start) @ np.linspace(1.0, 0.5, len(start))
     command = np.concatenate([0.05 * way[:3] / np.linalg.norm(way[:3]), ZERO])
-    run = follow(start, {0.0: TwistCommand(command)}, 0.5, arm)
+    run = follow(start, {0.0: ToolTwist(command)}, 0.5, arm)
     assert_within_limits(run, limits_of(arm))
     moved = np.linalg.norm(run.poses[-1, :3, 3] - run.poses[0, :3, 3])
     assert moved > 1e-3
@@ -206,8 +206,38 @@ def test_a_moving_start_slows_down_to_rest() -> None:
     assert not velocity[-1].any()
 
 
+@pytest.mark.parametrize(
+    ("direction", "begin_s", "stop_s", "way_m"),
+    [(1.0, 0.7, 0.45, 0.1), (1.0, 0.8, 0.45, 0.068), (-1.0, 0.4, 0.4, 0.016)],
+    ids=["before", "at", "above the shoulder"],
+)
+def test_a_stop_near_a_singularity_takes_as_long_as_the_joints_need(
+    direction: float, begin_s: float, stop_s: float, way_m: float
+) -> None:
+    away = twist(0.5 * direction * OUT)
+    run = follow(READY, {0.0: away, begin_s: twist(ZERO)}, begin_s + 1.0)
+    assert_within_limits(run, limits_of(ARM))
+    begin = round(begin_s / PERIOD_S)
+    moving = np.abs(run.references[begin:, 1]).max(axis=1) > 1e-3
+    assert moving[0]
+    assert not moving[round(stop_s / PERIOD_S) :].any()
+    assert np.linalg.norm(run.poses[-1, :3, 3] - run.poses[begin, :3, 3]) < way_m
+
+
+def test_stops_at_any_time_keep_the_limits_and_the_line() -> None:
+    for begin_s in np.arange(0.1, 1.4, 0.1):
+        for direction in (OUT, -OUT):
+            away = twist(0.5 * direction)
+            run = follow(READY, {0.0: away, float(begin_s): twist(ZERO)}, float(begin_s) + 0.8)
+            assert_within_limits(run, limits_of(ARM))
+            assert not run.references[-1, 1].any()
+            reached = ARM.forward(run.references[:, 0])[:, :3, 3]
+            way = reached - reached[0]
+            assert np.linalg.norm(way - np.outer(way @ OUT, OUT), axis=1).max() < 1e-5
+
+
 def test_twists_beyond_the_speed_of_the_tool_keep_their_direction() -> None:
-    limits = TwistLimits(linear_m_s=0.2)
+    limits = ToolTwistLimits(linear_m_s=0.2)
     assert limits.slowed(np.array([0.3, 0.4, 0.0, 0.0, 0.0, 1.0])) == pytest.approx(
         [0.12, 0.16, 0.0, 0.0, 0.0, 0.4]
     )

@@ -117,7 +117,8 @@ def test_both_axes_keep_their_limits_and_arrive(
 
 
 LIMITED = [
-    replace(each, linear_acceleration=1.0, angular_acceleration=2.0) for each in (FRONT, REAR)
+    replace(follower_settings, linear_acceleration=1.0, angular_acceleration=2.0)
+    for follower_settings in (FRONT, REAR)
 ]
 
 
@@ -142,7 +143,7 @@ def test_the_wheel_waits_for_the_steering() -> None:
         if abs(twist.linear) > 0.15:
             assert twist.angular / twist.linear == pytest.approx(2.5, rel=0.25)
     follow(follower, PlanarTwist(0.2, 0.5), 1.0)
-    arc = [each.angular / each.linear for each in follow(follower, PlanarTwist(0.1, 0.25), 0.5)]
+    arc = [twist.angular / twist.linear for twist in follow(follower, PlanarTwist(0.1, 0.25), 0.5)]
     assert arc == pytest.approx([2.5] * len(arc))
 
 

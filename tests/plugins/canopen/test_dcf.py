@@ -149,3 +149,13 @@ def test_the_report_of_a_drive_with_constant_rpdos_and_few_objects() -> None:
         "  0x2000:02 (Gains 2) = 1065353216\n",
     ):
         assert line in result.output
+
+
+def test_a_file_that_states_no_modes_says_what_the_start_does(tmp_path: Path) -> None:
+    text = Path(eds_path(None, None, GENERIC_DRIVE)).read_text(encoding="utf-8")
+    path = tmp_path / "drive.eds"
+    path.write_text(text.replace("DefaultValue=0x3E5\n", "DefaultValue=0\n"), encoding="utf-8")
+    result = CliRunner().invoke(main, ["canopen", "eds", str(path)])
+    assert "modes (0x6502): not stated; those of the drive are read at start\n" in result.output
+    assert "the start refuses a drive that states none: " in result.output
+    assert "set check_modes: false\n" in result.output

@@ -14,10 +14,12 @@ from tests.plugins.canopen.network import drive, options, plan
 from robotd.descriptor import RobotDescriptor
 from robotd_canopen.feedback import Feedback
 from robotd_canopen.master import Master
-from robotd_cia402.object_numbers import INPUTS, POSITION
+from robotd_cia402.object_numbers import DEMAND, INPUTS, MODE_DISPLAY, POSITION
 from robotd_cia402.scaling import Scaling
 
 ONLINE = np.zeros(2, bool)
+WINDOW_SYNCS = 10
+FOUND_SYNCS = 60  # another drive with the id is found: 0.24 s at 4 ms
 REACH = 16_000  # counts: 100 rad/s for twice 20 SYNCs
 CYCLIC = slice(0, 2)  # TPDOs that come with each SYNC; the third comes with each fourth
 
@@ -45,9 +47,18 @@ class Drives:
         """Return the position of ``axis`` as taken last."""
         return self.feedback.values[axis][INPUTS.index(POSITION)]
 
-    def answer(self, axis: int, count: int = 0, *, which: slice = slice(None)) -> None:
+    def answer(
+        self,
+        axis: int,
+        count: int = 0,
+        *,
+        which: slice = slice(None),
+        mode: int = 0,
+        demand: int = 0,
+    ) -> None:
+        known = {POSITION: count, MODE_DISPLAY: mode, DEMAND: demand}
         for pdo in self.axes[axis].tpdos[which]:
-            values = [count if entry.base == POSITION else 0 for entry in pdo.entries]
+            values = [known.get(entry.base, 0) for entry in pdo.entries]
             self.handlers[axis, pdo.cob_id](bytearray(pdo.layout.pack(*values)))
 
 
@@ -55,6 +66,8 @@ class Drives:
 def drives() -> Drives:
     """Both have answered the first SYNC, and the second has been sent."""
     drives = Drives()
+    for axis in (0, 1):
+        drives.answer(axis)  # the position is confirmed by the next one
     drives.sync()
     drives.answer(0)
     drives.answer(1)
@@ -107,12 +120,43 @@ def test_a_leap_is_believed_when_the_next_position_is_near_it(drives: Drives) ->
     assert drives.position(0) == 20_010
 
 
-def test_the_first_position_after_the_start_is_believed(drives: Drives) -> None:
+def test_the_first_position_after_the_start_is_believed_when_it_is_confirmed(
+    drives: Drives,
+) -> None:
     drives.feedback.forget(0)
     drives.feedback.accept(0)
     drives.answer(0, 2_000_000)
     drives.sync()
-    assert drives.position(0) == 2_000_000
+    assert not drives.feedback.complete(0)
+    drives.answer(0, 2_000_001)
+    drives.sync()
+    assert drives.position(0) == 2_000_001
+
+
+@pytest.mark.parametrize("mode", [8, 6])  # 6: homing
+def test_garbage_is_not_believed_as_the_first_position_nor_while_homing(
+    drives: Drives, mode: int
+) -> None:
+    drives.feedback.forget(0)
+    drives.feedback.accept(0)
+    if mode == 6:
+        drives.answer(0, 500, mode=mode)
+        drives.answer(0, 500, mode=mode)
+    drives.answer(0, -2_000_000, mode=mode)
+    drives.answer(0, 500, mode=mode)
+    drives.answer(0, 501, mode=mode)
+    drives.sync()
+    assert drives.position(0) == 501
+
+
+def test_a_demand_that_cannot_be_is_not_believed_before_it_is_confirmed(drives: Drives) -> None:
+    taken = INPUTS.index(DEMAND)
+    drives.answer(0, demand=2_000_000)
+    drives.sync()
+    assert drives.feedback.values[0][taken] == 0
+    drives.answer(0, demand=2_000_001)
+    drives.sync()
+    assert drives.feedback.values[0][taken] == 2_000_001
 
 
 def test_an_endless_axis_runs_over_without_a_leap(drives: Drives) -> None:
@@ -143,6 +187,7 @@ EVENT_DRIVEN = [
 def event_driven() -> Drives:
     """Axis 0 sends its position on an event, and has answered the first SYNC."""
     drives = Drives(axes=[drive(0, tpdos=EVENT_DRIVEN), drive(1)])
+    drives.answer(1)
     drives.sync()
     drives.answer(0, which=slice(0, 1))
     drives.answer(1)
@@ -189,6 +234,7 @@ def test_a_first_position_is_not_known_before_it_is_taken() -> None:
     """The frame comes while the control loop takes the values."""
     drives = Drives()
     feedback = drives.feedback
+    drives.answer(0, 5000)  # the next one confirms it
 
     class Arrived(np.ndarray):
         def tolist(self) -> Any:
@@ -208,6 +254,7 @@ def test_a_first_position_is_not_known_before_it_is_taken() -> None:
 def test_garbage_between_two_positions_changes_nothing(garbage: list[int]) -> None:
     drives = Drives()
     drives.answer(0)
+    drives.answer(0)
     for count in garbage:
         with pytest.raises(ValueError, match="jumps"):
             drives.answer(0, count, which=CYCLIC)
@@ -216,16 +263,66 @@ def test_garbage_between_two_positions_changes_nothing(garbage: list[int]) -> No
         assert drives.position(0) == 5
 
 
-def test_a_tpdo_that_comes_more_often_than_sync_is_of_two_drives(drives: Drives) -> None:
-    assert not drives.feedback.is_counted(0)
-    for _ in range(60):
-        drives.answer(0, which=CYCLIC)
-        drives.answer(1, which=CYCLIC)
-        drives.answer(1, which=CYCLIC)  # of another node with the same id
+def answer_cyclic(drives: Drives, counts: list[int]) -> None:
+    """Let drive 0 send its cyclic TPDOs so many times after each of the next SYNCs."""
+    for count in counts:
+        for _ in range(count):
+            drives.answer(0, which=CYCLIC)
         drives.sync()
+
+
+def test_a_tpdo_that_comes_more_often_than_sync_is_of_two_drives(drives: Drives) -> None:
+    answer_cyclic(drives, [2] * FOUND_SYNCS)
     assert drives.feedback.is_counted(0)
+    assert drives.feedback.doubled(0) is drives.axes[0].tpdos[0]
+    assert drives.feedback.doubled(1) is None
+
+
+@pytest.mark.parametrize("missing", [0, 100, 10_000])
+def test_another_drive_that_comes_in_operation_is_found(drives: Drives, missing: int) -> None:
+    """Where answers are missing it takes as many SYNCs longer, and at most 500."""
+    answer_cyclic(drives, [1] * 500 + [0] * missing)
+    since = drives.feedback.windows
+    answer_cyclic(drives, [2] * (FOUND_SYNCS + min(missing, 500)))
+    assert drives.feedback.is_counted(0, since)
+    assert drives.feedback.doubled(0) is not None
+
+
+@pytest.mark.parametrize(
+    ("stalled", "at_once"), [(3, 500), (15, 500), (125, 500), (500, 500), (125, 5), (500, 20)]
+)
+def test_answers_that_have_waited_are_not_of_another_drive(
+    drives: Drives, stalled: int, at_once: int
+) -> None:
+    """Those of a drive, or of a receive thread, that stood still, also from before ``accept``."""
+    waiting = stalled
+    answer_cyclic(drives, [0] * stalled)
+    drives.feedback.accept(0)
+    while waiting:
+        waiting += 1
+        came = min(waiting, at_once)
+        waiting -= came
+        answer_cyclic(drives, [came])
+        assert drives.feedback.doubled(0) is None
+    since = drives.feedback.windows
+    answer_cyclic(drives, [1] * 2 * WINDOW_SYNCS)
+    assert drives.feedback.is_counted(0, since)
     assert drives.feedback.doubled(0) is None
-    assert drives.feedback.doubled(1) is drives.axes[1].tpdos[0]
+
+
+@pytest.mark.parametrize("stalled", [15, 40, 125, 480])
+@pytest.mark.parametrize("at_once", [2, 3, 5, 500])
+def test_answers_that_come_late_are_not_of_another_drive(
+    drives: Drives, stalled: int, at_once: int
+) -> None:
+    """Of a drive that starts on a busy computer: its answers come slowly, and none is lost."""
+    waiting = 0
+    for period in range(stalled + 2000):
+        waiting += 1
+        came = 0 if period < stalled else min(waiting, at_once)
+        waiting -= came
+        answer_cyclic(drives, [came])
+        assert drives.feedback.doubled(0) is None
 
 
 def test_an_event_driven_tpdo_may_come_at_any_rate(event_driven: Drives) -> None:

@@ -31,7 +31,7 @@ class SentFrames:
 
 def sent(mode: OperationMode, *mappings: list[str], **keys: Any) -> list[int]:
     """Return the numbers of the RPDOs that are sent in ``mode``."""
-    rpdos = [{"number": number, "objects": each} for number, each in enumerate(mappings, 1)]
+    rpdos = [{"number": number, "objects": entries} for number, entries in enumerate(mappings, 1)]
     layout = plan(options(axes=[drive(0, rpdos=rpdos, **keys), drive(1)]))
     robot = RobotDescriptor.model_validate({"schema": 1, "name": "test", "axes": 2})
     axis, bus = Master(robot, layout, FakeClock()).axes[0], SentFrames()

@@ -134,5 +134,5 @@ def test_the_heartbeat_goes_out_when_it_is_due() -> None:
     sync = Producer(wire)
     for number in range(51):
         sync.send_at(START_NS + number * PERIOD_NS)
-    beats = [each for each in wire.sent if each.arbitration_id == 0x700 + 127]
-    assert [bytes(each.data) for each in beats] == [b"\x05"] * 3
+    beats = [frame for frame in wire.sent if frame.arbitration_id == 0x700 + 127]
+    assert [bytes(beat.data) for beat in beats] == [b"\x05"] * 3

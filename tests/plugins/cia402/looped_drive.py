@@ -6,7 +6,9 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
-from robotd.api import NANOSECONDS, ProcessImage
+import pytest
+
+from robotd.api import NANOSECONDS, ProcessImage, Profile
 from robotd.clock.simulated import SteppedClock
 from robotd_cia402.axis import Axis
 from robotd_cia402.commands import Commands
@@ -22,12 +24,14 @@ from robotd_cia402.simulated_axis import drive_model
 PERIOD_S = 0.004
 PERIOD_NS = round(PERIOD_S * NANOSECONDS)
 SUPPORTED_MODES, UNKNOWN_OBJECT = 0x6502, 0x06020000
+FAST = Profile(velocity=1.0, acceleration=5.0, deceleration=5.0)
 
 
 class LoopedObjects(DriveAccess):
     """Objects of a drive in this process; a frame is one ``exchange``."""
 
     frames = 0
+    silence = 0  # frames in a row that the drive has missed
 
     def __init__(self, axis_offset: int) -> None:
         super().__init__()
@@ -78,6 +82,10 @@ class LoopedObjects(DriveAccess):
     def forget(self) -> None:
         self._complete = False
 
+    @property
+    def missed(self) -> int:
+        return self.silence
+
     def send(self) -> None:
         """Outputs as the frame carries them, interpolation data at subindex 1."""
         for index, value in zip(OUTPUTS, self._sent, strict=False):  # none before the first
@@ -91,7 +99,12 @@ class LoopedObjects(DriveAccess):
 
 
 class LoopedDrive:
-    """An axis, its commands and its drive; sleeping on ``clock`` exchanges frames."""
+    """An axis, its commands and its drive; sleeping on ``clock`` exchanges frames.
+
+    Attributes:
+        deaf: the drive gets no frames, and answers none.
+        mute: it gets them, and its answers are lost.
+    """
 
     def __init__(self, **options: Any) -> None:
         section = DriveOptions.model_validate({"axis": 0, "counts_per_rad": 1e5, **options})
@@ -111,6 +124,7 @@ class LoopedDrive:
             self.faults,
             self._on_emergency,
         )
+        self.deaf = self.mute = False
         self.drive.power_on()
         set_up(self.axis, PERIOD_S)
         self.clock.attach(PERIOD_NS, self._period)
@@ -119,7 +133,10 @@ class LoopedDrive:
         self.clock.sleep_until_ns(self.clock.now_ns() + round(seconds * NANOSECONDS))
 
     def _period(self, due_ns: int) -> int:
-        if self.objects.node.online:
+        if self.deaf:
+            self.objects.frames += 1
+            self.objects.silence += 1
+        elif self.objects.node.online:
             self._exchange()
         self.axis.observe(self.image)
         self.axis.transmit(PERIOD_S)
@@ -130,8 +147,31 @@ class LoopedDrive:
         self.drive.sample(PERIOD_S)
         self.objects.send()
         self.drive.sync(PERIOD_S)
-        self.objects.take()
+        if self.mute:
+            self.objects.silence += 1
+        else:
+            self.objects.take()
+            self.objects.silence = 0
 
     def _on_emergency(self, code: int, register: int) -> None:
         emergency = Emergency(self.clock.now_ns(), 1, code, register, bytes(5))
         self.objects.node.emergency = None if emergency.is_reset else emergency
+
+
+def idle(looped: LoopedDrive, limit_s: float = 5.0) -> None:
+    """Run until the axis has no operation."""
+    periods = round(limit_s / 0.02)
+    for _ in range(periods):
+        looped.run(0.02)
+        if looped.axis.activity.is_idle:
+            return
+    pytest.fail(f"still {looped.axis.activity.operation.name} after {limit_s} s")
+
+
+def peak_velocity(looped: LoopedDrive, periods: int = 250) -> float:
+    """Return the largest velocity of the motor while it runs; an axis at rest does not jump."""
+    velocities = []
+    for _ in range(periods):
+        looped.run(0.004)
+        velocities.append(abs(looped.motors.velocity(0)))
+    return max(velocities)

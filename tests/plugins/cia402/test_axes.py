@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from tests.plugins.cia402.looped_drive import PERIOD_NS, PERIOD_S, LoopedDrive, LoopedObjects
@@ -17,6 +19,7 @@ from robotd.api import (
     Profile,
 )
 from robotd_cia402.axes import Cia402Master
+from robotd_cia402.axis import Axis
 from robotd_cia402.sync_timing import SyncTiming
 
 FAST = Profile(velocity=1.0, acceleration=5.0, deceleration=5.0)
@@ -54,6 +57,9 @@ class LoopedAxes(Cia402Master[LoopedObjects]):
         """No bus."""
 
     def end(self) -> None:
+        """No bus."""
+
+    def force_off(self, axes: Sequence[Axis[LoopedObjects]]) -> None:
         """No bus."""
 
 

@@ -10,12 +10,12 @@ from robotd_cia402.simulated import DRIVE_OBJECTS, drive_defaults
 
 def test_objects_are_those_of_the_generic_eds() -> None:
     dictionary = read_eds(eds_path(None, None, GENERIC_DRIVE), 1)
-    for each in DRIVE_OBJECTS:
-        found = variable(dictionary, each.index, each.sub)
-        assert found is not None, each
-        assert found.name == each.name
-        assert (len(found), found.data_type in SIGNED_TYPES) == each.kind
-        assert (found.default, found.writable) == (each.default, each.writable)
+    for entry in DRIVE_OBJECTS:
+        found = variable(dictionary, entry.index, entry.sub)
+        assert found is not None, entry
+        assert found.name == entry.name
+        assert (len(found), found.data_type in SIGNED_TYPES) == entry.kind
+        assert (found.default, found.writable) == (entry.default, entry.writable)
 
 
 def test_each_axis_has_the_objects_0x800_further() -> None:

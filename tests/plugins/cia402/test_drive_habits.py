@@ -7,14 +7,13 @@ from dataclasses import replace
 from itertools import pairwise
 
 import pytest
-from tests.plugins.cia402.looped_drive import LoopedDrive
-from tests.plugins.cia402.test_looped_drive import FAST, idle, peak_velocity
+from tests.plugins.cia402.looped_drive import FAST, LoopedDrive, idle, peak_velocity
 
 from robotd.api import CommandMode, DeviceTimeout, InvalidArgument, OperationError, Profile
-from robotd_cia402.controlword import Control, DriveState, Status
+from robotd_cia402.controlword import Control, DriveState, StatusBits
 from robotd_cia402.modes import OperationMode
 from robotd_cia402.object_numbers import DEMAND, INPUTS, MODE, STATUSWORD, VELOCITY
-from robotd_cia402.simulated.drive import State
+from robotd_cia402.simulated.drive import SimulatedState
 from robotd_cia402.simulated.mode_motion import Mode
 
 
@@ -60,7 +59,7 @@ def test_a_quick_stop_of_the_drive_itself_within_a_stop_is_not_left() -> None:
     looped.commands.stop()
     looped.run(0.02)
     enter = looped.drive._enter
-    enter(State.QUICK_STOP_ACTIVE)
+    enter(SimulatedState.QUICK_STOP_ACTIVE)
     looped.drive._enter = lambda state: None  # type: ignore[method-assign]
     looped.run(1.0)
     rest = looped.drive.position
@@ -177,7 +176,7 @@ def test_the_servo_goes_on_in_no_torque_mode_that_the_drive_leaves_late() -> Non
     def note() -> None:
         drive.motion.prepare(Mode.of(looped.objects.dictionary[MODE, 0]))  # with the servo off, too
         exchange()
-        if drive.state is State.OPERATION_ENABLED:
+        if drive.state is SimulatedState.OPERATION_ENABLED:
             modes.append(drive.motion.mode)
 
     looped._exchange = note  # type: ignore[method-assign]
@@ -273,14 +272,16 @@ def test_a_move_does_not_end_by_the_target_reached_of_the_move_before() -> None:
     looped.commands.enable(1.0)
     looped.commands.move(0.1, FAST)
     idle(looped)
-    take, words = looped.objects.take, [State.OPERATION_ENABLED.value | 1 << 10] * 15
+    take, words = looped.objects.take, [SimulatedState.OPERATION_ENABLED.value | 1 << 10] * 15
 
     def clear_late() -> None:
         take()
         word = looped.objects._taken[INPUTS.index(STATUSWORD)]
         words.append(word)
-        reached = words.pop(0) & Status.TARGET_REACHED
-        looped.objects._taken[INPUTS.index(STATUSWORD)] = word & ~Status.TARGET_REACHED | reached
+        reached = words.pop(0) & StatusBits.TARGET_REACHED
+        looped.objects._taken[INPUTS.index(STATUSWORD)] = (
+            word & ~StatusBits.TARGET_REACHED | reached
+        )
 
     looped.objects.take = clear_late  # type: ignore[method-assign]
     looped.commands.move(1.1, FAST)

@@ -46,7 +46,9 @@ ETHERCAT = """\
 def options(folder: Path, backend: str, section: str, *overrides: str) -> Any:
     path = folder / "robot.yaml"
     path.write_text(HEAD + section, encoding="utf-8")
-    robot = load_robot_descriptor(path, overrides=[parse_override(each) for each in overrides])
+    robot = load_robot_descriptor(
+        path, overrides=[parse_override(override) for override in overrides]
+    )
     return load_backend(backend).context(robot).options.options
 
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from tests.plugins.cia402.looped_drive import LoopedDrive
-from tests.plugins.cia402.test_looped_drive import FAST, peak_velocity
+from tests.plugins.cia402.looped_drive import FAST, LoopedDrive, peak_velocity
 
 from robotd.api import DeviceTimeout, Operation
 from robotd_cia402.controlword import DriveState

@@ -2,7 +2,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robotd_cia402.controlword import TOWARDS_ENABLED, DriveState, drive_state
-from robotd_cia402.simulated.drive import TRANSITIONS, State, command
+from robotd_cia402.simulated.drive import TRANSITIONS, SimulatedState, command
 
 
 @given(st.integers(0, 0xFFFF))
@@ -26,11 +26,11 @@ def test_the_states_of_the_standard() -> None:
 
 def test_the_table_leads_a_drive_from_anywhere_to_operation() -> None:
     """Two tables that were written apart: the master's and the simulated drive's."""
-    for start in State:
+    for start in SimulatedState:
         if drive_state(start.value) not in TOWARDS_ENABLED:
             continue
         state = start
         for _ in range(4):
             word = TOWARDS_ENABLED[drive_state(state.value)]
             state = TRANSITIONS.get((state, command(word)), state)
-        assert state is State.OPERATION_ENABLED, start
+        assert state is SimulatedState.OPERATION_ENABLED, start

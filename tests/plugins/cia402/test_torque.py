@@ -13,7 +13,7 @@ from robotd.api import CommandMode, NotReady, Operation
 from robotd_cia402.controlword import DriveState
 from robotd_cia402.modes import OperationMode
 from robotd_cia402.object_numbers import MODE, OUTPUTS, TARGET_POSITION, TARGET_TORQUE
-from robotd_cia402.simulated.drive import State
+from robotd_cia402.simulated.drive import SimulatedState
 
 # The model of a motor, see ``Motors.push``.
 INERTIA, VISCOUS, COULOMB = 0.5, 1.0, 2.0
@@ -152,7 +152,7 @@ def test_no_torque_remains_in_a_drive_that_switches_itself_off(axes: LoopedAxes)
     axes.begin_stream([0])
     looped.objects.put = put_as_can  # type: ignore[method-assign]
     drive(axes, 8.0, 0.2)
-    looped.drive._leave_power(State.SWITCH_ON_DISABLED)  # safe torque off
+    looped.drive._leave_power(SimulatedState.SWITCH_ON_DISABLED)  # safe torque off
     looped.run(1.0)
     positions.clear()
     axes.servo(0, on=True, timeout_s=1.0)

@@ -32,7 +32,9 @@ INPUTS = (
     (0x60FD, "I"), (0x6062, "i"),
 )  # fmt: skip
 _KINDS = {
-    (on_axis(each.index, axis), each.sub): each.kind for each in DRIVE_OBJECTS for axis in (0, 1)
+    (on_axis(entry.index, axis), entry.sub): entry.kind
+    for entry in DRIVE_OBJECTS
+    for axis in (0, 1)
 }
 
 
@@ -105,6 +107,7 @@ class FakeBus:
         lost_frames: frames that are lost from now on.
         bus_drift: of the bus time against the clock, relative.
         slow_frames: frames that come back too late for their own period, from now on.
+        is_blocked: what is sent waits in the interface; sent: frames so far.
         late_frames: frames that wait behind the next one.
         answers_late: AL states are read as if no slave had answered.
         misread: slave → wrong AL state that is read next, once.
@@ -119,7 +122,8 @@ class FakeBus:
         self.all += [FakeSlave(f"io{number}") for number in range(modules)]
         self.slaves: Sequence[FakeSlave] = ()
         self.lost_frames = self.late_frames = self.slow_frames = 0
-        self.answers_late = False
+        self.answers_late = self.is_blocked = False
+        self.sent = 0
         self.bus_drift = 0.0
         self.misread: dict[int, SlaveState] = {}
         self.frame_timeout_s = 0.0
@@ -222,7 +226,14 @@ class FakeBus:
     def bus_time_ns(self) -> int:
         return round(self._clock.now_ns() * (1 + self.bus_drift))
 
+    def note_all_sent(self) -> None:
+        pass
+
     def send(self) -> None:
+        self.sent += 1
+        if self.is_blocked:
+            self._counter = NO_FRAME
+            return
         if self.lost_frames > 0:
             self.lost_frames -= 1
             self._counter = NO_FRAME

@@ -48,6 +48,29 @@ def test_lost_frames_in_a_row_stop_all_axes(harness: Harness) -> None:
     assert harness.image.servo_on.all()
 
 
+def test_one_frame_waits_in_a_blocked_interface(harness: Harness) -> None:
+    harness.robot.axes._driver.begin_stream([0, 1])
+    bus = harness.bus
+    bus.is_blocked, sent = True, bus.sent
+    harness.robot.step(50)
+    assert bus.sent == sent + 1
+    text = "the network interface has sent no frame for 5 periods"
+    assert text in harness.master.supervision.faults[0]
+    bus.is_blocked = False
+    harness.until(lambda: harness.device.state() is ConnectionState.COMMUNICATING)
+    assert bus.sent > sent + 1
+    assert harness.image.operation[0] != Operation.STREAM
+
+
+def test_frames_that_only_the_start_has_lost_count_no_more(harness: Harness) -> None:
+    """A drive that is believed not to answer gets no command."""
+    exchange = harness.master.exchange
+    harness.bus.lost_frames = 1
+    harness.until(lambda: exchange.bad_in_row == 1)
+    exchange.go_live()
+    assert not any(slave.missed for slave in harness.master.slaves.values())
+
+
 def test_a_slave_that_leaves_op_is_named_with_its_code(harness: Harness) -> None:
     harness.slave(1).state, harness.slave(1).code = AlState.SAFE_OP, 0x001B
     harness.robot.step(6)

@@ -121,6 +121,7 @@ def test_the_doctor_finds_what_delays_frames(
     answers = {
         "ip": "eth9 UP 10.0.0.1/24\n",
         "-k": "generic-receive-offload: on\nlarge-receive-offload: off\n",
+        "-a": "Autonegotiate:\ton\nRX:\ton\nTX:\ton\n",
         "-c": "rx-usecs: 50\ntx-usecs: 0\n",
     }
     monkeypatch.setattr(machine_check, "NETWORK", tmp_path)
@@ -138,10 +139,11 @@ def test_the_doctor_finds_what_delays_frames(
         "warning eth9 runs at 1000 Mbit/s",
         "warning eth9 has address 10.0.0.1/24",
         "warning offloads on: generic-receive-offload",
+        "warning flow control on",
         "warning IRQ coalescing: rx 50 µs, tx 0 µs",
     ):
         assert expected in text
-    answers |= {"ip": "eth9 UP\n", "-k": "", "-c": "rx-usecs: 0\n"}
+    answers |= {"ip": "eth9 UP\n", "-k": "", "-a": "RX:\toff\n", "-c": "rx-usecs: 0\n"}
     (folder / "operstate").write_text("up\n")
     (folder / "device").rmdir()
     (tmp_path / "rt").touch()
@@ -149,6 +151,7 @@ def test_the_doctor_finds_what_delays_frames(
     text = "\n".join(found.what for found in check_machine("eth9"))
     assert "real-time kernel" in text
     assert "no IRQ coalescing" in text
+    assert "flow control" not in text
     assert "offloads off" in text
     assert "Mbit/s" not in text  # a virtual interface
 

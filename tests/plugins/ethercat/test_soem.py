@@ -283,3 +283,18 @@ def test_a_descriptor_that_is_too_large_for_select_ends_no_period() -> None:
     bus = Soem(0.7)
     bus._sockets = [SimpleNamespace(fileno=lambda: 1024)]  # type: ignore[list-item]
     assert not bus.await_process_data(0.001)
+
+
+def test_a_frame_that_waits_in_the_interface_is_seen(ends: list[socket.socket]) -> None:
+    """The kernel counts what the other end has not taken, as it counts an unsent frame."""
+    bus = Soem(0.7)
+    bus._sockets = [ends[0]]
+    assert not bus.is_blocked
+    ends[0].send(b"kept")  # as by a driver that frees sent frames late
+    bus.note_all_sent()
+    assert not bus.is_blocked
+    ends[0].send(b"waits")
+    assert bus.is_blocked
+    ends[1].recv(10)
+    ends[1].recv(10)
+    assert not bus.is_blocked

@@ -25,7 +25,6 @@ from tests.plugins.independent.canopen_objects import (
 from tests.plugins.independent.knobs import Knobs
 from tests.plugins.independent.servo_axis import HOMING_METHODS, MODES, Axis
 
-STEP_S = 1e-3
 CONNECTION_LOST = 0x8130
 
 
@@ -90,8 +89,8 @@ class ServoDrive(CanopenDevice):
     def __init__(
         self, node_id: int, send: Callable[[can.Message], None], knobs: Knobs | None = None
     ) -> None:
-        super().__init__(node_id, send)
-        self.knobs = knobs or Knobs()
+        self.knobs, self.to_bus = knobs or Knobs(), send
+        super().__init__(node_id, lambda frame: None if self.knobs.mute else send(frame))
         self.power = State.NOT_READY
         self.axis = Axis(self)
         self.after_braking = State.NOT_READY
@@ -335,7 +334,7 @@ class ServoDrive(CanopenDevice):
 
     def _advance(self, now: float) -> None:
         elapsed, self.now = now - self.now, now
-        steps = math.ceil(elapsed / STEP_S)
+        steps = math.ceil(elapsed / self.knobs.step_s)
         for _ in range(steps):
             halted = self.power is State.QUICK_STOP or self._halted
             self.axis.move(elapsed / steps, self.power in ENERGISED, halted)
@@ -367,6 +366,9 @@ class ServoDrive(CanopenDevice):
 
     def drop_to_pre_operational(self) -> None:
         self.enter(Nmt.PRE_OPERATIONAL)
+
+    def stop(self) -> None:
+        self.enter(Nmt.STOPPED)
 
     def clear(self) -> None:
         """Forget what was measured so far."""

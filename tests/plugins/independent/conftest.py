@@ -15,7 +15,7 @@ from tests.plugins.independent.harness import NodeProcess
 from tests.plugins.independent.knobs import Knobs
 
 from robotd.clock import MonotonicClock, wait_until
-from robotd.control.trajectory_execution import TrajectoryExecution
+from robotd.control.sources.trajectory_execution import TrajectoryExecution
 from robotd.descriptor import load_robot_descriptor
 from robotd.motion import TrajectoryRequest
 from robotd.plugin.manager import load_backend
@@ -124,6 +124,7 @@ def write_robot(
         "cycle": {"rate_hz": RATE_HZ},
         "engine": {"stale_after_s": 5.0, "open_tries": 1},
         "joints": [joint],
+        "trajectory": {"path_tolerance_rad": 3.0},  # what a stall has led off its path goes back
         "backend": "canopen",
         "backends": {
             "canopen": {

@@ -35,14 +35,14 @@ def serve(bus: can.BusABC, node: ServoDrive, requests: queue.Queue[Request]) -> 
         if node.knobs.duplicate_delay_s and twin is None:
             twin = duplicate(node)
         for drive in (node, twin) if twin else (node,):
-            if message is not None and not message.is_error_frame:
+            if message is not None and not (message.is_error_frame or drive.knobs.deaf):
                 drive.receive(message, now)
             drive.tick(now)
         with suppress(queue.Empty):
             request, reply = requests.get_nowait()
             if "power_on" in request:
                 node, twin = (
-                    ServoDrive(node.node_id, node.send, knobs_of(request["power_on"])),
+                    ServoDrive(node.node_id, node.to_bus, knobs_of(request["power_on"])),
                     None,
                 )
                 node.now = now
@@ -55,7 +55,7 @@ def serve(bus: can.BusABC, node: ServoDrive, requests: queue.Queue[Request]) -> 
 def duplicate(node: ServoDrive) -> ServoDrive:
     """Return another drive with the same node id, which answers late."""
     late = replace(node.knobs, sdo_delay_s=node.knobs.duplicate_delay_s, power_on_position=-5)
-    twin = ServoDrive(node.node_id, node.send, late)
+    twin = ServoDrive(node.node_id, node.to_bus, late)
     twin.now = node.now
     twin.restart()
     return twin
@@ -80,6 +80,7 @@ def answer(node: ServoDrive, request: dict[str, Any]) -> dict[str, Any]:
         turn_knob(node.knobs, name, value)
     actions: dict[str, Callable[[], None]] = {
         "restart": node.restart,
+        "stop": node.stop,
         "pre_operational": node.drop_to_pre_operational,
         "clear": node.clear,
         "fault": lambda: node.fault(request["code"]),

@@ -12,6 +12,7 @@ class Knobs:
     power_on_position: int = 123_456
     max_speed: float = 655_360.0  # counts/s
     lag_s: float = 0.005
+    step_s: float = 1e-3  # of its time
     encoder: int = 65_536  # counts per turn
     feed: int = 65_536  # position units per turn
     supported_modes: int = 0x3A5  # 0x6502
@@ -33,3 +34,5 @@ class Knobs:
     status_delay_s: float = 0.0
     code_in_603f: bool = True
     empty_strings: bool = False
+    deaf: bool = False  # no frame reaches it
+    mute: bool = False  # none of its frames reaches the bus

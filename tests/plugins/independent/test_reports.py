@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from tests.plugins.independent.conftest import NODE, START_RAD, OpenBench
 
 from robotd.cli import main
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.device.axes import Jog
 from robotd.device.state import CommandMode
 from robotd.errors import ConnectError, DeviceTimeout, RobotdError

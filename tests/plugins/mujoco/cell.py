@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from robotd.arrays import FloatArray
 from robotd.clock.simulated import SteppedClock
-from robotd.control.trajectory_execution import TrajectoryExecution
+from robotd.control.sources.trajectory_execution import TrajectoryExecution
 from robotd.descriptor import load_robot_descriptor, parse_override
 from robotd.motion import TrajectoryRequest
 from robotd.plugin.manager import load_backend
@@ -61,7 +61,7 @@ class Cell:
     def pose(self, name: str) -> FloatArray:
         """Return the pose (7,) of an object."""
         assert self.robot.world is not None
-        names = [each.name for each in self.robot.world.objects]
+        names = [item.name for item in self.robot.world.objects]
         pose: FloatArray = self.robot.world.poses()[names.index(name)]
         return pose
 
@@ -69,7 +69,7 @@ class Cell:
 @contextmanager
 def cell(*overrides: str, robot: str = "cr3a", start: bool = True) -> Iterator[Cell]:
     """Run a robot on MuJoCo; ``overrides`` are ``key=value`` below ``backends.mujoco``."""
-    values = [parse_override(f"backends.mujoco.{each}") for each in overrides]
+    values = [parse_override(f"backends.mujoco.{override}") for override in overrides]
     descriptor = load_robot_descriptor(robot, overrides=values)
     made = Robot(descriptor, load_backend("mujoco"), SteppedClock())
     try:

@@ -45,7 +45,7 @@ class DrivenBase:
         rate_hz = self.robot.descriptor.cycle.rate_hz
         for _ in range(round(seconds * rate_hz)):
             self.base.command(twist.linear, twist.angular, twist.lateral)
-            # A thread claims the wheels, while simulated time stands.
+            # A thread claims the wheels, while simulated time is held.
             claimed = wait_until(lambda: self.base.moving, CLAIM_TIMEOUT_S, MonotonicClock())
             assert claimed, "the wheels are not claimed"
             self._step()

@@ -75,8 +75,8 @@ def test_an_arm_on_a_base_loads_it_with_its_weight() -> None:
         base.robot.step(300)
         data, model = base.physics.data, base.physics.model
         floor = model.geom("floor").id
-        on_floor = [each for each in data.contact if floor in each.geom]
-        load = sum(float(data.efc_force[each.efc_address]) for each in on_floor)
+        on_floor = [contact for contact in data.contact if floor in contact.geom]
+        load = sum(float(data.efc_force[contact.efc_address]) for contact in on_floor)
         assert load == pytest.approx(9.81 * float(model.body_mass.sum()), rel=0.02)
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.utils.env_checker import check_env
 from tests.plugins.mujoco.cell import CARRIED_M, CUBE_M, LEFT, LEFT_ABOVE, RIGHT, RIGHT_ABOVE
 
 from robotd.errors import InvalidArgument
@@ -47,6 +48,28 @@ def test_a_carried_object_is_a_success_and_the_episode_repeats() -> None:
         assert env.observation_space.contains(last)
         again, _, _ = episode(env)
         assert again == rewards
+    finally:
+        env.close()
+
+
+def test_an_object_that_was_pushed_to_the_goal_is_no_success() -> None:
+    env = PickAndPlace()
+    try:
+        observation, _ = env.reset(seed=1, options={"object": CUBE_M[:2], "goal": CUBE_M[:2]})
+        assert observation["object_velocity"] == pytest.approx(np.zeros(3))
+        action = np.append(np.zeros(6), -1.0)
+        for _ in range(5):
+            observation, _, success, _, _ = env.step(action)
+        assert np.linalg.norm(observation["object"][:2] - observation["goal"]) < 0.02
+        assert not success, "it was never lifted"
+    finally:
+        env.close()
+
+
+def test_gymnasium_finds_no_fault_in_it_as_it_is_made() -> None:
+    env: Any = gymnasium.make("robotd_gym:robotd/PickAndPlace-v0")
+    try:
+        check_env(env.unwrapped)  # its warnings are errors here
     finally:
         env.close()
 

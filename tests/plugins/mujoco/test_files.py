@@ -9,7 +9,7 @@ import pytest
 from tests.plugins.mujoco.cell import cell
 
 from robotd import log
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.errors import DescriptorError, InvalidArgument
 
 URDF = """<robot name="arm">
@@ -91,6 +91,38 @@ def test_an_mjcf_and_a_scene_in_mjcf_make_a_robot(tmp_path: Path) -> None:
         assert arm.pose("ball")[:3] == pytest.approx([0.5, 0.0, 0.05 - 0.3], abs=2e-3)
 
 
+FOREIGN = """<mujoco><compiler angle="radian"/>
+<worldbody><body name="base" pos="0 0 .3"><body>
+  <joint name="left/waist" axis="0 0 1" range="-1 1"/><geom size=".05" mass="1"/>
+</body></body></worldbody>
+<actuator><position name="left/motor" joint="left/waist"/></actuator>
+<sensor><actuatorfrc actuator="left/motor"/><jointpos joint="left/waist"/></sensor>
+<keyframe><key name="home" qpos="0.1" ctrl="0.1"/></keyframe></mujoco>"""
+
+
+def test_a_foreign_mjcf_keeps_its_names(tmp_path: Path) -> None:
+    """Names with a slash, a body without one, and a sensor of an actuator that is left out."""
+    robot = robot_file(tmp_path, "mjcf: arm.xml, mjcf_joints: {j: left/waist}", urdf=False)
+    (tmp_path / "arm.xml").write_text(FOREIGN)
+    with cell(robot=robot) as arm:
+        assert arm.go((0.5,), 1.0).outcome is Outcome.SUCCEEDED
+        assert arm.physics.data.joint("left/waist").qpos[0] == pytest.approx(0.5, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("names", "reason"),
+    [
+        ("{j: right/waist}", r"has no joint 'right/waist' \(it has left/waist\)"),
+        ("{k: left/waist}", r"mjcf_joints: k: no joint of the robot \(j\)"),
+    ],
+)
+def test_a_joint_that_is_not_there_is_named(tmp_path: Path, names: str, reason: str) -> None:
+    robot = robot_file(tmp_path, f"mjcf: arm.xml, mjcf_joints: {names}", urdf=False)
+    (tmp_path / "arm.xml").write_text(FOREIGN)
+    with pytest.raises(DescriptorError, match=reason), cell(robot=robot):
+        pass
+
+
 def test_a_body_on_a_hinge_cannot_be_placed_and_moves_no_object(tmp_path: Path) -> None:
     robot = robot_file(tmp_path, "mjcf: arm.xml, scene: scene.xml", urdf=False)
     door = """<body name="door" pos="2 0 .5"><joint axis="0 0 1"/><geom size=".1" mass="1"/></body>
@@ -153,14 +185,13 @@ def test_a_wrong_scene_is_an_error_with_its_reason(scene: str, reason: str, tmp_
         pass
 
 
-@pytest.mark.parametrize(
-    ("file", "reason"), [("arm.xml", "a body has no name"), ("scene.xml", "scene has no name")]
-)
-def test_a_body_without_a_name_is_an_error(file: str, reason: str, tmp_path: Path) -> None:
+def test_a_body_of_a_scene_without_a_name_is_an_error(tmp_path: Path) -> None:
     robot = robot_file(tmp_path, "mjcf: arm.xml, scene: scene.xml", urdf=False)
-    text = (tmp_path / file).read_text()
-    (tmp_path / file).write_text(text.replace('name="beam"', "").replace('name="ball"', ""))
-    with pytest.raises(DescriptorError, match=reason), cell(robot=robot, start=False):
+    (tmp_path / "scene.xml").write_text(SCENE_XML.replace('name="ball"', ""))
+    with (
+        pytest.raises(DescriptorError, match="scene has no name"),
+        cell(robot=robot, start=False),
+    ):
         pass
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tests.plugins.mujoco.cell import LEFT, cell
 
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.descriptor import load_robot_descriptor
 from robotd_mujoco.device import MujocoDevice
 from robotd_mujoco.fault_injector import MujocoFaultInjector
@@ -131,7 +131,7 @@ def test_a_joint_without_a_brake_falls_and_is_enabled_without_a_jump() -> None:
         robot = arm.robot
         robot.axes.servo(1, False)
         start = float(robot.image.position[1])
-        robot.step(150)
+        robot.step(60)
         fallen = float(robot.image.position[1])
         assert abs(fallen - start) > 0.1
         robot.axes.servo(1, True)
@@ -164,11 +164,11 @@ def test_a_state_that_diverges_is_an_alarm_and_not_a_jump() -> None:
 def test_neighbours_do_not_touch_and_other_links_do() -> None:
     with cell("scene=null", start=False) as arm:
         assert arm.physics.data.ncon == 0
-        arm.physics.data.qpos[:6] = (0.0, 2.5, 0.0, 0.0, 0.0, 0.0)
+        arm.physics.data.qpos[:6] = (0.0, 0.0, 2.8, 0.0, 0.0, 0.0)
         mujoco.mj_forward(arm.physics.model, arm.physics.data)
         assert arm.physics.data.ncon > 0
     with cell("scene=null", "self_collision=false", start=False) as arm:
-        arm.physics.data.qpos[:6] = (0.0, 2.5, 0.0, 0.0, 0.0, 0.0)
+        arm.physics.data.qpos[:6] = (0.0, 0.0, 2.8, 0.0, 0.0, 0.0)
         mujoco.mj_forward(arm.physics.model, arm.physics.data)
         assert arm.physics.data.ncon == 0
 

@@ -88,7 +88,7 @@ def test_the_cameras_see_the_cubes() -> None:
             assert picture.shape == (camera.height, camera.width, 3)
         red, green, blue = world.image("cell_camera").astype(int).transpose(2, 0, 1)
         seen = [(red > 2 * green) & (red > 2 * blue), (green > 2 * red) & (green > blue + 40)]
-        assert [each.sum() > 20 for each in seen] == [True, True]
+        assert [picture.sum() > 20 for picture in seen] == [True, True]
         world.place("cube", np.array([0.4, 0.0, -5.0, 0.0, 0.0, 0.0, 1.0]))
         red, green, blue = world.image("cell_camera").astype(int).transpose(2, 0, 1)
         assert ((red > 2 * green) & (red > 2 * blue)).sum() < 5

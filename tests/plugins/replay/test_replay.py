@@ -48,7 +48,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Recording]:
 
 
 def replay(path: Path, *overrides: str) -> Robot:
-    values = [parse_override(each) for each in (f"backends.replay.file={path}", *overrides)]
+    values = [parse_override(text) for text in (f"backends.replay.file={path}", *overrides)]
     descriptor = load_robot_descriptor("cr3a", overrides=values)
     return Robot(descriptor, load_backend("replay"), SteppedClock())
 

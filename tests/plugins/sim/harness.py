@@ -21,6 +21,8 @@ from robotd_sim.simulation import Simulation
 
 PROFILE = Profile(velocity=2.0, acceleration=8.0, deceleration=4.0)
 TICK_S = 0.001
+READS_S = 0.4  # between two reads at most
+LONG_S = 100.0  # in which the watchdog may act
 
 
 def robot(axes: int = 2, **keys: Any) -> RobotDescriptor:
@@ -60,6 +62,10 @@ class Harness:
 
     def look(self, seconds: float = 0.0) -> ProcessImage:
         """The image ``seconds`` later."""
+        while READS_S < seconds < LONG_S:  # else the watchdog of the device stops moves
+            self.clock.advance(READS_S)
+            self.axes.read(self.image)
+            seconds -= READS_S
         self.clock.advance(seconds)
         self.axes.read(self.image)
         return self.image

@@ -16,6 +16,8 @@ from robotd.api import (
     DescriptorError,
     DeviceTimeout,
     NotReady,
+    Operation,
+    Profile,
 )
 from robotd_sim.options import SimOptions
 from robotd_wmx_parameters import default_wmx_parameters, write_wmx_parameters
@@ -173,3 +175,24 @@ def test_options_that_do_not_fit_the_robot_are_rejected() -> None:
         closed_rig(2, limit_switches={2: {"positive_rad": 1.0}})
     with pytest.raises(ValidationError, match="greater than or equal to 0"):
         closed_rig(2, seed=-1)
+
+
+def test_a_velocity_command_ends_when_nothing_reads_the_values() -> None:
+    """As in a stall of robotd: it has no end of its own, as a move has."""
+    made = harness()
+    made.axes.move(0, 2.0, Profile(velocity=1.0, acceleration=8.0, deceleration=4.0))
+    made.axes.jog(1, Profile(velocity=1.0, acceleration=8.0, deceleration=4.0))
+    made.look(0.2)
+    made.clock.advance(3.0)
+    image = made.look()
+    assert image.operation[:2].tolist() == [Operation.IDLE, Operation.IDLE]
+    assert image.position_command[:2] == pytest.approx([2.0, 0.76], abs=0.02)
+    assert "stands still" in image.reason[1]
+
+
+def test_a_velocity_command_goes_on_while_the_values_are_read() -> None:
+    made = harness()
+    made.axes.jog(0, Profile(velocity=1.0, acceleration=8.0, deceleration=4.0))
+    for _ in range(10):
+        image = made.look(0.3)
+    assert image.operation[0] == Operation.VELOCITY

@@ -37,6 +37,16 @@ def test_inputs_are_set_by_sensors_and_by_a_wire_from_the_outputs() -> None:
     assert io.read_inputs(3, 1) == b"\x00"
 
 
+def test_inputs_may_be_on_at_power_on() -> None:
+    made = harness(initial_inputs=[0, 0x21])
+    io = io_of(made)
+    assert io.read_inputs(0, 3) == b"\x00\x21\x00"
+    made.faults.set_input_bit(1, 0, False)
+    assert io.read_inputs(1, 1) == b"\x20"
+    made.device.close()
+    assert io.read_inputs(0, 3) == b"\x00\x21\x00"
+
+
 def test_addresses_outside_of_the_image_are_rejected_with_its_limits() -> None:
     io = io_of(harness())
     assert (io.input_bytes, io.output_bytes) == (8000, 8000)

@@ -90,11 +90,11 @@ def test_all_128_axes_move() -> None:
 
 
 def test_time_that_nobody_looked_at_is_made_up_for_within_bounds() -> None:
-    made = harness(1, max_catch_up_s=2.0)
+    made = harness(1, max_catch_up_s=0.45)
     made.look(1e6)  # at rest: all of it
     assert made.simulation.world.slips == 0
     made.axes.jog(0, Profile(1.0, 100.0, 100.0))
     image = made.look(1e6)
     assert made.simulation.world.slips == 1
-    assert image.position_command[0] == pytest.approx(2.0, abs=0.01)
-    assert made.look(1.0).position_command[0] == pytest.approx(3.0, abs=0.01)
+    assert image.position_command[0] == pytest.approx(0.45, abs=0.01)
+    assert made.look(1.0).position_command[0] == pytest.approx(1.45, abs=0.01)

@@ -43,13 +43,7 @@ def bad(findings: list[Finding]) -> list[str]:
 def test_a_known_backend_that_is_not_installed_is_named_with_its_remedy(robotd: Robotd) -> None:
     result = robotd("--robot", "cr3a", "--backend", "wmx")
     assert result.exit_code == ExitCode.PLUGIN
-    for part in (
-        "WMX3 motion engine",
-        "pip install ./plugins/wmx",
-        "robotd docs how-to/wmx",
-        "doctor",
-    ):
-        assert part in result.output
+    assert "backend 'wmx' is not installed; 'robotd wmx doctor' shows" in result.output
 
 
 def test_the_doctor_runs_without_sdk_and_backend(robotd: Robotd, tmp_path: Path) -> None:

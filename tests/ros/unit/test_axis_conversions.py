@@ -15,6 +15,7 @@ with warnings.catch_warnings():  # rosidl imports an old lark
 
 from builtin_interfaces.msg import Duration, Time
 from control_msgs.action import FollowJointTrajectory
+from rclpy.serialization import serialize_message
 from trajectory_msgs.msg import JointTrajectoryPoint
 from wmx_ros2_message.msg import AxisPose, AxisVelocity
 from wmx_ros2_message.srv import SetAxis
@@ -112,3 +113,22 @@ def test_times(sec: int, nanosec: int) -> None:
     assert stamp_ns(Time(sec=sec, nanosec=nanosec)) == sec * 10**9 + nanosec
     expected = pytest.approx(sec + nanosec / 1e9)
     assert duration_s(Duration(sec=sec, nanosec=nanosec)) == expected
+
+
+@pytest.mark.parametrize("message_type", [AxisVelocity, AxisPose])
+def test_axes_of_a_serialized_message(message_type: Any) -> None:
+    def axes(*index: int) -> frozenset[int]:
+        message = message_type(index=index, velocity=[0.5] * len(index))
+        return axis_conversions.axes_of(serialize_message(message), 4)
+
+    assert axes(2) == {2}
+    assert axes(3, 0) == {0, 3}
+    for rejected in ((), (4,), (1, -1), (1, 2**31 - 1)):
+        assert axes(*rejected) == axis_conversions.NO_AXES
+    assert axes(0, 1, 2, 3, 9) == {0, 1, 2, 3}  # rejected as well, with all of its axes
+    assert axes(*[1] * 100_000) == {1}
+
+
+@given(st.binary(max_size=64))
+def test_no_bytes_are_too_few_for_axes(data: bytes) -> None:
+    assert axis_conversions.axes_of(data, 4) <= frozenset(range(-1, 4))

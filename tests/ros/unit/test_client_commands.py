@@ -12,7 +12,7 @@ from click.testing import Result
 
 from robotd.cli.exit_codes import ExitCode
 from robotd.stop_signals import Interrupt
-from robotd_ros.commands.goal import Progress
+from robotd_ros.commands.goal import ProgressLine
 
 Robotd = Callable[..., Result]
 
@@ -115,7 +115,7 @@ def test_what_follows_a_hangup_is_no_second_signal() -> None:
 def test_progress_is_one_line_on_a_terminal_and_nothing_elsewhere(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    progress = Progress(["joint1"], 2.0, degrees={"joint1"})
+    progress = ProgressLine(["joint1"], 2.0, degrees={"joint1"})
     progress.show(1.0, {"joint1": 0.5, "joint2": 0.0})
     progress.end()
     assert capsys.readouterr().err == ""

@@ -89,7 +89,7 @@ def test_stamps_of_simulated_time_are_judged_by_it_and_the_source_by_the_system(
     with pytest.raises(InvalidArgument, match=r"ahead of the time of /clock.*use_sim_time"):
         judged.sent_ns(ago(0.0), ago(0.0), TIMEOUT_S)
     with pytest.raises(InvalidArgument, match="older than this computer's clock"):
-        judged.sent_ns(ago(3.0), stamp_ns, TIMEOUT_S)  # /clock stood meanwhile
+        judged.sent_ns(ago(3.0), stamp_ns, TIMEOUT_S)  # /clock was held meanwhile
 
 
 def test_a_simulated_control_loop_counts_the_age_of_stamps_in_its_own_time() -> None:

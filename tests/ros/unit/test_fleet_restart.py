@@ -46,7 +46,7 @@ def test_a_robot_that_was_killed_leaves_the_list(monkeypatch: pytest.MonkeyPatch
 
     def listed() -> list[tuple[int, str]]:
         robots.update()
-        return [(each.pid, each.state) for each in robots.robots]
+        return [(robot.pid, robot.state) for robot in robots.robots]
 
     assert listed() == []
     domain.announce(1)

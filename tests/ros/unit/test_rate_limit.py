@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+import random
+
 import pytest
 
 from robotd_ros.middleware import rate_limit
-from robotd_ros.middleware.rate_limit import BURST_S, MAX_CHARGE_S, NEWS_SILENCE_S, RateLimit
+from robotd_ros.middleware.rate_limit import (
+    BURST_S,
+    MAX_CHARGE_S,
+    NEWS_SILENCE_S,
+    NewestItems,
+    RateLimit,
+)
 
 STEP_S = 1e-4
 
@@ -79,3 +87,24 @@ def test_a_refusal_is_news_after_a_quiet_time(now: list[float]) -> None:
     work(some, now, MAX_CHARGE_S)
     assert not some.is_left()
     assert some.is_news
+
+
+def test_what_is_left_is_the_newest_for_each_target() -> None:
+    items: NewestItems[str] = NewestItems()
+    for targets, item in [({1, 2}, "a"), ({3}, "b"), ({2}, "c"), ({3}, "d"), ({2, 3}, "e")]:
+        items.put(frozenset(targets), item)
+    assert [items.pop() for _ in range(2)] == ["a", "e"]  # "a" is the newest one for 1
+    assert not items
+
+
+def test_there_are_no_more_items_than_targets() -> None:
+    items, chance = NewestItems[int](), random.Random(1)
+    newest: dict[int, int] = {}
+    for number in range(1000):
+        targets = frozenset(chance.sample(range(8), chance.randint(1, 8)))
+        items.put(targets, number)
+        newest |= dict.fromkeys(targets, number)
+    left = []
+    while items:
+        left.append(items.pop())
+    assert left == sorted(set(newest.values()))

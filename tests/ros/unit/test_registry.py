@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from robotd.entry_points import PluginOrigin
 from robotd.errors import DescriptorError, PluginError
 from robotd.plugin.registry import NodeInfo, NodeRegistry
-from robotd_ros.node_registry import make_node
+from robotd_ros.node_registry import OPERATOR_NODE, WORLD_NODE, make_node
 from robotd_ros.plugin import BUILT_IN, built_in_nodes, robotd_register_nodes
 
 
@@ -27,14 +28,21 @@ def test_a_name_like_no_other_is_answered_with_all() -> None:
 
 
 def test_plugins_add_nodes_and_cannot_replace_built_in_ones() -> None:
-    nodes = registry("weather", "sky.nodes:Weather")
-    robotd_register_nodes(nodes)
+    own = NodeRegistry()
+    robotd_register_nodes(own)
+    others = registry("weather", "sky.nodes:Weather")
+    for name in ("manipulator_state", OPERATOR_NODE, WORLD_NODE):
+        others.add(name, "x:y")
+    origin = PluginOrigin("sky", "sky", "sky", "1")
+    built_in = PluginOrigin("ros", "robotd_ros.plugin", "robotd", "1")
+    failures: dict[PluginOrigin, str] = {}
+    nodes = NodeRegistry.joined({origin: others, built_in: own}, failures)
     assert set(nodes.nodes) == {*BUILT_IN, "weather"}
-    clash = "'manipulator_state' of x:y has the name of a built-in node"
-    with pytest.raises(PluginError, match=clash):  # in either order
-        nodes.add("manipulator_state", "x:y")
-    with pytest.raises(PluginError, match=clash):
-        robotd_register_nodes(registry("manipulator_state", "x:y"))
+    assert failures[origin].splitlines() == [
+        "plugin 'sky' (sky of sky 1): node 'robotd' is taken by robotd",
+        "plugin 'sky' (sky of sky 1): node 'robotd_world' is taken by robotd",
+        f"plugin 'sky' (sky of sky 1): node 'manipulator_state' is taken by {built_in}",
+    ]
 
 
 def test_a_plugin_s_factory_is_called_with_robot_and_host() -> None:
@@ -52,8 +60,10 @@ def test_a_plugin_s_factory_is_called_with_robot_and_host() -> None:
     ],
 )
 def test_a_factory_that_fails_is_the_plugin_s_error(factory: str, reason: str) -> None:
-    with pytest.raises(PluginError, match=rf"'sun' \({factory}\) cannot be made: {reason}"):
-        make_node("sun", NodeInfo(factory, ""), object(), object())  # type: ignore[arg-type]
+    with pytest.raises(
+        PluginError, match=rf"'sun' of plugin acme: {factory} cannot be made: {reason}"
+    ):
+        make_node("sun", NodeInfo(factory, "", owner="acme"), object(), object())  # type: ignore[arg-type]
 
 
 def test_a_plugin_s_node_may_switch_servos_on_and_keep_a_failed_start() -> None:

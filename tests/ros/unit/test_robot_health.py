@@ -8,14 +8,14 @@ from collections.abc import Callable, Iterator
 import pytest
 from tests.fakes import FakeClock
 
-from robotd.control.period_timing import LoopReport
+from robotd.control.loop.period_timing import LoopReport
 from robotd.device.bus_status import BusNode, BusState, BusStatus
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, ConnectionState
 from robotd.robot import Robot, build_robot
 from robotd_ros.diagnostics.part_status import (
-    Level,
-    Status,
+    DiagnosticLevel,
+    PartStatus,
     axis_status,
     cycle_status,
     engine_status,
@@ -32,15 +32,19 @@ SECOND = 1_000_000_000
 @pytest.mark.parametrize(
     ("state", "ready", "level"),
     [
-        (ConnectionState.COMMUNICATING, True, Level.OK),
-        (ConnectionState.COMMUNICATING, False, Level.WARN),  # parameters are being applied
-        (ConnectionState.IDLE, False, Level.WARN),
-        (ConnectionState.RUNNING, False, Level.WARN),
-        (ConnectionState.SHUTDOWN, False, Level.WARN),
-        (ConnectionState.UNKNOWN, False, Level.ERROR),
+        (ConnectionState.COMMUNICATING, True, DiagnosticLevel.OK),
+        (
+            ConnectionState.COMMUNICATING,
+            False,
+            DiagnosticLevel.WARN,
+        ),  # parameters are being applied
+        (ConnectionState.IDLE, False, DiagnosticLevel.WARN),
+        (ConnectionState.RUNNING, False, DiagnosticLevel.WARN),
+        (ConnectionState.SHUTDOWN, False, DiagnosticLevel.WARN),
+        (ConnectionState.UNKNOWN, False, DiagnosticLevel.ERROR),
     ],
 )
-def test_the_engine(state: ConnectionState, ready: bool, level: Level) -> None:
+def test_the_engine(state: ConnectionState, ready: bool, level: DiagnosticLevel) -> None:
     status = engine_status(state, "sim", ready=ready)
     assert status.level is level
     assert status.values["state"] == state.value
@@ -77,13 +81,13 @@ def healthy() -> ProcessImage:
     return image
 
 
-def axis(image: ProcessImage, state: ConnectionState = UP, *, used: bool = True) -> Status:
+def axis(image: ProcessImage, state: ConnectionState = UP, *, used: bool = True) -> PartStatus:
     return axis_status("joint1", 0, image, state, used=used)
 
 
 def test_an_axis_that_is_well() -> None:
     status = axis(healthy())
-    assert (status.level, status.message) == (Level.OK, "servo on")
+    assert (status.level, status.message) == (DiagnosticLevel.OK, "servo on")
     assert status.values["position (rad or m)"] == "1"
     assert status.values["following error (rad or m)"] == "0.25"
     assert status.values["torque (N·m or N)"] == "not known"
@@ -92,14 +96,14 @@ def test_an_axis_that_is_well() -> None:
 @pytest.mark.parametrize(
     ("array", "value", "level", "message"),
     [
-        ("offline", True, Level.ERROR, "drive is offline"),
-        ("amp_alarm", True, Level.ERROR, "amplifier alarm 0"),
-        ("negative_limit", True, Level.WARN, "on the negative limit switch"),
-        ("positive_limit", True, Level.WARN, "on the positive limit switch"),
-        ("servo_on", False, Level.WARN, "servo off"),
+        ("offline", True, DiagnosticLevel.ERROR, "drive is offline"),
+        ("amp_alarm", True, DiagnosticLevel.ERROR, "amplifier alarm 0"),
+        ("negative_limit", True, DiagnosticLevel.WARN, "on the negative limit switch"),
+        ("positive_limit", True, DiagnosticLevel.WARN, "on the positive limit switch"),
+        ("servo_on", False, DiagnosticLevel.WARN, "servo off"),
     ],
 )
-def test_an_axis_that_is_not(array: str, value: bool, level: Level, message: str) -> None:
+def test_an_axis_that_is_not(array: str, value: bool, level: DiagnosticLevel, message: str) -> None:
     image = healthy()
     getattr(image, array)[0] = value
     status = axis(image)
@@ -110,14 +114,14 @@ def test_the_worst_is_told_first() -> None:
     image = healthy()
     image.servo_on[0], image.amp_alarm[0], image.alarm_code[0] = False, True, 12
     status = axis(image)
-    assert (status.level, status.message) == (Level.ERROR, "amplifier alarm 12")
+    assert (status.level, status.message) == (DiagnosticLevel.ERROR, "amplifier alarm 12")
     assert status.values["alarm code"] == "12"
 
 
 def test_a_bare_axis_may_be_off() -> None:
     image = healthy()
     image.servo_on[0] = False
-    assert axis(image, used=False).level is Level.OK
+    assert axis(image, used=False).level is DiagnosticLevel.OK
 
 
 def test_only_in_position_mode_is_there_a_following_error() -> None:
@@ -129,7 +133,7 @@ def test_only_in_position_mode_is_there_a_following_error() -> None:
 @pytest.mark.parametrize("state", [state for state in ConnectionState if state is not UP])
 def test_what_cannot_be_known_is_stale(state: ConnectionState) -> None:
     for status in (axis(ProcessImage(1), state), gripper_status(state, closed=False)):
-        assert (status.level, status.values) == (Level.STALE, {})
+        assert (status.level, status.values) == (DiagnosticLevel.STALE, {})
         assert state.value in status.message
 
 
@@ -140,27 +144,44 @@ def node(number: int, state: BusState = OP, **details: int | bool | str) -> BusN
 @pytest.mark.parametrize(
     ("nodes", "losing", "level", "message"),
     [
-        ((node(0), node(1)), False, Level.OK, "2 nodes operational"),
-        ((node(0), node(1, BusState.INPUTS_ONLY)), False, Level.WARN, "node 1 is inputs only"),
-        ((node(0),), True, Level.WARN, "packets are being lost"),
-        ((node(0, BusState.UNKNOWN, offline=True),), False, Level.ERROR, "node 0 is offline"),
-        ((node(0, error_code=0x1B),), False, Level.ERROR, "node 0 has error code 0x001b"),
-        ((node(3, fault="EMCY 0x3210"),), False, Level.ERROR, "node 3 has a fault: EMCY 0x3210"),
+        ((node(0), node(1)), False, DiagnosticLevel.OK, "2 nodes operational"),
+        (
+            (node(0), node(1, BusState.INPUTS_ONLY)),
+            False,
+            DiagnosticLevel.WARN,
+            "node 1 is inputs only",
+        ),
+        ((node(0),), True, DiagnosticLevel.WARN, "packets are being lost"),
+        (
+            (node(0, BusState.UNKNOWN, offline=True),),
+            False,
+            DiagnosticLevel.ERROR,
+            "node 0 is offline",
+        ),
+        ((node(0, error_code=0x1B),), False, DiagnosticLevel.ERROR, "node 0 has error code 0x001b"),
+        (
+            (node(3, fault="EMCY 0x3210"),),
+            False,
+            DiagnosticLevel.ERROR,
+            "node 3 has a fault: EMCY 0x3210",
+        ),
         (
             (node(3, offline=True, fault="no heartbeat"),),
             False,
-            Level.ERROR,
+            DiagnosticLevel.ERROR,
             "node 3 is offline: no heartbeat",
         ),
         (
             (node(0, BusState.UNKNOWN, offline=True), node(1, BusState.CONFIGURABLE)),
             True,
-            Level.ERROR,
+            DiagnosticLevel.ERROR,
             "node 0 is offline; node 1 is configurable; packets are being lost",
         ),
     ],
 )
-def test_the_fieldbus(nodes: tuple[BusNode, ...], losing: bool, level: Level, message: str) -> None:
+def test_the_fieldbus(
+    nodes: tuple[BusNode, ...], losing: bool, level: DiagnosticLevel, message: str
+) -> None:
     status = fieldbus_status("fieldbus", BusStatus(OP, nodes=nodes), losing=losing)
     assert (status.level, status.message) == (level, message)
 
@@ -168,21 +189,27 @@ def test_the_fieldbus(nodes: tuple[BusNode, ...], losing: bool, level: Level, me
 @pytest.mark.parametrize(
     ("report", "running", "missing", "level", "message"),
     [
-        (ON_TIME, True, False, Level.OK, "500 Hz"),
-        (ON_TIME, True, True, Level.WARN, "deadlines are being missed"),
-        (ON_TIME, False, False, Level.ERROR, "stands still"),
-        (LoopReport(0, 0, 0, math.nan, *[0.0] * 6), False, False, Level.STALE, "not started"),
+        (ON_TIME, True, False, DiagnosticLevel.OK, "500 Hz"),
+        (ON_TIME, True, True, DiagnosticLevel.WARN, "deadlines are being missed"),
+        (ON_TIME, False, False, DiagnosticLevel.ERROR, "stands still"),
+        (
+            LoopReport(0, 0, 0, math.nan, *[0.0] * 6),
+            False,
+            False,
+            DiagnosticLevel.STALE,
+            "not started",
+        ),
         (
             LoopReport(9, 0, 9, 400.0, *[0.0] * 6),
             True,
             False,
-            Level.WARN,
+            DiagnosticLevel.WARN,
             "400 Hz instead of 500 Hz",
         ),
     ],
 )
 def test_the_cycle(
-    report: LoopReport, running: bool, missing: bool, level: Level, message: str
+    report: LoopReport, running: bool, missing: bool, level: DiagnosticLevel, message: str
 ) -> None:
     status = cycle_status(report, 500.0, "none", running=running, missing=missing)
     assert (status.level, status.message) == (level, message)
@@ -210,18 +237,18 @@ def robot() -> Iterator[Robot]:
     robot.connection.shutdown()
 
 
-def levels(health: Health) -> dict[str, Level]:
+def levels(health: Health) -> dict[str, DiagnosticLevel]:
     return {status.part: status.level for status in health.statuses()}
 
 
 def test_a_robot_tells_of_all_its_parts(robot: Robot) -> None:
     assert levels(Health(robot)) == {
-        "engine": Level.OK,
-        **dict.fromkeys(robot.joint_names, Level.WARN),  # servos are off
-        "fieldbus": Level.OK,
-        "cycle": Level.STALE,
-        "motion": Level.OK,
-        "gripper": Level.OK,
+        "engine": DiagnosticLevel.OK,
+        **dict.fromkeys(robot.joint_names, DiagnosticLevel.WARN),  # servos are off
+        "fieldbus": DiagnosticLevel.OK,
+        "cycle": DiagnosticLevel.STALE,
+        "motion": DiagnosticLevel.OK,
+        "gripper": DiagnosticLevel.OK,
     }
 
 
@@ -229,9 +256,9 @@ def test_an_idle_engine_leaves_nothing_known(robot: Robot) -> None:
     health = Health(robot)
     robot.connection.close()
     found = levels(health)
-    assert found.pop("engine") is Level.WARN
-    assert found.pop("motion") is Level.OK
-    assert set(found.values()) == {Level.STALE}
+    assert found.pop("engine") is DiagnosticLevel.WARN
+    assert found.pop("motion") is DiagnosticLevel.OK
+    assert set(found.values()) == {DiagnosticLevel.STALE}
 
 
 @pytest.mark.parametrize(
@@ -259,7 +286,10 @@ def test_an_alarm_of_the_controller_is_an_error_of_the_engine_told_once() -> Non
     assert image.controller_fault == "controller alarm 17 (emergency stop)"
     assert axis(image).message == "controller alarm 17"
     status = engine_status(UP, "acme", image.controller_fault, ready=True)
-    assert (status.level, status.message) == (Level.ERROR, "controller alarm 17 (emergency stop)")
+    assert (status.level, status.message) == (
+        DiagnosticLevel.ERROR,
+        "controller alarm 17 (emergency stop)",
+    )
     image.set_controller_alarm(0)
     assert image.controller_fault == ""
     assert not image.amp_alarm.any()
@@ -271,4 +301,7 @@ def test_a_managed_robot_that_is_not_active_is_a_warning(robot: Robot) -> None:
     robot.axes.stop_latch.inactive = "inactive"
     assert health.fingerprint() != before
     [motion] = [status for status in health.statuses() if status.part == "motion"]
-    assert (motion.level, motion.message) == (Level.WARN, "not allowed: the robot is inactive")
+    assert (motion.level, motion.message) == (
+        DiagnosticLevel.WARN,
+        "not allowed: the robot is inactive",
+    )

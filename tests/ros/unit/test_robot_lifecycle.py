@@ -7,10 +7,10 @@ from collections.abc import Callable
 import pytest
 from tests.core.control.harness import ACCELERATION, Harness, arm
 
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.device.state import ConnectionState
 from robotd.errors import ConnectError, InvalidArgument, NotReady
-from robotd_ros.robot_lifecycle import GRAPH, RobotLifecycle, State, Transition
+from robotd_ros.robot_lifecycle import GRAPH, LifecycleState, RobotLifecycle, Transition
 
 FAR = (1.0, -0.6, 0.3)
 INACTIVE = "the robot is inactive: its lifecycle manager has to activate it"
@@ -31,7 +31,7 @@ class Managed(Harness):
 
     @property
     def labels(self) -> list[str]:
-        return [each.label for each in self.events]
+        return [transition.label for transition in self.events]
 
 
 @pytest.fixture
@@ -41,7 +41,7 @@ def managed() -> Managed:
 
 def test_the_life_of_a_robot_twice(managed: Managed) -> None:
     for _ in range(2):
-        assert managed.lifecycle.state is State.UNCONFIGURED
+        assert managed.lifecycle.state is LifecycleState.UNCONFIGURED
         managed.go("configure")
         managed.run(0.01)
         assert managed.connection.ready
@@ -58,7 +58,7 @@ def test_the_life_of_a_robot_twice(managed: Managed) -> None:
         assert managed.connection.state is ConnectionState.IDLE
         managed.setpoints.rows.clear()
     managed.go("shutdown")
-    assert managed.lifecycle.state is State.FINALIZED
+    assert managed.lifecycle.state is LifecycleState.FINALIZED
     assert managed.connection.state is ConnectionState.SHUTDOWN
 
 
@@ -76,7 +76,7 @@ def test_nothing_moves_and_no_servo_is_switched_on_while_inactive(managed: Manag
             command()
     with pytest.raises(ConnectError, match=INACTIVE):
         managed.robot.recover()
-    remedies = {each.text: each.remedy for each in managed.robot.find_problems()}
+    remedies = {problem.text: problem.remedy for problem in managed.robot.find_problems()}
     assert remedies["the robot is inactive"] == "Its lifecycle manager has to activate it"
     assert not managed.image.servo_on.any()
 
@@ -94,7 +94,7 @@ def test_a_stop_outlives_the_deactivation(managed: Managed) -> None:
 def test_a_device_that_does_not_open_leaves_the_robot_unconfigured() -> None:
     managed = Managed(backends={"sim": {"fail_open": 7}})
     assert not managed.lifecycle.change(1)
-    assert managed.lifecycle.state is State.UNCONFIGURED
+    assert managed.lifecycle.state is LifecycleState.UNCONFIGURED
     assert managed.labels == ["configure", "transition_failure"]
     managed.go("configure")
 
@@ -110,7 +110,7 @@ def test_servos_that_fail_leave_the_robot_inactive_and_off(managed: Managed) -> 
 
     managed.robot.servos.enable_axis = fail  # type: ignore[method-assign]
     assert not managed.lifecycle.change(3)
-    assert managed.lifecycle.state is State.INACTIVE
+    assert managed.lifecycle.state is LifecycleState.INACTIVE
     assert not managed.simulation.states.servo_on.any()
     managed.robot.servos.enable_axis = enable  # type: ignore[method-assign]
     managed.go("activate")
@@ -125,9 +125,9 @@ def test_an_error_closes_the_device(managed: Managed) -> None:
 
     disable, managed.robot.servos.disable = managed.robot.servos.disable, fail  # type: ignore[method-assign]
     assert not managed.lifecycle.change(4)
-    assert managed.lifecycle.state is State.UNCONFIGURED
+    assert managed.lifecycle.state is LifecycleState.UNCONFIGURED
     assert managed.labels == ["deactivate", "transition_error", "transition_success"]
-    assert managed.events[-1].start is State.ERRORPROCESSING
+    assert managed.events[-1].start is LifecycleState.ERRORPROCESSING
     assert managed.connection.state is ConnectionState.IDLE
     assert not managed.simulation.states.servo_on.any(), "the connection switches off by itself"
     managed.robot.servos.disable = disable  # type: ignore[method-assign]
@@ -144,7 +144,7 @@ def test_a_device_that_cannot_be_closed_after_an_error_ends_the_life(managed: Ma
 
     managed.connection.close = fail  # type: ignore[method-assign]
     assert not managed.lifecycle.change(2)
-    assert managed.lifecycle.state is State.FINALIZED
+    assert managed.lifecycle.state is LifecycleState.FINALIZED
     assert ended == [True]
 
 
@@ -165,4 +165,4 @@ def test_a_second_transition_at_the_same_time_is_rejected(managed: Managed) -> N
 
 
 def test_every_transition_has_an_id_of_its_own() -> None:
-    assert len({each.id for each in GRAPH}) == len(GRAPH) == 25
+    assert len({transition.id for transition in GRAPH}) == len(GRAPH) == 25

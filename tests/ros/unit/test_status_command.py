@@ -29,6 +29,7 @@ def test_values_that_are_not_known_are_null(monkeypatch: pytest.MonkeyPatch) -> 
     unknown = axis(0, position=math.nan)
     report = RobotReport(read_identity("{}"), "", True, 1.0, (), (unknown,), {}, {}, {}, ())
     monkeypatch.setattr(status_command, "robot_client", robot_client)
+    monkeypatch.setattr(status_command, "require_one_robot", lambda client, prints: None)
     monkeypatch.setattr(status_client, "read_report", lambda client: report)
 
     def reject(constant: str) -> Any:

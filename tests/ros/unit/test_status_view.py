@@ -5,7 +5,7 @@ import math
 
 from rich.console import Console
 
-from robotd.control.problem import Problem, ProblemKind
+from robotd.control.groups.problem import Problem, ProblemKind
 from robotd_ros.client.live_status import LiveReport, PartReport
 from robotd_ros.client.status_client import AxisReport, ToolReport
 from robotd_ros.commands.status_view import view
@@ -115,7 +115,7 @@ def test_a_robot_that_is_not_ready_has_no_axes() -> None:
 def test_six_moving_joints_take_a_line_each_in_80_columns() -> None:
     axes = tuple(axis(number, torque=-2.5) for number in range(6))
     lines = shown(LiveReport(True, axes, (), {})).splitlines()
-    assert [line.split()[1] for line in lines if "N·m" in line] == [each.name for each in axes]
+    assert [line.split()[1] for line in lines if "N·m" in line] == [axis.name for axis in axes]
     assert not [line for line in lines if line.strip() in ("rad", "rad/s", "N·m")]
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from structlog.testing import capture_logs
 
-from robotd.control.open_stream import StreamClient
+from robotd.control.groups.streams import StreamClient
 from robotd.errors import NotReady, OperationError
 from robotd_ros.nodes.topic_stream import TopicStream
 
@@ -110,7 +110,7 @@ def test_no_stream_is_opened_for_a_command_that_is_rejected() -> None:
         for _ in range(3):
             topic.apply(reject)
     assert not opened
-    assert [each["reason"] for each in logs] == ["the client has to begin anew"]
+    assert [log["reason"] for log in logs] == ["the client has to begin anew"]
 
 
 def test_the_command_that_opens_a_stream_is_not_put_after_a_newer_one() -> None:

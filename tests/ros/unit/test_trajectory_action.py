@@ -12,10 +12,11 @@ import pytest
 from control_msgs.action import FollowJointTrajectory
 from trajectory_msgs.msg import JointTrajectoryPoint
 
-from robotd.control.completion import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.errors import OperationError
 from robotd_ros import worker_action
 from robotd_ros.nodes import follow_joint_trajectory_server as trajectory_action
+from robotd_ros.request_log import RequestLog
 
 
 class Goals:
@@ -54,7 +55,10 @@ def action_of(monkeypatch: pytest.MonkeyPatch, follower: Any, submit: Callable[.
     """Return a trajectory action over stand-ins."""
     monkeypatch.setattr(worker_action, "worker_action_server", Goals)
     host: Any = SimpleNamespace(
-        callback_guard=nullcontext, submit=submit, sent_by_request=lambda _: nullcontext()
+        callback_guard=nullcontext,
+        submit=submit,
+        sent_by_request=lambda _: nullcontext(),
+        request_log=RequestLog(),
     )
     group: Any = SimpleNamespace(
         name="", follower=follower, motion=SimpleNamespace(ticket=lambda: 1)
@@ -124,4 +128,4 @@ def test_a_goal_that_was_canceled_while_it_waited_for_a_worker_does_not_begin(
     waiting[0]()
     assert not begun
     assert states == ["canceled"]
-    assert [each.error_code for each in action._server.ends] == [0]
+    assert [ended.error_code for ended in action._server.ends] == [0]

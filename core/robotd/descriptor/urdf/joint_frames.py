@@ -29,8 +29,8 @@ class JointFrames:
     def __init__(self, urdf: UrdfRobot, names: Sequence[str]) -> None:
         known = {name: column for column, name in enumerate(names)}
         shares = {joint.name: _share(urdf, joint, known) for joint in urdf.joints}
-        self.moving = tuple(each for each in urdf.joints if shares[each.name] is not None)
-        self.still = tuple(each for each in urdf.joints if shares[each.name] is None)
+        self.moving = tuple(joint for joint in urdf.joints if shares[joint.name] is not None)
+        self.still = tuple(joint for joint in urdf.joints if shares[joint.name] is None)
         self._urdf = urdf
         count = len(self.moving)
         self._ratios: FloatArray = np.zeros((count, len(names)))

@@ -130,7 +130,7 @@ class UrdfRobot:
     def carries(self, joint: UrdfJoint) -> list[UrdfJoint]:
         """Return the moving joints beyond ``joint``."""
         links = self.subtree(joint.child)
-        return [each for each in self.joints if each.moves and each.parent in links]
+        return [joint for joint in self.joints if joint.moves and joint.parent in links]
 
     def position(self, joint: UrdfJoint, positions: Mapping[str, float]) -> float:
         """Return the position of ``joint``: its own, that of a mimic, or 0."""

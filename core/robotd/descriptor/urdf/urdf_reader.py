@@ -330,7 +330,7 @@ class _Reader:
         seen = [joint.name]
         while (mimic := joints[seen[-1]].mimic) is not None and mimic.joint:
             if mimic.joint not in joints:
-                if len(seen) == 1:  # otherwise noted at the joint that names it
+                if len(seen) == 1:  # otherwise reported at the joint that names it
                     hint = did_you_mean(mimic.joint, joints)
                     self._notes.append(
                         f"joint {joint.name} mimics joint {mimic.joint!r}, which is none{hint}:"

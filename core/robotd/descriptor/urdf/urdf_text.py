@@ -72,8 +72,8 @@ def xml_root(data: bytes | str, path: Path) -> Any:
 def is_xacro(root: Any) -> bool:
     """Return True for the root of a file that xacro has to expand."""
     return any(
-        "ros.org/wiki/xacro" in str(each.tag) or "wiki.ros.org/xacro" in str(each.tag)
-        for each in root.iter(etree.Element)
+        "ros.org/wiki/xacro" in str(element.tag) or "wiki.ros.org/xacro" in str(element.tag)
+        for element in root.iter(etree.Element)
     )
 
 

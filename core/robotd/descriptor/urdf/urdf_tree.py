@@ -36,7 +36,7 @@ def depth_first(
     children: dict[str, list[UrdfJoint]] = {}
     for joint in joints:
         children.setdefault(joint.parent, []).append(joint)
-    held = {joint.child for each in children.values() for joint in each}
+    held = {joint.child for group in children.values() for joint in group}
     root = next(name for name in links if name not in held)
     ordered: list[UrdfJoint] = []
     waiting = children.get(root, [])[::-1]
@@ -58,6 +58,6 @@ def _loops(parents: Mapping[str, UrdfJoint]) -> Iterator[tuple[str, int, str]]:
             link = parents[link].parent
         if link in way:
             loop = way[way.index(link) :][::-1]
-            joint = min((parents[each] for each in loop), key=lambda joint: joint.line)
+            joint = min((parents[link] for link in loop), key=lambda joint: joint.line)
             yield f"links form a loop: {' → '.join([*loop, loop[0]])}", joint.line, joint.name
         done.update(way)

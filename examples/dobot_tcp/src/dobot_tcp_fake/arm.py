@@ -39,10 +39,6 @@ class Arm:
         self._began_s, self._time_s = clock(), 1.0
         self._measured, self._measured_s = np.zeros(JOINTS), clock()
 
-    @property
-    def target(self) -> np.ndarray:
-        return self._target
-
     def state(self) -> tuple[np.ndarray, np.ndarray]:
         """Return true position and velocity, (6,) each."""
         passed = (self._clock() - self._began_s) / self._time_s

@@ -32,6 +32,7 @@ class FakeOptions(DobotOptions):
     """As ``backends.dobot_tcp``; the ports are chosen when the stand-in is started."""
 
     address: str = "127.0.0.1"
+    max_target_age_s: float = 0.5  # it shares the processor with everything
 
 
 class FakeDevice(DobotDevice):

@@ -6,6 +6,7 @@ import asyncio
 import re
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 from robotd_dobot_tcp.protocol import FEEDBACK, FEEDBACK_PERIOD_S, TEST_VALUE
@@ -21,18 +22,21 @@ class Controller:
     Attributes:
         ports: of dashboard, motion, feedback and faults.
         frozen: no feedback is sent, and no connection is closed.
+        reads_targets: clear while no target is read; those that come wait.
         period_s: between two packets.
     """
 
     def __init__(self, arm: Arm) -> None:
         self.arm, self.ports = arm, [0, 0, 0, 0]
         self.frozen, self.period_s = False, FEEDBACK_PERIOD_S
+        self.reads_targets = asyncio.Event()
+        self.reads_targets.set()
         self._writers: list[asyncio.StreamWriter] = []
         self._readers: list[asyncio.StreamWriter] = []  # of the feedback
 
     async def serve(self, ports: list[int]) -> None:
         """Listen on ``ports`` (0: any free one), print them, and run until standard input ends."""
-        roles = (self._talk, self._talk, self._report, self._hurt)
+        roles = (self._talk, self._move, self._report, self._hurt)
         servers = [
             await asyncio.start_server(role, "127.0.0.1", port)
             for role, port in zip(roles, ports, strict=True)
@@ -46,15 +50,29 @@ class Controller:
         feedback.cancel()
 
     async def _talk(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Dashboard and motion port: commands, each with a reply."""
+        """Dashboard: commands, each with a reply."""
         self._writers.append(writer)
         text = ""
         while part := await reader.read(4096):
-            text += part.decode("ascii", "replace")
-            while found := COMMAND.match(text):
-                text = text[found.end() :]
-                writer.write(self._answer(found[1], found[2]).encode("ascii"))
+            text = self._obey(text + part.decode("ascii", "replace"), writer)
         writer.close()
+
+    async def _move(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Motion port: targets, each with a reply."""
+        self._writers.append(writer)
+        text = ""
+        with suppress(ConnectionError):  # of a client that discards its targets
+            while part := await reader.read(4096):
+                text = self._obey(text + part.decode("ascii", "replace"), writer)
+                await self.reads_targets.wait()
+        writer.close()
+
+    def _obey(self, text: str, writer: asyncio.StreamWriter) -> str:
+        """Obey the whole commands of ``text``, and return the rest."""
+        while found := COMMAND.match(text):
+            text = text[found.end() :]
+            writer.write(self._answer(found[1], found[2]).encode("ascii"))
+        return text
 
     def _answer(self, name: str, values: str) -> str:
         actions: dict[str, Callable[[], tuple[int, str]]] = {
@@ -87,7 +105,7 @@ class Controller:
 
     def _servo(self, values: str) -> int:
         angles = values.split(",")[:JOINTS]
-        named = dict(each.split("=") for each in values.split(",")[JOINTS:])
+        named = dict(field.split("=") for field in values.split(",")[JOINTS:])
         return self.arm.servo(np.array([float(angle) for angle in angles]), float(named["t"]))
 
     def _mode(self) -> int:
@@ -119,8 +137,6 @@ class Controller:
         packet["position"], packet["velocity"] = self.arm.measure()
         packet["size"], packet["test_value"] = FEEDBACK.itemsize, TEST_VALUE
         packet["inputs"], packet["outputs"] = self.arm.inputs, self.arm.outputs
-        packet["mode"] = self._mode()
-        packet["target"] = self.arm.target
         packet["enabled"], packet["error"] = self.arm.enabled, bool(self.arm.alarm)
         return packet.tobytes()
 
@@ -146,6 +162,7 @@ class Controller:
             "output": lambda: float(arm.outputs >> number & 1),
             "stick": lambda: arm.stick(number, None if last < 0.0 else bool(last)),
             "freeze": lambda: setattr(self, "frozen", bool(number)),
+            "busy": (self.reads_targets.clear if number else self.reads_targets.set),
             "period": lambda: setattr(self, "period_s", last),
             "cut": self._cut,
         }

@@ -24,11 +24,11 @@ class DobotIo(IoDriver):
 
     def read_inputs(self, byte: int, length: int) -> bytes:
         values = self._device.feedback
-        return _part(values.inputs if values else 0, byte, length)
+        return values.inputs[byte : byte + length] if values else bytes(length)
 
     def read_outputs(self, byte: int, length: int) -> bytes:
         values = self._device.feedback
-        return _part(values.outputs if values else 0, byte, length)
+        return values.outputs[byte : byte + length] if values else bytes(length)
 
     def write_outputs(self, byte: int, data: bytes) -> None:
         for index, value in enumerate(data, byte):
@@ -37,7 +37,3 @@ class DobotIo(IoDriver):
 
     def write_output_bit(self, byte: int, bit: int, value: bool) -> None:
         self._device.link.command("DOExecute", 8 * byte + bit + 1, value)
-
-
-def _part(levels: int, byte: int, length: int) -> bytes:
-    return (levels & 0xFFFF).to_bytes(BYTES, "little")[byte : byte + length]

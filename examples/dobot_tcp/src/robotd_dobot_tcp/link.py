@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import struct
 import threading
 from contextlib import suppress
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ from robotd_dobot_tcp.options import DobotOptions
 
 TIMEOUT_S = 2.0  # to connect, and for a reply
 SILENT_S = 0.1  # without a packet is a fault
+ABORT = struct.pack("ii", 1, 0)  # SO_LINGER: a close discards what is not sent, and resets the peer
 
 
 @dataclass(frozen=True)
@@ -31,17 +33,16 @@ class Feedback:
     Attributes:
         time_ns: monotonic time of its arrival.
         alarm: number of the controller's alarm; 0: none.
-        inputs, outputs: digital levels, bit 0 is terminal 1.
+        inputs, outputs: digital levels; bit 0 of byte 0 is terminal 1.
     """
 
     time_ns: int
     position: FloatArray
     velocity: FloatArray
-    mode: int
     enabled: bool
     alarm: int
-    inputs: int
-    outputs: int
+    inputs: bytes
+    outputs: bytes
 
 
 class Link:
@@ -58,8 +59,9 @@ class Link:
         self._options, self._clock = options, clock
         self._command_lock = threading.Lock()
         self._sockets: dict[str, socket.socket] = {}
+        self._unanswered: list[int] = []  # times of targets without a reply
         self._alarm = 0
-        self._thread: threading.Thread | None = None
+        self._thread = threading.Thread(target=self._receive, name="dobot-feedback", daemon=True)
         self._connect()
 
     def _connect(self) -> None:
@@ -80,17 +82,18 @@ class Link:
         if failures:
             self.close()
             raise ConnectError("the controller does not answer", failures)
-        self._sockets["motion"].setblocking(False)
-        self._thread = threading.Thread(target=self._receive, name="dobot-feedback", daemon=True)
+        motion = self._sockets["motion"]
+        motion.setblocking(False)
+        motion.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, ABORT)
         self._thread.start()
 
     def close(self) -> None:
         """End all connections and the thread."""
-        for each in self._sockets.values():
+        for connection in self._sockets.values():
             with suppress(OSError):
-                each.shutdown(socket.SHUT_RDWR)
-            each.close()
-        if self._thread is not None:
+                connection.shutdown(socket.SHUT_RDWR)
+            connection.close()
+        if self._thread.is_alive():
             self._thread.join(TIMEOUT_S)
 
     def command(self, name: str, *values: float) -> str:
@@ -112,15 +115,23 @@ class Link:
         return protocol.parse_reply(reply.decode("ascii", "replace"), name)
 
     def send_target(self, position_deg: FloatArray) -> None:
-        """Send a target for all joints. Control-loop thread; never blocks."""
+        """Send a target for all joints. Control-loop thread; never blocks.
+
+        Both ends keep what the controller has not read, and it would execute all of it late. So the
+        connection ends where replies do not come.
+        """
         motion = self._sockets["motion"]
         message = protocol.servo_target(position_deg, self._options.target_period_s)
         try:
-            with suppress(BlockingIOError):  # replies are not needed: feedback shows the result
-                while motion.recv(4096):
-                    pass
+            with suppress(BlockingIOError):
+                while replies := motion.recv(4096):
+                    del self._unanswered[: replies.count(b";")]
+            self._unanswered.append(self._clock.now_ns())
+            age_s = (self._unanswered[-1] - self._unanswered[0]) / NANOSECONDS
+            if age_s > self._options.max_target_age_s:
+                raise BlockingIOError(f"no reply for {age_s:.2g} s")
             if motion.send(message) < len(message):
-                raise BlockingIOError("the controller does not read them")
+                raise BlockingIOError("they are not read")
         except OSError as error:
             self._lose("targets cannot be sent", error)
 
@@ -143,6 +154,7 @@ class Link:
     def _lose(self, what: str, error: Exception) -> str:
         """Note the first failure of any connection, which ends all of them."""
         self.failure = self.failure or f"connection lost ({what}: {error})"
+        self._sockets["motion"].close()  # and with it targets that are not delivered
         return self.failure
 
     def _take(self, packet: bytearray) -> None:
@@ -158,11 +170,10 @@ class Link:
             time_ns,
             np.radians(fields["position"]),
             np.radians(fields["velocity"]),
-            int(fields["mode"]),
             bool(fields["enabled"]),
             self._alarm,
-            int(fields["inputs"]),
-            int(fields["outputs"]),
+            fields["inputs"].tobytes(),
+            fields["outputs"].tobytes(),
         )
 
     @property

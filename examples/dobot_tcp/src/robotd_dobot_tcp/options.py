@@ -22,6 +22,7 @@ class DobotOptions(BackendOptions):
     target_period_s: float = Field(
         0.008, ge=0.002, le=0.1, description="Time for each streamed target, its parameter `t`."
     )
+    max_target_age_s: float = Field(0.05, gt=0, description="Age without a reply that is fatal.")
     velocity_deg_s: float = Field(
         180.0, gt=0, description="Speed at which the controller clips every joint."
     )

@@ -6,7 +6,6 @@ Angles are in degrees. Facts from the vendor's public description of its TCP/IP 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
 
 import numpy as np
 
@@ -17,11 +16,10 @@ TEST_VALUE = 0x0123456789ABCDEF  # in each packet: both sides count the bytes al
 
 FEEDBACK = np.dtype(
     {
-        "names": ["size", "inputs", "outputs", "mode", "test_value", "target", "position",
-                  "velocity", "enabled", "error"],
-        "formats": ["<u2", "<u8", "<u8", "<u8", "<u8", ("<f8", 6), ("<f8", 6),
-                    ("<f8", 6), "u1", "u1"],
-        "offsets": [0, 8, 16, 24, 48, 192, 432, 480, 1026, 1029],
+        "names": ["size", "inputs", "outputs", "test_value", "position", "velocity", "enabled",
+                  "error"],
+        "formats": ["<u2", "<u8", "<u8", "<u8", ("<f8", 6), ("<f8", 6), "u1", "u1"],
+        "offsets": [0, 8, 16, 48, 432, 480, 1026, 1029],
         "itemsize": 1440,
     }
 )  # fmt: skip
@@ -67,8 +65,5 @@ def parse_reply(text: str, name: str) -> str:
 
 def first_alarm(value: str) -> int:
     """Return the first number in the value of ``GetErrorID``, ``[[17],[],…]``; 0: no alarm."""
-    return next(iter(_numbers(value)), 0)
-
-
-def _numbers(value: str) -> Iterable[int]:
-    return (int(number) for number in re.findall(r"-?\d+", value))
+    found = re.search(r"-?\d+", value)
+    return int(found[0]) if found else 0

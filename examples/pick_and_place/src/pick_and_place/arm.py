@@ -34,7 +34,7 @@ class Arm:
         self._executor.add_node(self._node)
         self._action = ActionClient(self._node, FollowJointTrajectory, ACTION)
         self._gripper = ActionClient(self._node, GripperCommand, GRIPPER)
-        if not all(each.wait_for_server(ANSWER_S) for each in (self._action, self._gripper)):
+        if not all(client.wait_for_server(ANSWER_S) for client in (self._action, self._gripper)):
             raise ArmFailed("no robot answers")
         return self
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import yaml
@@ -30,6 +31,7 @@ class Clause:
         return self.id.partition("/")[0]
 
 
+@cache
 def load() -> tuple[dict[str, Clause], dict[str, str], list[str]]:
     """Return the clauses by id, the kinds of fault with their texts, and the notes."""
     table = yaml.safe_load(PATH.read_text(encoding="utf-8"))

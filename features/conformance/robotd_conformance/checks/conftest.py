@@ -9,11 +9,13 @@ from typing import Any
 import pytest
 
 from robotd.api import Capability, FaultInjector, RobotdError
+from robotd_conformance.checks.comparison import explain
 from robotd_conformance.checks.harness import Harness, MakeHarness
 from robotd_conformance.checks.inconclusive import Repeats
 from robotd_conformance.checks.interruption import INTERRUPTION
 from robotd_conformance.checks.kit_report import Report
 from robotd_conformance.checks.kit_target import KitTarget
+from robotd_conformance.checks.known_faults import quick_checks
 from robotd_conformance.checks.results import Results
 from robotd_conformance.checks.start_pose import StartPose, parse_range
 from robotd_conformance.checks.surroundings import surroundings
@@ -49,17 +51,20 @@ def pytest_configure(config: pytest.Config) -> None:
 
 # First what moves nothing, then stops, then ever longer and faster motion; endurance at the end.
 SAFE_ORDER = (
-    "rejections", "fieldbus", "io", "io_images", "switches", "enable", "hand_moves", "connection",
-    "ageing", "stopping", "stops_of_some_axes", "stop_ramps", "ramps", "faults", "watchdog",
-    "axes_apart", "resumption", "units", "neighbours", "small_and_large", "profiles", "overrides",
-    "command_sequences", "shown_motion", "extremes", "questions", "feedback", "last_axis",
-    "velocity_commands", "streams", "setpoints", "whole_streams", "underrun", "dry_buffers",
+    "rejections", "fieldbus", "io", "io_images", "switches", "enable", "hand_moves", "guiding",
+    "connection", "ageing", "stopping", "stops_of_some_axes", "stop_ramps", "ramps", "faults",
+    "watchdog", "axes_apart", "resumption", "units", "neighbours", "small_and_large", "profiles",
+    "overrides", "command_sequences", "shown_motion", "while_it_happens", "extremes", "questions",
+    "feedback", "last_axis", "velocity_commands", "streams", "setpoints", "whole_streams",
+    "underrun", "dry_buffers", "silences",
     "trajectories", "bus_objects", "lost_nodes", "limits", "torque", "scaling", "scale_and_home",
     "parameters", "reopening", "open_again", "cost", "process", "leaks", "locks",
     "threads",
 )  # fmt: skip
 # Checks that change what a position means, or that use the whole way of a simulated axis.
+LONGEST_PERIOD_S = 0.025  # of values that show ramps and delays
 UNCOUNTED = (Capability.HOMING, Capability.SCALING, Capability.SIMULATED)
+MISPLACED = 13  # exit status of pytest: an axis is where no check can begin
 TARGET = pytest.StashKey[KitTarget]()
 RESULTS = pytest.StashKey["Results | None"]()
 AT_START = pytest.StashKey[dict[str, object]]()
@@ -75,11 +80,20 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         item.user_properties.append(("capability", str(capability)))
         clauses = [name for mark in item.iter_markers("clause") for name in mark.args]
         item.user_properties.append(("clauses", " ".join(dict.fromkeys(clauses))))
+    if config.getoption("--robotd-quick"):
+        quick = quick_checks()
+        chosen = [item for item in items if f"{item.path.name}::{_function(item)}" in quick]
+        config.hook.pytest_deselected(items=[item for item in items if item not in chosen])
+        items[:] = chosen
     results = config.stash.get(RESULTS, None)  # none either where the backend cannot be loaded
     if results is not None:
         left, passed = results.split(items)
         config.hook.pytest_deselected(items=passed)
         items[:] = left
+
+
+def _function(item: pytest.Item) -> str:
+    return item.name.partition("[")[0]
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
@@ -90,8 +104,30 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     target.pose.counts = not (mark and mark.args[0] in UNCOUNTED)
     if mark and mark.args[0] not in backend.capabilities:
         pytest.skip(f"the {backend.name} backend does not have {mark.args[0]}")
+    if item.get_closest_marker("short_period") and target.feedback_s > LONGEST_PERIOD_S:
+        pytest.skip(
+            f"values every {1e3 * target.feedback_s:.0f} ms show no ramps, at most"
+            f" {1e3 * LONGEST_PERIOD_S:g} ms apart they do"
+        )
     if item.get_closest_marker("free_space") and Capability.CONTACTS in backend.capabilities:
         pytest.skip(f"the {backend.name} backend has contacts: links and objects are in the way")
+
+
+def pytest_assertrepr_compare(op: str, left: object, right: object) -> list[str] | None:
+    """Name the axes that differ."""
+    return explain(op, left, right)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item,
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Say when a check has failed: of the time that its device has, from the start of the check."""
+    report = yield
+    if report.failed and report.when == "call":
+        time_s = item.config.stash[TARGET].passed_s
+        report.sections.append(("time", f"failed {time_s:.3f} s after the begin of the check"))
+    return report
 
 
 @pytest.hookimpl(wrapper=True)
@@ -111,14 +147,17 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
     result = yield
     if item.session.testsfailed > failed_before:
         target.clear()
-    if ended := target.stray or target.return_to_start():
+    if ended := target.stray or target.pose.misplaced or target.return_to_start():
         item.session.shouldstop = f"{item.name}: {ended}"
     return result
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
     """Shut down what the return to the start pose has opened after the last check."""
-    session.config.stash[TARGET].clear()
+    target = session.config.stash[TARGET]
+    target.clear()
+    if target.pose.misplaced:
+        session.exitstatus = MISPLACED
 
 
 @pytest.fixture(scope="session")

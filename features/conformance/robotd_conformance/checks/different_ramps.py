@@ -23,17 +23,17 @@ def different_ramps(harness: Harness, speed: float, command: int) -> list[Profil
     even = [harness.profile(axis, speed) for axis in harness.all]
     return [
         Profile(
-            each.velocity,
-            each.acceleration * _share(harness, axis, command + 1),
-            each.deceleration * _share(harness, axis, command),
+            profile.velocity,
+            profile.acceleration * _share(harness, axis, command + 1),
+            profile.deceleration * _share(harness, axis, command),
         )
-        for axis, each in enumerate(even)
+        for axis, profile in enumerate(even)
     ]
 
 
 def ramp_s(profiles: list[Profile]) -> float:
     """Return the time until every axis has the speed of its profile, from rest."""
-    return max(abs(each.velocity) / each.acceleration for each in profiles) + AFTER_S
+    return max(abs(profile.velocity) / profile.acceleration for profile in profiles) + AFTER_S
 
 
 def turn_problems(
@@ -47,7 +47,7 @@ def turn_problems(
     up_to, after = np.maximum(ahead, 0.0), np.maximum(-ahead, 0.0)
     found = ramp_problems(recording, profiles, rising=False, speeds=up_to)
     found += ramp_problems(recording, profiles, falling=stops, speeds=after)
-    return [f"{each}, where it turns" for each in found]
+    return [f"{problem}, where it turns" for problem in found]
 
 
 def _share(harness: Harness, axis: int, command: int) -> float:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from robotd.api import (
+    AxisDriver,
     Capability,
     Clock,
     CommandMode,
@@ -37,11 +39,12 @@ from robotd.api.robots import (
     TrajectoryRequest,
 )
 from robotd_conformance.checks.interruption import INTERRUPTION
+from robotd_conformance.checks.position_guard import PositionGuard
 from robotd_conformance.checks.recording import Recorder, Recording
 from robotd_conformance.checks.start_pose import StartPose
 
 SPEED_RAD_S = 0.8
-SETTLED_RAD = 2e-3  # largest error of an axis that stands
+SETTLED_RAD = 2e-3  # largest error of an axis at rest
 RAMP_RAD_S2 = 4.0
 STANDSTILL_RAD_S = 0.01
 SETTLE_S = 0.1  # granted to an axis to come from its command's end to rest
@@ -73,6 +76,7 @@ class Harness:
             have to return at once.
         fault_injector: None where the backend offers none.
         pose: start pose of the run.
+        guard: keeps all commands in the room of the axes.
         period_s, feedback_s: control period, and time between two measured values.
         clock: of the device.
         all, joints: all axes, and those of the joints.
@@ -100,11 +104,21 @@ class Harness:
         )
         self.period_s = 1.0 / descriptor.cycle.rate_hz
         self.feedback_s = max(self.period_s, self.drivers.axes.feedback_period_s)
+        self.response_s = self.drivers.axes.response_s
         self.image = self.robot.image
         self.count = len(self.robot.axes)
         self.all = list(range(self.count))
         self.joints = list(self.robot.joint_axes)
         self.pose = pose
+        self.guard = PositionGuard(
+            pose,
+            self.image,
+            np.array([limit.acceleration for limit in self.robot.axes.limits]),
+            self.period_s,
+            self._stop_all,
+        )
+        for driver in (self.drivers.device, self.drivers.axes):
+            vars(driver).update(self.guard.methods(driver))
         self._recorder = Recorder()
         self.robot.control_loop.every(descriptor.cycle.rate_hz, "recorder", self._recorder)
         self.robot.control_loop.every(descriptor.cycle.rate_hz, "start pose", self._track)
@@ -114,6 +128,16 @@ class Harness:
     def due_ns(self) -> int:
         """Monotonic time at which a setpoint of the present control period is due."""
         return self.image.stamp_ns + self.robot.control_loop.period_ns
+
+    @property
+    def plugin_axes(self) -> AxisDriver:
+        """The plugin's own axes, guarded: without the time limits and threads of the core."""
+        own = vars(self.drivers.axes)["wrapped"]
+        guarded = self.guard.methods(own)
+        methods = {
+            name: getattr(own, name) for name in dir(AxisDriver) if not name.startswith("_")
+        } | guarded
+        return cast(AxisDriver, SimpleNamespace(**methods))
 
     def _watch_calls(self) -> None:
         """Note each call of a driver that is wrong whatever a check expects: ``wrong_calls``."""
@@ -137,7 +161,7 @@ class Harness:
                     self.wrong_calls.append(f"{error}, which is no error of robotd")
                 raise
             finally:
-                # Simulated time stands unless something waits. In real time: test_cost, test_locks.
+                # Simulated time is held until something waits. Real time: test_cost, test_locks.
                 if at_once and (waited_ns := self.clock.now_ns() - began_ns):
                     self.wrong_calls.append(f"{name} has waited {waited_ns * 1e-9:g} s")
 
@@ -173,7 +197,11 @@ class Harness:
             self.return_to_start()
 
     def enable(self) -> None:
-        """Alarms cleared, servos on, in position mode."""
+        """Alarms cleared, servos on, in position mode; read-only axes skip the check."""
+        if reason := self.drivers.axes.read_only:
+            pytest.skip(
+                f"the axes of the {self.robot.backend.name} backend are read-only: {reason}"
+            )
         for axis in self.all:
             self.robot.axes.clear_alarm(axis)
             if self.image.mode[axis] != CommandMode.POSITION:
@@ -215,8 +243,14 @@ class Harness:
     def _track(self, image: ProcessImage) -> None:
         """Control loop: stop a run on hardware that goes too far from its start pose."""
         self.pose.track(image)
+        self.guard.track(image)
         if self.pose.exceeded and not self.can(Capability.SIMULATED):
-            self.robot.axes.stop_latch.engage(self.pose.exceeded)
+            self._stop_all(self.pose.exceeded)
+
+    def _stop_all(self, reason: str) -> None:
+        """Stop all axes, also streams that the core does not know. Any thread; never waits."""
+        self.robot.axes.stop_latch.engage(reason)
+        self.robot.axes.stops.request(self.all)
 
     @property
     def injector(self) -> FaultInjector:
@@ -274,7 +308,8 @@ class Harness:
     @contextmanager
     def recording(self) -> Iterator[Recording]:
         """Every period's values while the block runs."""
-        recording = Recording()
+        slow = self.drivers.axes.feedback_period_s > 0.0
+        recording = Recording(self.period_s, slow=slow)
         self._recorder.fill(recording)
         try:
             yield recording
@@ -316,6 +351,11 @@ class Harness:
 
     # Motion
 
+    @property
+    def wrong_positions(self) -> FloatArray:
+        """(n_axes,) positions of setpoints that have to be ignored; no harm if they are not."""
+        return np.asarray(np.clip(1.0, *self.pose.room))
+
     def travel(self, share: float = 1.0) -> FloatArray:
         """(n_axes,) distances to move by, all different, to the sides of the start pose."""
         return self.pose.travel(share)
@@ -351,16 +391,28 @@ class Harness:
         Raises AssertionError naming them otherwise.
         """
         chosen = self.all if axes is None else list(axes)
-        image = self.image
 
         def idle() -> bool:
-            at_rest = np.abs(image.velocity[chosen]) < STANDSTILL_RAD_S
-            return bool((image.operation[chosen] == Operation.IDLE).all() and at_rest.all())
+            return all(map(self._is_idle, chosen))
 
         # A command may need some periods to show in the image.
         self.periods(10)
-        self.until(idle, f"axes {chosen} are at rest")
+        if not self.wait_until(idle):
+            moving = [self._motion(axis) for axis in chosen if not self._is_idle(axis)]
+            raise AssertionError(f"not at rest after {WAIT_S:g} s: {'; '.join(moving)}")
         self.pass_time(SETTLE_S)
+
+    def _is_idle(self, axis: int) -> bool:
+        speed, operation = self.image.velocity[axis], self.image.operation[axis]
+        return bool(operation == Operation.IDLE and abs(speed) < STANDSTILL_RAD_S)
+
+    def _motion(self, axis: int) -> str:
+        image, unit = self.image, self.robot.axes.limits[axis].unit
+        return (
+            f"axis {axis} is in {Operation(int(image.operation[axis])).name} at"
+            f" {image.velocity[axis]:.3g} {unit}/s (at rest below {STANDSTILL_RAD_S:g}), position"
+            f" {image.position[axis]:.4f}, command {image.position_command[axis]:.4f} {unit}"
+        )
 
     @contextmanager
     def following(

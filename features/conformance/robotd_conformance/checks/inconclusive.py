@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections import Counter
@@ -14,6 +15,8 @@ UNDECIDED = "inconclusive: the computer was too busy to judge"
 """A check that skips itself with this reason is repeated."""
 CERTAIN = "no stall of the computer explains it"
 """A failure with this text is not repeated."""
+REFUSED = "refused by the kit"
+"""A check that would have led an axis out of its room."""
 ATTEMPTS = 3
 STALL_S = 0.015  # a thread that wakes up so late, and others with it
 STALL_CHECK_S = 0.005
@@ -56,13 +59,19 @@ class Target(Protocol):
 
     Attributes:
         real_time: the check, or the attempt that has ended, ran in real time.
+        stall_s: length of a stall that may make a check fail.
     """
 
     real_time: bool
+    stall_s: float
 
     @property
     def stray(self) -> str:
         """Reason why the run has to end at once; "" while it may go on."""
+
+    @property
+    def refused(self) -> str:
+        """Reason why the kit did not execute the check, or the attempt that has ended; ""."""
 
     def begin(self, item: pytest.Item) -> None:
         """Prepare an attempt of a check."""
@@ -100,10 +109,13 @@ class Repeats:
         self._target.begin(item)
         with StallMonitor() as stalls:
             reports = runtestprotocol(item, log=False, nextitem=nextitem)
+        if refused := self._target.refused:
+            reports = [_as_refused(report, refused) for report in reports]
+            self._target.clear(item)
         failed = any(report.failed for report in reports)
         certain = any(report.failed and CERTAIN in report.longreprtext for report in reports)
         is_final = certain or not self._target.real_time or bool(self._target.stray)
-        stalled = failed and not is_final and stalls.longest_s > STALL_S
+        stalled = failed and not is_final and stalls.longest_s > self._target.stall_s
         if stalled or any(map(is_undecided, reports)):
             if failed:
                 self._target.clear(item)
@@ -123,9 +135,27 @@ class Repeats:
             terminalreporter.write_line(f"repeated {times}×, the computer stalled: {name}")
 
 
+def load() -> str:
+    """Return how many threads want a processor, as text."""
+    return f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors"
+
+
 def is_undecided(report: pytest.TestReport) -> bool:
-    """Return True for a check that could not be judged."""
+    """Return True for a check that could not be judged on a busy computer."""
     return isinstance(report.longrepr, tuple) and UNDECIDED in report.longrepr[2]
+
+
+def is_refused(report: pytest.TestReport) -> bool:
+    """Return True for a check that the kit did not execute."""
+    return isinstance(report.longrepr, tuple) and REFUSED in report.longrepr[2]
+
+
+def _as_refused(report: pytest.TestReport, why: str) -> pytest.TestReport:
+    """Turn what was made of an error of the kit into a skip that says why."""
+    if report.failed or report.when == "call":
+        path, line, _ = report.location
+        report.outcome, report.longrepr = "skipped", (path, line or 0, f"Skipped: {REFUSED}: {why}")
+    return report
 
 
 def _as_inconclusive(report: pytest.TestReport, stall_s: float) -> pytest.TestReport:
@@ -135,7 +165,8 @@ def _as_inconclusive(report: pytest.TestReport, stall_s: float) -> pytest.TestRe
         crash = getattr(report.longrepr, "reprcrash", None)
         seen = str(crash.message if crash else report.longrepr).partition("\n")[0]
         text = (
-            f"{UNDECIDED}: it stalled for {1e3 * stall_s:.0f} ms in the last attempt; seen: {seen}"
+            f"{UNDECIDED}: it stalled for {1e3 * stall_s:.0f} ms in the last attempt, {load()};"
+            f" seen: {seen}"
         )
         report.outcome, report.longrepr = "skipped", (path, line or 0, f"Skipped: {text}")
     return report

@@ -10,7 +10,7 @@ from types import FrameType
 from robotd.api.commands import stop_signals
 
 
-class Interruption:
+class InterruptOnce:
     """Raises KeyboardInterrupt at the first stop signal, and ignores further ones. Main thread."""
 
     def __init__(self) -> None:
@@ -21,17 +21,17 @@ class Interruption:
         """Handle the signals; return the function that undoes it."""
 
         def on_signal(number: int, frame: FrameType | None) -> None:
-            for each in before:
-                signal.signal(each, signal.SIG_IGN)
+            for signum in before:
+                signal.signal(signum, signal.SIG_IGN)
             self._asked = self._pending = True
             self._raise_pending()
 
         def restore() -> None:
             self._asked = self._pending = False
-            for each, handler in before.items():
-                signal.signal(each, handler)
+            for signum, handler in before.items():
+                signal.signal(signum, handler)
 
-        before = {each: signal.signal(each, on_signal) for each in stop_signals()}
+        before = {signum: signal.signal(signum, on_signal) for signum in stop_signals()}
         return restore
 
     def between_checks(self) -> None:
@@ -58,4 +58,4 @@ class Interruption:
             raise KeyboardInterrupt
 
 
-INTERRUPTION = Interruption()
+INTERRUPTION = InterruptOnce()

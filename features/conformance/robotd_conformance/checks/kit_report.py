@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import pytest
+from _pytest.junitxml import xml_key
 
-from robotd_conformance.checks.inconclusive import is_undecided
+from robotd_conformance.checks import clauses
+from robotd_conformance.checks.inconclusive import is_refused, is_undecided
 from robotd_conformance.checks.kit_target import KitTarget
+from robotd_conformance.checks.known_faults import likely_faults
 from robotd_conformance.checks.results import Results
 
 COUNTED = ("passed", "failed", "inconclusive", "skipped")
@@ -30,15 +33,20 @@ class Report:
         self._target, self._results, self._progress = target, results, progress
         self._counts: dict[str, Counter[str]] = {}
         self._reasons: Counter[str] = Counter()
-        self._failed: list[str] = []
-        self._inconclusive: list[str] = []
+        self._failed: dict[str, list[str]] = {}  # and the clauses that each is about
+        self._inconclusive: list[str] = []  # those that were refused included
+        self._refused = 0
         self._interrupted = False
-        self._total = self._done = 0
+        self._total = self._done = self._left_out = 0
         self._began_s = time.monotonic()
 
     def pytest_collection_finish(self, session: pytest.Session) -> None:
         """Note how many checks there are."""
         self._total, self._began_s = len(session.items), time.monotonic()
+
+    def pytest_deselected(self, items: Sequence[pytest.Item]) -> None:
+        """Count what ``--quick``, ``-k`` or an earlier run has left out."""
+        self._left_out += len(items)
 
     def pytest_keyboard_interrupt(self) -> None:
         """Note that checks are missing."""
@@ -53,11 +61,11 @@ class Report:
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         """A check counts once: when it was called, or when its set-up ended it."""
-        outcome = "inconclusive" if is_undecided(report) else str(report.outcome)
+        undecided = is_undecided(report) or is_refused(report)
+        outcome = "inconclusive" if undecided else str(report.outcome)
         name = report.nodeid.rpartition("/")[2]
         if report.failed:
-            clauses = dict(report.user_properties).get("clauses", "")
-            self._failed.append(f"{name}  {clauses}".rstrip())
+            self._failed[name] = str(dict(report.user_properties).get("clauses", "")).split()
         if report.when != "call" and (report.when != "setup" or report.passed):
             return
         capability = dict(report.user_properties)["capability"]
@@ -66,6 +74,7 @@ class Report:
         reason = reason.removeprefix("Skipped: ")
         if outcome == "inconclusive":
             self._inconclusive.append(f"{name}: {reason}")
+            self._refused += is_refused(report)
         elif report.skipped:
             self._reasons[reason] += 1
         self._done += 1
@@ -81,9 +90,16 @@ class Report:
         line = f"[{self._done:>3}/{self._total}] {outcome:<12} {duration_s:6.1f} s  {name}"
         print(f"{line}  (about {left} left)", flush=True)  # noqa: T201 - the output of the command
 
+    @pytest.hookimpl(tryfirst=True)  # the JUnit file is written by a later one
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
-        """Close the results of a run whose checks have all been decided."""
+        """Close the results of a run whose checks have all been decided; mark others in JUnit."""
         whole = self._done >= self._total and not (self._interrupted or session.shouldstop)
+        xml = session.config.stash.get(xml_key, None)
+        if xml is not None and not whole:
+            text = f"the run ended early: {self._done} of {self._total} checks were executed"
+            where = ("robotd conform", None, "robotd conform")
+            error = pytest.TestReport("robotd conform", where, {}, "failed", text, "setup")
+            xml.pytest_runtest_logreport(error)
         if self._results is not None and whole and not self._inconclusive:
             self._results.complete()
 
@@ -101,18 +117,26 @@ class Report:
             yield f"{capability:<18}" + "".join(f"{counts[word] or '-':>14}" for word in COUNTED)
         totals = sum(self._counts.values(), Counter())
         run = totals["passed"] + totals["failed"]
-        share = run / totals.total() if totals else 0.0
+        total = max(self._total, totals.total())
+        share = run / total if total else 0.0
         yield ""
-        yield f"tested on {share:.0%} of the checks: {run} of {totals.total()}"
+        yield f"tested on {share:.0%} of the checks: {run} of {total}"
+        if absent := total - totals.total():
+            yield f"{absent} checks were not executed"
+        earlier = len(self._results.earlier) if self._results is not None else 0
+        if self._left_out > earlier:
+            yield f"{self._left_out - earlier} further checks were not selected"
         yield f"duration: {time.monotonic() - self._began_s:.0f} s"
-        if self._results is not None and self._results.earlier:
-            yield f"{len(self._results.earlier)} checks had passed in an earlier run"
+        if earlier:
+            yield f"{earlier} checks had passed in an earlier run"
         if distance := self._target.pose.summary():
             yield distance
         for reason, count in self._reasons.most_common():
             yield f"  {count} skipped: {reason}"
         yield from (f"INCONCLUSIVE {check}" for check in self._inconclusive)
-        yield from (f"FAILED {check}" for check in self._failed)
+        for check, names in self._failed.items():
+            yield f"FAILED {check}"
+            yield from _explained(check, names)
         yield f"verdict: {self._verdict(run)}"
 
     def _verdict(self, run: int) -> str:
@@ -120,11 +144,25 @@ class Report:
             return f"FAILED, {len(self._failed)} of {run}"
         if self._interrupted:
             return "none, the run was interrupted"
+        if self._refused and not run:
+            return f"none, the kit refused {self._refused} checks"
         if self._inconclusive:
-            return (
-                f"passed, but {len(self._inconclusive)} inconclusive: run them again on a calmer"
-                " computer"
-            )
+            return f"passed, but {len(self._inconclusive)} inconclusive: {self._remedy()}"
         return (
             "passed" if run or (self._results and self._results.earlier) else "nothing was tested"
         )
+
+    def _remedy(self) -> str:
+        """Return what makes the inconclusive checks conclusive."""
+        busy = len(self._inconclusive) - self._refused
+        wanted = ["run them again on a calmer computer"] if busy else []
+        wanted += ["give the axes more room"] if self._refused else []
+        return ", ".join(wanted)
+
+
+def _explained(check: str, names: Sequence[str]) -> Iterator[str]:
+    """Yield the clauses that a check is about, and faults that it has found elsewhere."""
+    contract, _, _ = clauses.load()
+    yield from (f"  {name}: {contract[name].says}" for name in names if name in contract)
+    if faults := likely_faults(check):
+        yield f"  faults that it has found: {'; '.join(faults)}"

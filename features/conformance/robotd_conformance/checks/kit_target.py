@@ -8,11 +8,12 @@ from typing import Any
 
 import pytest
 
-from robotd.api import Capability, RobotdError
+from robotd.api import Capability, ProfiledAxes, RobotdError
 from robotd.api.commands import load_robot
 from robotd.api.models import RobotDescriptor, parse_override
-from robotd.api.robots import Backend, load_backend
+from robotd.api.robots import load_backend
 from robotd_conformance.checks.harness import Harness
+from robotd_conformance.checks.inconclusive import STALL_S
 from robotd_conformance.checks.interruption import INTERRUPTION
 from robotd_conformance.checks.start_pose import StartPose
 
@@ -29,7 +30,10 @@ class KitTarget:
 
     Attributes:
         uses_context_clock: the device is simulated and has no time but the clock that it is given.
+        feedback_s: time between two measured values.
+        read_only: the axes take no commands.
         real_time: the running check has a harness in real time.
+        stall_s: length of a stall that may make a check fail.
         arguments: the three above as texts, "" for no robot; the overrides follow one by one.
     """
 
@@ -43,11 +47,22 @@ class KitTarget:
         self.arguments = (backend, str(robot or ""), *overrides)
         self.backend = load_backend(backend)
         self.descriptor = _find(robot or PLAIN_ROBOT, overrides)
-        self.uses_context_clock = _uses_context_clock(self.backend, self.descriptor)
+        drivers = self.backend.drivers(self.backend.context(self.descriptor))
+        injector = drivers.make_fault_injector()
+        simulated = Capability.SIMULATED in self.backend.capabilities
+        self.uses_context_clock = simulated and bool(injector and injector.uses_context_clock)
+        period_s = 1.0 / self.descriptor.cycle.rate_hz
+        self.feedback_s = max(period_s, drivers.axes.feedback_period_s)
+        self.read_only = bool(drivers.axes.read_only)
+        self.stall_s = STALL_S
+        if isinstance(getattr(drivers.axes, "wrapped", drivers.axes), ProfiledAxes):
+            # Such axes come to rest where the control loop is late by a period.
+            self.stall_s = min(STALL_S, period_s)
         self.pose = pose or StartPose()
-        self.begin()
         self._shared: Harness | None = None
         self._built: list[Harness] = []
+        self._checked: list[Harness] = []  # those of the running check, the shared one included
+        self.begin()
 
     def build(self, **options: Any) -> Harness:
         """Return a harness that is not started."""
@@ -57,6 +72,8 @@ class KitTarget:
         )
         self.real_time |= not harness.stepped
         self._built.append(harness)
+        self._checked.append(harness)
+        self._began_ns[id(harness)] = harness.clock.now_ns()
         return harness
 
     @property
@@ -65,6 +82,20 @@ class KitTarget:
         simulated = Capability.SIMULATED in self.backend.capabilities
         began = self.pose.position is not None
         return "" if simulated and began else self.pose.exceeded
+
+    @property
+    def passed_s(self) -> float:
+        """Time that has passed in the newest harness of the running check, s."""
+        if not self._checked:
+            return 0.0
+        newest = self._checked[-1]
+        return (newest.clock.now_ns() - self._began_ns.get(id(newest), 0)) * 1e-9
+
+    @property
+    def refused(self) -> str:
+        """Command that the running check was refused, or why no check can begin; "" for none."""
+        first = next((driver.guard.refused for driver in self._checked if driver.guard.refused), "")
+        return self.pose.misplaced or first
 
     def take_wrong_calls(self) -> list[str]:
         """Return the wrong calls of drivers since the last time, see ``Harness``."""
@@ -95,7 +126,7 @@ class KitTarget:
         After a check, whatever it has left. A simulation is not opened for it.
         """
         pose, simulated = self.pose, Capability.SIMULATED in self.backend.capabilities
-        if pose.position is None:
+        if pose.position is None or self.read_only:
             return ""
         is_there = pose.left is not None and pose.is_start(pose.left)
         if self._shared is None and (simulated or is_there):
@@ -110,6 +141,8 @@ class KitTarget:
     def begin(self, item: pytest.Item | None = None) -> None:
         """Begin a check, which may build a harness in real time."""
         self.real_time = not self.uses_context_clock
+        self._checked = [self._shared] if self._shared else []
+        self._began_ns = {id(driver): driver.clock.now_ns() for driver in self._checked}
 
     def clear(self, item: pytest.Item | None = None) -> None:
         """Shut the shared harness down."""
@@ -117,13 +150,6 @@ class KitTarget:
             harness, self._shared = self._shared, None
             if harness is not None:
                 harness.stop()
-
-
-def _uses_context_clock(backend: Backend, descriptor: RobotDescriptor) -> bool:
-    """The device is simulated and has no time but the clock that it is given."""
-    injector = backend.drivers(backend.context(descriptor)).make_fault_injector()
-    simulated = Capability.SIMULATED in backend.capabilities
-    return simulated and injector is not None and injector.uses_context_clock
 
 
 def _find(robot: str | Path, overrides: Sequence[str]) -> RobotDescriptor:

@@ -47,6 +47,8 @@ def there_and_back(harness: Harness) -> Iterator[tuple[int, FloatArray, FloatArr
 
 def mean_velocity(harness: Harness, seconds: float = 0.1) -> FloatArray:
     """(n_axes,) velocity over ``seconds`` from now, by measured positions and their times."""
+    if harness.drivers.axes.feedback_period_s:  # as coarse as a step of an encoder, often
+        seconds *= 2.0
     first = harness.image.copy()
     harness.pass_time(seconds)
     last = harness.image.copy()
@@ -99,7 +101,7 @@ def ramped(time_s: float, ramp_s: float, brake_s: float = math.inf) -> tuple[flo
 
 def steep_ramps(harness: Harness, recording: Recording, span_s: float, more: float) -> list[str]:
     """Axes whose velocity command changes faster than ``more`` times their profile's ramp."""
-    _, ramps = recording.slope(recording.velocity_command, span_s)
+    _, ramps = recording.slope(recording.velocity_command, span_s, commanded=True)
     steepest = abs(ramps).max(0)
     limits = [more * harness.profile(axis).acceleration for axis in harness.all]
     return [

@@ -15,10 +15,14 @@ TRAVEL_RAD = 0.3  # the farthest that a check moves an axis; m for a linear one
 MAX_EXCURSION_RAD = 0.45  # at which a run ends, by default: checks that stop a move overshoot
 START_RAD = 2e-3  # an axis that is so near to its start pose is there
 ROOM = 0.8  # share of the way to a position limit that is used where neither side has the travel
+MARGIN, MARGIN_SHARE = 0.02, 0.05  # rad or m that commands keep from limits; share of a small room
+START_MARGIN, START_SHARE = 0.06, 0.15  # the same of the start pose
 
 
 class StartPose:
     """First known position of each axis, and how far the checks went from it.
+
+    An axis that is near to a limit starts a little farther inside.
 
     Args:
         max_excursion: rad or m from the start pose, at which a run on hardware ends; None: 0.45.
@@ -32,6 +36,9 @@ class StartPose:
         left: (n_axes,) where the last connection has left the axes; None: not known.
         farthest: (n_axes,) largest distance from ``position`` that was measured.
         exceeded: text of the first axis beyond ``max_excursion``; "" without one.
+        misplaced: why no check can begin where the axes are; "" where they can.
+        room: (2, n_axes) lowest and highest position that is commanded.
+        units: of the axes, "rad" or "m".
         counts: distances count; not in a check that changes what a position means.
     """
 
@@ -50,34 +57,38 @@ class StartPose:
         self.position: FloatArray | None = None
         self.left: FloatArray | None = None
         self.farthest: FloatArray = np.zeros(0)
-        self.exceeded = ""
+        self.exceeded = self.misplaced = ""
         self.counts = True
+        self.room: FloatArray = np.zeros((2, 0))
+        self.units: list[str] = []
         self._travel: FloatArray = np.zeros(0)
 
     def begin(
         self, position: FloatArray, limits: Sequence[AxisLimits], names: Sequence[str]
     ) -> None:
-        """Take ``position`` as the start pose; later calls have no effect.
+        """Take ``position`` (n_axes,) as the start pose; later calls have no effect.
 
         Raises InvalidArgument for a range of an axis that does not exist, or without the start.
         """
         if self.position is None:
-            self._names, self._units = names, [limit.unit for limit in limits]
+            self._names, self.units = names, [limit.unit for limit in limits]
             limits = self._narrowed(limits)
             try:
                 self._check_ranges(position, limits)
             except InvalidArgument as error:
-                self.exceeded = str(error)  # no check can begin anywhere else
+                self.misplaced = str(error)
                 raise
-            self._room = np.array([(each.lower, each.upper) for each in limits]).T
+            self._allowed = np.array([(limit.lower, limit.upper) for limit in limits]).T
+            self.room = _inset(self._allowed, MARGIN, MARGIN_SHARE)
+            start = np.clip(position, *_inset(self._allowed, START_MARGIN, START_SHARE))
             self.farthest = np.zeros(len(position))
             self._travel = np.array(
                 [
-                    _way(axis, float(position[axis]), limits[axis], len(limits))
+                    _way(axis, float(start[axis]), self.room[:, axis], len(limits))
                     for axis in range(len(limits))
                 ]
             )
-            self.position = position.copy()
+            self.position = start
 
     def is_start(self, position: FloatArray) -> bool:
         """Return True where ``position`` (n_axes,) is the start pose."""
@@ -98,17 +109,17 @@ class StartPose:
             return
         away = np.abs(image.position - self.position)
         np.fmax(self.farthest, away, out=self.farthest)
-        lower, upper = self._room
+        lower, upper = self._allowed
         outside = (image.position < lower - START_RAD) | (image.position > upper + START_RAD)
         if self._ranges and outside.any() and not self.exceeded:
             axis = int(outside.argmax())
             self.exceeded = (
-                f"{self._names[axis]} is at {image.position[axis]:.3f} {self._units[axis]}; its"
-                f" --range is {lower[axis]:g} to {upper[axis]:g} {self._units[axis]}"
+                f"{self._names[axis]} is at {image.position[axis]:.3f} {self.units[axis]}; its"
+                f" --range is {lower[axis]:g} to {upper[axis]:g} {self.units[axis]}"
             )
         if (away > self.max_excursion).any() and not self.exceeded:
             axis = int(np.nanargmax(away))
-            unit = self._units[axis]
+            unit = self.units[axis]
             self.exceeded = (
                 f"{self._names[axis]} is {away[axis]:.3f} {unit} from its start pose;"
                 f" --max-excursion is {self.max_excursion:g} {unit}"
@@ -135,6 +146,15 @@ class StartPose:
                     f" {limit.lower:g} to {limit.upper:g} {limit.unit}: move it there first"
                 )
 
+    def refusal(self, axis: int, what: str) -> str:
+        """Return why the checks do not command ``what`` to an axis."""
+        lower, upper = self.room[:, axis]
+        bounds = "its --range" if self._names[axis] in self._ranges else "its position limits"
+        return (
+            f"{what} is not commanded to {self._names[axis]}: outside of {lower:.4g} to {upper:.4g}"
+            f" {self.units[axis]}, {bounds} less a margin"
+        )
+
     def summary(self) -> str:
         """Return which axis went farthest; "" while no start pose is known."""
         if self.position is None:
@@ -142,7 +162,7 @@ class StartPose:
         axis = int(self.farthest.argmax())
         return (
             f"farthest from the start pose: {self._names[axis]}, {self.farthest[axis]:.3f}"
-            f" {self._units[axis]} (--max-excursion {self.max_excursion:g})"
+            f" {self.units[axis]} (--max-excursion {self.max_excursion:g})"
         )
 
 
@@ -159,11 +179,17 @@ def parse_range(text: str) -> tuple[str, tuple[float, float]]:
     return name, bounds
 
 
-def _way(axis: int, start: float, limits: AxisLimits, count: int) -> float:
+def _inset(allowed: FloatArray, margin: float, share: float) -> FloatArray:
+    """Return ``allowed`` (2, n_axes) less a margin on both sides, smaller in a small room."""
+    margins = np.minimum(margin, share * (allowed[1] - allowed[0]))
+    return np.array([allowed[0] + margins, allowed[1] - margins])
+
+
+def _way(axis: int, start: float, room: FloatArray, count: int) -> float:
     """Return the signed travel of an axis: sides alternate where both have room for it."""
     size = TRAVEL_RAD * float(np.linspace(1.0, 0.5, count)[axis])
-    up, down = limits.upper - start, start - limits.lower
+    up, down = room[1] - start, start - room[0]
     sign = -1.0 if axis % 2 else 1.0
     if (up if sign > 0.0 else down) <= size:
         sign = 1.0 if up >= down else -1.0
-    return sign * min(size, ROOM * max(up, down, 0.0))
+    return float(sign * min(size, ROOM * max(up, down)))

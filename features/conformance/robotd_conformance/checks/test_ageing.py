@@ -98,6 +98,7 @@ def test_their_time_goes_on(harness: Harness) -> None:
 
 
 @pytest.mark.clause("AxisDriver.read/measured", "AxisDriver.read/commands")
+@pytest.mark.short_period
 def test_values_follow_the_motion(harness: Harness) -> None:
     stale_s = harness.robot.connection.settings.stale_after_s
     recording = record_move(harness)

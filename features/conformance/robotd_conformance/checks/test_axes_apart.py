@@ -76,7 +76,7 @@ def others_of(harness: Harness, axis: int, event: Event) -> list[int]:
         concerned |= set(harness.servo_group(axis))
     if event in (alarm, alarm_and_clear):
         concerned |= set(harness.alarm_group(axis))
-    others = [each for each in harness.all if each not in concerned]
+    others = [axis for axis in harness.all if axis not in concerned]
     if not others:
         pytest.skip("all axes of the robot are concerned")
     return others
@@ -106,7 +106,7 @@ def test_one_axis_ends_its_motion_alone(fresh: Harness, event: Event) -> None:
         axis = 0 if turn % 2 else fresh.count - 1
         others, motion = others_of(fresh, axis, event), MixedMotion(fresh, turn, seconds=MOVES_S)
         if motion.kinds[axis] is Kind.TRAJECTORY:  # its axes stop together
-            others = [each for each in others if motion.kinds[each] is not Kind.TRAJECTORY]
+            others = [axis for axis in others if motion.kinds[axis] is not Kind.TRAJECTORY]
         motion.prepare()
         with motion.running():
             fresh.pass_time(SPEEDS_UP_S)

@@ -125,9 +125,9 @@ def test_an_error_object_has_the_code_of_the_alarm(
         assert not any(before), f"0x603F is {max(before):#x} without an alarm"
         injector.trip(0, code)
         harness.until(lambda: bool(harness.image.amp_alarm[0]), "the alarm is shown", 1.0)
-        shown = [each for each in read_words(bus, axes, ERROR_CODE, 2) if each]
+        shown = [value for value in read_words(bus, axes, ERROR_CODE, 2) if value]
         assert shown == [code] * len(harness.alarm_group(0)), (
-            f"0x603F is {', '.join(f'0x{each:04X}' for each in shown) or 0} in alarm 0x{code:04X}"
+            f"0x603F is {', '.join(f'0x{value:04X}' for value in shown) or 0} in alarm 0x{code:04X}"
         )
         harness.robot.axes.clear_alarm(0)
         harness.periods(5)
@@ -189,7 +189,7 @@ def test_objects_of_each_size_are_written_beside_each_other(harness: Harness) ->
         pytest.skip("no node has an object that may be written")
     for mask in (0x2B, 0x64):
         expected = {
-            place: bytes(each ^ (mask + at + place[1]) % 256 for at, each in enumerate(data))
+            place: bytes(byte ^ (mask + at + place[1]) % 256 for at, byte in enumerate(data))
             for place, data in before.items()
         }
         for (node, index), data in expected.items():
@@ -228,7 +228,7 @@ def test_objects_that_several_threads_read_are_not_mixed(harness: Harness) -> No
     bus = fieldbus_of(harness)
     nodes = bus.node_ids(0)
     own = [(nodes[0], DEVICE_TYPE, 0), (nodes[-1], IDENTITY, 0), (nodes[-1], DEVICE_TYPE, 0)]
-    expected = [bus.read_object(0, *each) for each in own]
+    expected = [bus.read_object(0, *address) for address in own]
     wrong, errors = list[str](), list[Exception]()
 
     def read(which: int) -> None:

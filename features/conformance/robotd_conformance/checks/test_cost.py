@@ -206,7 +206,7 @@ def test_no_read_blocks_now_and_then(
         with timed_reads(harness) as durations:
             for _ in range(round(seconds)):
                 harness.pass_time(1.0)
-        blocked = [each for each in durations if each > limit_s]
+        blocked = [duration for duration in durations if duration > limit_s]
         if len(blocked) <= BLOCKED_READS:
             return
     raise AssertionError(

@@ -90,7 +90,7 @@ class StalledStream:
     def _fastest(self) -> FloatArray:
         """Return velocities at which all of the motion stays within the harness' travel."""
         profiles = [self._harness.profile(axis) for axis in self._harness.all]
-        highest = [min(each.velocity, RAMP_S * each.acceleration) for each in profiles]
+        highest = [min(profile.velocity, RAMP_S * profile.acceleration) for profile in profiles]
         way = self._harness.travel() / (self._brake_s + RAMP_S)
         return np.clip(way, -np.array(highest), highest)
 
@@ -140,7 +140,8 @@ class StalledStream:
 
 def leaps(harness: Harness, recording: Recording, velocity: FloatArray) -> list[str]:
     """Axes whose commands move faster than ``LEAP`` times ``velocity``."""
-    _, speeds = recording.slope(recording.position_command, LEAP_PERIODS * harness.feedback_s)
+    span_s = LEAP_PERIODS * harness.feedback_s
+    _, speeds = recording.slope(recording.position_command, span_s, commanded=True)
     fastest = np.abs(speeds).max(0)
     return [
         f"axis {axis}: setpoints were ignored without a report, and its command leapt with"

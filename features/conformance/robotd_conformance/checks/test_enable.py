@@ -18,7 +18,8 @@ from robotd.api import (
 )
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 
-MORE = 1.3
+JUMP = 2.0
+"""Of a profile's velocity: a servo that polls its targets overshoots by up to a half."""
 ALARM = 0x2310
 TOO_SHORT_S = 1e-6  # for any drive to confirm anything
 
@@ -97,7 +98,8 @@ def test_enabling_an_axis_in_motion_changes_nothing(harness: Harness) -> None:
         harness.rest()
     assert np.abs(harness.image.position - targets).max() <= SETTLED_RAD
     fastest = np.array([harness.profile(axis).velocity for axis in harness.all])
-    assert (np.abs(recording.velocity).max(0) <= MORE * fastest).all(), "an axis has jumped"
+    seen = np.abs(recording.velocity).max(0)
+    assert (seen <= JUMP * fastest).all(), f"an axis has jumped: {seen} of at most {fastest}"
 
 
 @pytest.mark.clause("drivers/rejects", "drivers/errors")
@@ -145,7 +147,8 @@ def test_switching_a_servo_leaves_moving_axes_alone(harness: Harness) -> None:
     assert harness.image.position[others] == pytest.approx(targets[others], abs=SETTLED_RAD)
     assert harness.image.motion_complete[others].all()
     fastest = np.array([harness.profile(axis).velocity for axis in others])
-    assert (np.abs(recording.velocity).max(0)[others] <= MORE * fastest).all(), "an axis has jumped"
+    seen = np.abs(recording.velocity).max(0)[others]
+    assert (seen <= JUMP * fastest).all(), f"an axis has jumped: {seen} of at most {fastest}"
 
 
 @pytest.mark.clause("drivers/errors", "AxisDriver.servo/waits", "AxisDriver.clear_alarm/waits")

@@ -89,9 +89,11 @@ def test_the_slowest_velocity_command_is_executed(fresh: Harness) -> None:
 def test_a_gentle_move_is_as_gentle_as_it_was_asked_for(harness: Harness) -> None:
     profiles = [
         Profile(
-            each.velocity, GENTLE_SHARE * each.acceleration, 2 * GENTLE_SHARE * each.deceleration
+            profile.velocity,
+            GENTLE_SHARE * profile.acceleration,
+            2 * GENTLE_SHARE * profile.deceleration,
         )
-        for each in map(harness.profile, harness.all)
+        for profile in map(harness.profile, harness.all)
     ]
     targets = harness.image.position_command + harness.travel(GENTLE_WAY)
     with harness.recording() as recording:
@@ -135,17 +137,18 @@ def test_a_long_move_reaches_its_speed_in_both_directions(harness: Harness, shar
 @pytest.mark.free_space
 @pytest.mark.clause("AxisDriver.jog/starts", "AxisDriver.jog/profile")
 @pytest.mark.clause("AxisDriver.device_limits/limits")
+@pytest.mark.short_period
 def test_a_velocity_command_near_the_limits_is_not_clipped(fresh: Harness) -> None:
     """In both directions; a device that clips sooner reports its limits."""
     if not fresh.can(Capability.VELOCITY_MODE):
         pytest.skip("the backend has no velocity mode")
     profiles = [steep(fresh, axis, FAST_JOG_SHARE) for axis in fresh.all]
     way = long_way(fresh, profiles)
-    passed_s = max(each.velocity / each.acceleration for each in profiles)
+    passed_s = max(profile.velocity / profile.acceleration for profile in profiles)
     # Of all axes at once: speed up and slow down take a way of velocity times ``passed_s``.
     speeds = np.sign(way) * [
-        min(each.velocity, each.acceleration * passed_s, WAY * abs(way[axis]) / passed_s)
-        for axis, each in enumerate(profiles)
+        min(profile.velocity, profile.acceleration * passed_s, WAY * abs(way[axis]) / passed_s)
+        for axis, profile in enumerate(profiles)
     ]
     fresh.set_velocity_mode()
     for sign in (1.0, -1.0):

@@ -52,7 +52,9 @@ def test_an_alarm_of_the_controller_is_one_alarm(harness: Harness, injector: Fau
     text = image.controller_reason
     assert text == text.strip()
     assert A_WORD.search(text), "the alarm has no text"
-    named = [each for each in harness.robot.problems if f"controller alarm {ALARM}" in each]
+    named = [
+        problem for problem in harness.robot.problems if f"controller alarm {ALARM}" in problem
+    ]
     assert len(named) == 1, f"{len(named)} problems name the alarm, instead of one"
     harness.robot.axes.clear_alarm(0)
     harness.until(lambda: not image.controller_alarm, "the alarm is cleared", 1.0)
@@ -124,6 +126,7 @@ def test_an_alarm_stays_until_it_is_cleared_and_then_nothing_moves(
 
 
 @pytest.mark.clause("AxisDriver.stream/setpoint")
+@pytest.mark.short_period
 def test_a_joint_that_was_blocked_does_not_leap_when_it_is_freed(
     harness: Harness, joints: list[int], injector: FaultInjector
 ) -> None:

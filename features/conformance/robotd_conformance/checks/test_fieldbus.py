@@ -256,10 +256,10 @@ def test_a_written_object_is_in_its_node(harness: Harness) -> None:
         except OperationError:
             continue
         for node in nodes:
-            value = bytes(each ^ 0x15 + place for place, each in enumerate(before[node]))
+            value = bytes(byte ^ 0x15 + place for place, byte in enumerate(before[node]))
             for data in (value, before[node], value, value, before[node]):
                 fieldbus.write_object(0, node, index, 0, data)
-                found = {each: fieldbus.read_object(0, each, index) for each in nodes}
+                found = {node: fieldbus.read_object(0, node, index) for node in nodes}
                 assert found == before | {node: data}, f"object 0x{index:X} of node {node}"
             written += 1
         break

@@ -7,14 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from robotd.api import (
-    FaultInjector,
-    FloatArray,
-    NotReady,
-    RobotdError,
-)
-from robotd_conformance.checks.harness import SETTLED_RAD, Harness
-from robotd_conformance.checks.recorded_motion import judge
+from robotd.api import FaultInjector, FloatArray, NotReady, RobotdError
+from robotd_conformance.checks.hand import move_by_hand, require_smooth_begin, small_distances
+from robotd_conformance.checks.harness import Harness
 
 ALARM = 0x2310
 
@@ -73,16 +68,6 @@ def test_a_move_by_hand_between_two_connections_is_kept_at_enabling(
     require_smooth_begin(fresh)
 
 
-def small_distances(harness: Harness, size: float) -> FloatArray:
-    """Return (n_axes,) distances from ``size`` to twice that, all different."""
-    return np.asarray(size * np.sign(harness.travel()) * np.linspace(1.0, 2.0, harness.count))
-
-
-def move_by_hand(harness: Harness, injector: FaultInjector, delta: FloatArray) -> None:
-    for axis in harness.all:
-        injector.move_by_hand(axis, float(delta[axis]))
-
-
 def require_no_return(harness: Harness, delta: FloatArray) -> None:
     """Enable the axes, which were moved by ``delta``; raise AssertionError where one moves."""
     start = harness.image.position.copy()
@@ -97,19 +82,3 @@ def require_no_return(harness: Harness, delta: FloatArray) -> None:
             f"axis {axis} was moved by {delta[axis]:.2g} rad by hand; enabling has moved the"
             f" command {off[axis]:.2g} rad away from the measured position"
         )
-
-
-def require_smooth_begin(harness: Harness) -> None:
-    """Move; raise AssertionError where the command jumps to another begin, or arrives elsewhere."""
-    with harness.recording() as recording:
-        targets = harness.move_all(0.1)
-        harness.rest()
-    assert harness.image.position == pytest.approx(targets, abs=SETTLED_RAD)
-    steps = np.abs(np.diff(recording.position_command, axis=0))
-    fastest = (steps / np.diff(recording.time_s)[:, None]).max(0)
-    problems = [
-        f"axis {axis}: the command of a move after one by hand changes by {fastest[axis]:.3g} rad/s"
-        for axis in harness.all
-        if fastest[axis] > 2 * harness.profile(axis).velocity
-    ]
-    judge(harness, recording, problems)

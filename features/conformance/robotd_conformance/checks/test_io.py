@@ -214,7 +214,7 @@ def test_each_output_byte_is_at_its_address(
 ) -> None:
     size = io.output_bytes
     pattern = bytes((37 * index + 11) % 251 for index in range(size))
-    for written in (pattern, bytes(255 - each for each in pattern)):
+    for written in (pattern, bytes(255 - byte for byte in pattern)):
         io.write_outputs(0, written)
         outputs(harness, io, written, 0)
         assert io.read_outputs(size // 2, size - size // 2) == written[size // 2 :]

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotd.api import AxisDriver, MonotonicClock, wait_until
+from robotd.api import MonotonicClock, wait_until
 from robotd_conformance.checks.harness import Harness, MakeHarness
 
 ROUNDS = 3
@@ -112,7 +112,7 @@ def test_nothing_grows_with_each_start(unopened: Harness, close: bool) -> None:
 def test_nothing_grows_with_each_command(harness: Harness) -> None:
     """Of the driver alone: the core keeps a history of commands."""
     start, way = harness.image.position_command.copy(), harness.travel(0.1)
-    driver: AxisDriver = vars(harness.drivers.axes)["wrapped"]
+    driver = harness.plugin_axes
     profiles = [harness.profile(axis) for axis in harness.all]
 
     def command() -> None:

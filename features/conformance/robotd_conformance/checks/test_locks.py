@@ -43,7 +43,7 @@ class Loop:
     spans: list[tuple[float, float, float]] = field(default_factory=list)
 
     def watch(self, call: Callable[..., Any]) -> Callable[..., Any]:
-        """Return ``call``, noted."""
+        """Return ``call`` with a record of its runs."""
 
         def watched(*arguments: Any) -> Any:
             durations, began_s = list[float](), time.perf_counter()

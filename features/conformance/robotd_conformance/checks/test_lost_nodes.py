@@ -58,6 +58,23 @@ def test_a_drive_whose_servo_is_off_is_lost_as_well(fresh: Harness) -> None:
     fresh.until(lambda: bool(fresh.image.offline[last]), "the drive is offline", LOST_S)
 
 
+@pytest.mark.clause("AxisDriver.confirmed_off/confirmed", "AxisDriver.confirmed_off/after")
+@pytest.mark.parametrize("lost", [False, True], ids=["all there", "last lost"])
+def test_a_drive_is_confirmed_to_be_off_where_it_answers(fresh: Harness, lost: bool) -> None:
+    driver, last = fresh.drivers.axes, fresh.count - 1
+    if lost:
+        fresh.injector.disconnect(last)
+        fresh.until(lambda: bool(fresh.image.offline[last]), "the drive is offline", LOST_S)
+    fresh.robot.connection.stop_communication()
+    confirmed = driver.confirmed_off()
+    if confirmed is None:
+        pytest.skip("no confirmations are kept")
+    expected = [not (lost and axis == last) for axis in fresh.all]
+    assert list(confirmed) == expected, (
+        f"confirmed to be off: {list(confirmed)}, drives that answer: {expected}"
+    )
+
+
 def problems(bus: FieldbusDriver) -> list[str]:
     """Name what is wrong with the nodes while one of them is lost."""
     nodes = [node for _, node in nodes_of(bus)]

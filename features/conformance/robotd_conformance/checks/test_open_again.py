@@ -88,7 +88,7 @@ def test_a_device_that_is_open_keeps_alarm_mode_and_counters(fresh: Harness) -> 
         call()
         fresh.periods(5)
         now = shown(fresh)
-        changed = [each for each, value in before.items() if now[each] != value]
+        changed = [key for key, value in before.items() if now[key] != value]
         assert not changed, f"{name} changes {', '.join(changed)}"
         assert bus is None or bus.status(0).lost_frames >= lost, f"{name} resets the counters"
 

@@ -29,6 +29,7 @@ CHANGES = (0.5, 1.0, 0.5, -0.5, -1.0, -0.5, 0.5, 0.0)
 
 @pytest.mark.clause("AxisDriver.move/overrides", "AxisDriver.move/new-profile")
 @pytest.mark.parametrize("where", ["farther", "same", "back"])
+@pytest.mark.short_period
 def test_a_move_that_overrides_another_has_its_own_ramps(harness: Harness, where: str) -> None:
     for command, begin, end in there_and_back(harness):
         first = different_ramps(harness, FIRST_SPEED, command)
@@ -50,12 +51,13 @@ def test_a_move_that_overrides_another_has_its_own_ramps(harness: Harness, where
             for axis, away in enumerate(np.abs(harness.image.position - targets))
             if away > SETTLED_RAD
         ]
-        judge(harness, recording, [f"override {command + 1}, {each}" for each in problems])
+        judge(harness, recording, [f"override {command + 1}, {problem}" for problem in problems])
 
 
 @pytest.mark.needs(Capability.VELOCITY_MODE)
 @pytest.mark.clause("AxisDriver.jog/changes", "AxisDriver.jog/new-profile", "AxisDriver.jog/zero")
 @pytest.mark.clause("AxisDriver.jog/profile")
+@pytest.mark.short_period
 def test_each_change_of_a_velocity_command_has_its_own_ramps(fresh: Harness) -> None:
     fresh.set_velocity_mode()
     speeds, before = fresh.speeds(JOG_SHARE), 0.0
@@ -73,7 +75,7 @@ def test_each_change_of_a_velocity_command_has_its_own_ramps(fresh: Harness) -> 
             rises = abs(share) > abs(before)
             problems = ramp_problems(recording, profiles, rising=rises, falling=not rises)
         what = f"from {before:.0%} to {share:.0%} of its velocity"
-        judge(fresh, recording, [f"{each}, {what}" for each in problems])
+        judge(fresh, recording, [f"{problem}, {what}" for problem in problems])
         before = share
     fresh.rest()
 
@@ -81,6 +83,7 @@ def test_each_change_of_a_velocity_command_has_its_own_ramps(fresh: Harness) -> 
 @pytest.mark.needs(Capability.VELOCITY_MODE)
 @pytest.mark.clause("AxisDriver.move/profile", "AxisDriver.jog/profile")
 @pytest.mark.clause("AxisDriver.set_command_mode/changes")
+@pytest.mark.short_period
 def test_moves_and_velocity_commands_in_turn_have_their_own_ramps(fresh: Harness) -> None:
     start = fresh.image.position_command.copy()
     for command in range(4):
@@ -97,7 +100,7 @@ def test_moves_and_velocity_commands_in_turn_have_their_own_ramps(fresh: Harness
                 fresh.move(fresh.all, start + fresh.travel(0.8), profiles)
             fresh.rest()
         problems = ramp_problems(recording, profiles)
-        judge(fresh, recording, [f"command {command + 1}, {each}" for each in problems])
+        judge(fresh, recording, [f"command {command + 1}, {problem}" for problem in problems])
 
 
 @pytest.mark.clause("AxisDriver.move/while-stopping")
@@ -107,8 +110,8 @@ def test_a_move_during_a_stop_is_rejected_or_made(harness: Harness, quick: bool)
     driver, start = harness.drivers.axes, harness.image.position_command.copy()
     there = start + harness.travel()
     gentle = [
-        replace(each, deceleration=0.25 * each.deceleration)
-        for each in map(harness.profile, harness.all)
+        replace(profile, deceleration=0.25 * profile.deceleration)
+        for profile in map(harness.profile, harness.all)
     ]
     for targets, begin in ((there, start), (start, there)):
         harness.move(harness.all, targets, gentle)
@@ -134,6 +137,7 @@ def change_s(profiles: list[Profile], before: float, share: float) -> float:
     falls = abs(before) if turns else max(0.0, abs(before) - abs(share))
     rises = abs(share) if turns else max(0.0, abs(share) - abs(before))
     longest_s = max(
-        each.velocity * (falls / each.deceleration + rises / each.acceleration) for each in profiles
+        profile.velocity * (falls / profile.deceleration + rises / profile.acceleration)
+        for profile in profiles
     )
     return longest_s + AFTER_S

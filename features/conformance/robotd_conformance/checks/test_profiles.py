@@ -35,6 +35,7 @@ def test_a_move_keeps_to_its_ramps(harness: Harness) -> None:
 
 
 @pytest.mark.clause("AxisDriver.move/profile")
+@pytest.mark.short_period
 def test_a_second_is_a_second(harness: Harness) -> None:
     distance, recording = harness.travel(), record_move(harness, 0.3)
     for axis in harness.all:

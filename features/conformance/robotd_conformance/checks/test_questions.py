@@ -129,3 +129,16 @@ def test_what_does_not_concern_an_axis_leaves_it_alone(harness: Harness) -> None
 def rewrite(bus: FieldbusDriver, node: int, index: int) -> None:
     """Write an object of a node as it is."""
     bus.write_object(0, node, index, 0, bus.read_object(0, node, index, 0))
+
+
+@pytest.mark.clause("AxisDriver.cautions/dangers", "AxisDriver.cautions/known")
+def test_each_caution_is_a_line_of_text(unopened: Harness) -> None:
+    """Before the device is opened, and while it communicates."""
+    driver = unopened.drivers.axes
+    for opened in (False, True):
+        if opened:
+            unopened.start(enable=False)
+        cautions = driver.cautions
+        assert not isinstance(cautions, str), f"cautions are a list of texts, not {cautions!r}"
+        wrong = [caution for caution in cautions if not caution.strip() or "\n" in caution]
+        assert not wrong, f"{wrong[0]!r} is no line of text"

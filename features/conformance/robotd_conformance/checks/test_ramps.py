@@ -53,7 +53,7 @@ def ramp_problems(
         speeds: (samples, n_axes), none negative; None: of the velocity command.
     """
     chosen = np.abs(recording.velocity_command) if speeds is None else speeds
-    _, ramps = recording.slope(chosen, SPAN_S)
+    _, ramps = recording.slope(chosen, SPAN_S, commanded=speeds is None)
     found = []
     for axis, profile in enumerate(profiles):
         seen = []
@@ -71,6 +71,7 @@ def ramp_problems(
 
 @pytest.mark.clause("AxisDriver.move/profile")
 @pytest.mark.parametrize("gentle", ["acceleration", "deceleration"])
+@pytest.mark.short_period
 def test_a_move_has_the_ramps_of_its_profile(harness: Harness, gentle: str) -> None:
     profiles = [uneven(harness, axis, gentle) for axis in harness.all]
     with harness.recording() as recording:
@@ -96,12 +97,13 @@ def test_a_stop_has_the_ramp_of_the_move(harness: Harness, gentle: str) -> None:
 @pytest.mark.clause("AxisDriver.jog/profile", "AxisDriver.stop/ramp", "AxisDriver.stop/starts")
 @pytest.mark.needs(Capability.VELOCITY_MODE)
 @pytest.mark.parametrize("gentle", ["acceleration", "deceleration"])
+@pytest.mark.short_period
 def test_a_velocity_command_has_the_ramps_of_its_profile(fresh: Harness, gentle: str) -> None:
     fresh.set_velocity_mode()
     profiles = [uneven(fresh, axis, gentle) for axis in fresh.all]
     speeds = JOG_SHARE * np.array([profile.velocity for profile in profiles])
-    limits = fresh.robot.axes.limits
-    middles = [(each.lower + each.upper) / 2 if isfinite(each.upper) else 0.0 for each in limits]
+    room = fresh.pose.room.T
+    middles = [(lower + upper) / 2 if isfinite(upper) else 0.0 for lower, upper in room]
     stops: list[Callable[[], None]] = [
         lambda: fresh.robot.axes.stop(fresh.all),
         lambda: jog(fresh, 0.0 * speeds, profiles),
@@ -138,7 +140,7 @@ def test_a_stop_ends_a_trajectory(harness: Harness, joints: list[int], stop: Sto
 @pytest.mark.parametrize("stop", STOPS)
 @pytest.mark.parametrize("jogs", [False, True], ids=["move", "jog"])
 def test_a_stop_returns_at_once(harness: Harness, stop: Stop, jogs: bool) -> None:
-    driver: AxisDriver = vars(harness.drivers.axes)["wrapped"]  # without a thread that limits it
+    driver = harness.plugin_axes
     start, durations_s, passed_s = harness.image.position_command.copy(), list[float](), 0.0
     if jogs:
         if not harness.can(Capability.VELOCITY_MODE):
@@ -195,17 +197,17 @@ def test_a_short_move_is_made(harness: Harness) -> None:
 def test_a_radian_is_a_radian_far_from_zero_and_beyond_a_turn(harness: Harness) -> None:
     limits = harness.robot.axes.limits
     inner = [
-        (each.lower + 0.025 * room, each.upper - 0.025 * room)
-        if isfinite(room := each.upper - each.lower)
-        else (each.lower, each.upper)
-        for each in limits
+        (limit.lower + 0.025 * room, limit.upper - 0.025 * room)
+        if isfinite(room := limit.upper - limit.lower)
+        else (limit.lower, limit.upper)
+        for limit in limits
     ]
     for far in (0.8, 2.5, 4.0, 9.0, -4.0, 0.0):
         targets = np.array([min(max(far, lower), upper) for lower, upper in inner])
-        ramps = [min(0.9 * each.acceleration, 20.0) for each in limits]
+        ramps = [min(0.9 * limit.acceleration, 20.0) for limit in limits]
         profiles = [
-            Profile(min(0.9 * each.velocity, 8.0), ramp, ramp)
-            for each, ramp in zip(limits, ramps, strict=True)
+            Profile(min(0.9 * limit.velocity, 8.0), ramp, ramp)
+            for limit, ramp in zip(limits, ramps, strict=True)
         ]
         harness.move(harness.all, targets, profiles)
         harness.rest()

@@ -145,6 +145,7 @@ def test_nothing_moves_after_the_end_of_a_motion(harness: Harness, end: End) -> 
 @pytest.mark.clause("AxisDriver.set_command_mode/nothing-moves")
 @pytest.mark.clause("DeviceDriver.stop_communication/axes-stop", "DeviceDriver.close/disconnects")
 @pytest.mark.parametrize("end", NEW_CONNECTIONS, ids=by_name)
+@pytest.mark.short_period
 def test_nothing_moves_after_a_new_connection(fresh: Harness, end: End) -> None:
     for turn in turns(fresh):
         look(fresh, run_and_end(fresh, turn, end).kinds)
@@ -170,6 +171,7 @@ def test_a_command_that_was_rejected_is_forgotten(fresh: Harness) -> None:
 
 @pytest.mark.clause("AxisDriver.home/no-motion", "AxisDriver/resumption")
 @pytest.mark.needs(Capability.HOMING)
+@pytest.mark.short_period
 def test_nothing_moves_after_homing(fresh: Harness) -> None:
     """Off zero; the command of the motion before counts from another place than the axis then."""
     fresh.require_rescaling()
@@ -187,7 +189,7 @@ def test_nothing_moves_after_homing(fresh: Harness) -> None:
 @pytest.mark.parametrize("end", [stop, quick_stop, servos_off, alarms], ids=by_name)
 def test_no_torque_acts_after_the_end_of_its_stream(fresh: Harness, end: End) -> None:
     joints = zip(fresh.robot.descriptor.joints, fresh.joints, strict=True)
-    torques = {axis: TORQUE_SHARE * (each.effort_limit or 0.0) for each, axis in joints}
+    torques = {axis: TORQUE_SHARE * (joint.effort_limit or 0.0) for joint, axis in joints}
     axes = [axis for axis, torque in torques.items() if torque]
     if not axes:
         pytest.skip("no joint has a torque limit (joints[].torque_limit_nm)")

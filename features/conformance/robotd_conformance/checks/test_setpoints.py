@@ -70,13 +70,12 @@ def test_setpoints_are_reached_however_far_ahead_they_are_sent(stepped: Harness)
 @pytest.mark.clause("AxisDriver.stream/position")
 def test_a_setpoint_is_passed_at_its_velocity(stepped: Harness) -> None:
     """The velocities of some setpoints are half of that at which the positions go on."""
+    halved = RAMP_S + 0.05, RAMP_S + 0.05 + max(0.05, 10 * stepped.period_s)
+    cruise_s = halved[1] + 0.05
     for speeds in both_ways(stepped):
-        path = Path(stepped, speeds, brakes_s=CRUISE_S)
-        halved = RAMP_S + 0.05, RAMP_S + 0.1
+        path = Path(stepped, speeds, brakes_s=cruise_s)
 
-        def send(
-            image: ProcessImage, path: Path = path, halved: tuple[float, float] = halved
-        ) -> None:
+        def send(image: ProcessImage, path: Path = path) -> None:
             path.note(image)
             time_s = path.time_s(stepped.due_ns)
             position, velocity = path.setpoint(time_s)
@@ -84,7 +83,7 @@ def test_a_setpoint_is_passed_at_its_velocity(stepped: Harness) -> None:
             stepped.stream(position, 0.5 * velocity if half else velocity)
 
         with stepped.robot.axes.claimed("conformance", stepped.all), stepped.each_period(send):
-            stepped.pass_time(CRUISE_S + RAMP_S + 0.02)
+            stepped.pass_time(cruise_s + RAMP_S + 0.02)
         stepped.rest()
         if np.abs(path.lags()).max() > IN_TIME:
             pytest.skip("commands are not read at the time of a setpoint")
@@ -179,6 +178,7 @@ def test_a_stream_ends_on_its_last_setpoint(stepped: Harness) -> None:
 
 @pytest.mark.needs(Capability.VELOCITY_MODE)
 @pytest.mark.clause("AxisDriver.stream/velocity")
+@pytest.mark.short_period
 def test_a_streamed_velocity_changes_evenly(stepped: Harness) -> None:
     """The way is that of the mean velocity."""
     stepped.set_velocity_mode()

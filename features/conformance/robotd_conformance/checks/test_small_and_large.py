@@ -49,7 +49,7 @@ def test_a_slow_move_is_as_slow_as_it_was_asked_for(harness: Harness) -> None:
     with harness.recording() as recording:
         harness.move(harness.all, start + SLOW_WAY * harness.travel(), profiles)
         harness.rest()
-    _, speeds = recording.slope(recording.position_command, 0.1)
+    _, speeds = recording.slope(recording.position_command, 0.1, commanded=True)
     top = np.abs(speeds).max(0)
     problems = [
         f"axis {axis}: {top[axis]:.3g} rad/s, commanded {profile.velocity:.3g}"
@@ -60,6 +60,7 @@ def test_a_slow_move_is_as_slow_as_it_was_asked_for(harness: Harness) -> None:
 
 
 @pytest.mark.clause("AxisDriver.move/profile")
+@pytest.mark.short_period
 def test_each_move_has_its_own_profile(harness: Harness) -> None:
     """One that follows on another, in the other direction, and of each axis."""
     even = [harness.profile(axis) for axis in harness.all]
@@ -68,24 +69,24 @@ def test_each_move_has_its_own_profile(harness: Harness) -> None:
     for step, (speed, ramp) in enumerate(((1.0, 1.0), (0.5, 0.4), (0.7, 0.8), (0.3, 0.5))):
         profiles = [
             Profile(
-                (speed if axis % 2 else 0.8 * speed) * each.velocity,
-                ramp * each.acceleration,
-                0.9 * ramp * each.deceleration,
+                (speed if axis % 2 else 0.8 * speed) * profile.velocity,
+                ramp * profile.acceleration,
+                0.9 * ramp * profile.deceleration,
             )
-            for axis, each in enumerate(even)
+            for axis, profile in enumerate(even)
         ]
         with harness.recording() as recording:
             harness.move(harness.all, start if step % 2 else start + way, profiles)
             harness.rest()
         found = ramp_problems(recording, profiles)
         top = np.abs(recording.velocity_command).max(0)
-        for axis, each in enumerate(profiles):
-            ramps = 2.0 * each.acceleration * each.deceleration
-            peak = np.sqrt(abs(way[axis]) * ramps / (each.acceleration + each.deceleration))
-            asked = min(each.velocity, float(peak))
+        for axis, profile in enumerate(profiles):
+            ramps = 2.0 * profile.acceleration * profile.deceleration
+            peak = np.sqrt(abs(way[axis]) * ramps / (profile.acceleration + profile.deceleration))
+            asked = min(profile.velocity, float(peak))
             if abs(top[axis] - asked) > 0.1 * asked:
                 found.append(f"axis {axis}: {top[axis]:.3g} rad/s, asked for {asked:.3g}")
-        problems += [f"move {step + 1}, {each}" for each in found]
+        problems += [f"move {step + 1}, {problem}" for problem in found]
         judge(harness, recording, problems)
 
 
@@ -96,7 +97,9 @@ def test_a_move_near_the_limits_is_not_clipped(harness: Harness, share: float) -
     """A device that clips sooner reports its limits: ``AxisDriver.device_limits``."""
     profiles = [steep(harness, axis, share) for axis in harness.all]
     start, way = harness.image.position_command.copy(), harness.travel()
-    shortest_s = [2.0 * np.sqrt(abs(way[i]) / each.acceleration) for i, each in enumerate(profiles)]
+    shortest_s = [
+        2.0 * np.sqrt(abs(way[i]) / profile.acceleration) for i, profile in enumerate(profiles)
+    ]
     problems = []
     for targets in (start + way, start):
         with harness.recording() as recording:
@@ -126,15 +129,18 @@ def steep(harness: Harness, axis: int, share: float) -> Profile:
 
 @pytest.mark.needs(Capability.VELOCITY_MODE)
 @pytest.mark.clause("AxisDriver.jog/profile")
+@pytest.mark.short_period
 def test_each_velocity_command_has_its_own_ramps(fresh: Harness) -> None:
     fresh.set_velocity_mode()
     speeds = fresh.speeds(0.4)
     for ramp, sign in ((1.0, 1.0), (0.4, -1.0), (0.8, 1.0)):
         profiles = [
             replace(
-                each, acceleration=ramp * each.acceleration, deceleration=ramp * each.deceleration
+                profile,
+                acceleration=ramp * profile.acceleration,
+                deceleration=ramp * profile.deceleration,
             )
-            for each in map(fresh.profile, fresh.all)
+            for profile in map(fresh.profile, fresh.all)
         ]
         with fresh.recording() as recording:
             jog(fresh, sign * speeds, profiles)

@@ -42,6 +42,7 @@ def stop(request: pytest.FixtureRequest) -> Stop:
 
 
 @pytest.mark.clause("AxisDriver.stop/ramp", "AxisDriver.move/new-profile", "AxisDriver.stop/rests")
+@pytest.mark.short_period
 def test_a_stop_has_the_ramp_of_the_last_move(harness: Harness) -> None:
     """Of each axis, also where the move has overridden another, and after a quick stop."""
     for command, begin, end in there_and_back(harness):
@@ -58,7 +59,7 @@ def test_a_stop_has_the_ramp_of_the_last_move(harness: Harness) -> None:
         problems = ramp_problems(recording, second, rising=False)
         if harness.stepped:  # else commands and values of one sample may belong to different times
             problems += jumps(recording, harness.feedback_s - harness.period_s)
-        judge(harness, recording, [f"stop {command + 1}, {each}" for each in problems])
+        judge(harness, recording, [f"stop {command + 1}, {problem}" for problem in problems])
         harness.move(harness.all, begin)
         harness.pass_time(EARLY_S)
         harness.drivers.axes.quick_stop(harness.all)
@@ -66,6 +67,7 @@ def test_a_stop_has_the_ramp_of_the_last_move(harness: Harness) -> None:
 
 
 @pytest.mark.clause("AxisDriver.move/profile", "AxisDriver.stop/rests")
+@pytest.mark.short_period
 def test_a_move_after_a_stop_has_its_own_profile(harness: Harness, stop: Stop) -> None:
     """Its velocity and its ramps, not those of the stop or of what was stopped."""
     start, way = harness.image.position_command.copy(), harness.travel()
@@ -89,23 +91,25 @@ def test_a_move_after_a_stop_has_its_own_profile(harness: Harness, stop: Stop) -
 
 @pytest.mark.needs(Capability.VELOCITY_MODE)
 @pytest.mark.clause("AxisDriver.stop/ramp", "AxisDriver.jog/new-profile")
+@pytest.mark.short_period
 def test_a_stop_has_the_ramp_of_the_last_velocity_command(fresh: Harness) -> None:
     fresh.set_velocity_mode()
     speeds = fresh.speeds(JOG_SHARE)
     for command, sign in enumerate((1.0, -1.0)):
-        slow, profiles = (different_ramps(fresh, JOG_SHARE, command + each) for each in (1, 2))
-        for share, each in ((0.5, slow), (1.0, profiles)):
-            jog(fresh, sign * share * speeds, each)
-            fresh.pass_time(ramp_s(each))
+        slow, profiles = (different_ramps(fresh, JOG_SHARE, command + shift) for shift in (1, 2))
+        for share, ramps in ((0.5, slow), (1.0, profiles)):
+            jog(fresh, sign * share * speeds, ramps)
+            fresh.pass_time(ramp_s(ramps))
         with fresh.recording() as recording:
             fresh.periods(2)
             fresh.drivers.axes.stop(fresh.all[:: -1 if command else 1])
             fresh.rest()
         problems = ramp_problems(recording, profiles, rising=False)
-        judge(fresh, recording, [f"stop {command + 1}, {each}" for each in problems])
+        judge(fresh, recording, [f"stop {command + 1}, {problem}" for problem in problems])
 
 
 @pytest.mark.clause("AxisDriver.stop/starts", "AxisDriver.quick_stop/starts")
+@pytest.mark.short_period
 def test_an_axis_that_is_stopped_speeds_up_no_more(harness: Harness, stop: Stop) -> None:
     harness.move_all()
     harness.pass_time(RISING_S)
@@ -192,8 +196,15 @@ def test_one_stop_ends_motions_of_every_kind(fresh: Harness, stop: Stop, first: 
         fresh.pass_time(0.15)
         assert (fresh.image.operation != Operation.IDLE).all(), "not every axis moves"
         stop(fresh.drivers.axes, fresh.all)
-        ramps_s = [each.velocity / each.deceleration for each in map(fresh.profile, fresh.all)]
-        fresh.pass_time(MORE * max(STREAM_STOP_S, *ramps_s) + REACTION_S + 2 * fresh.feedback_s)
+        ramps_s = [
+            profile.velocity / profile.deceleration for profile in map(fresh.profile, fresh.all)
+        ]
+        fresh.pass_time(
+            MORE * max(STREAM_STOP_S, *ramps_s)
+            + REACTION_S
+            + fresh.response_s
+            + 2 * fresh.feedback_s
+        )
         on = [axis for axis in fresh.all if abs(fresh.image.velocity[axis]) > NOTICED_RAD_S]
         assert not on, f"a stop of {fresh.all} did not stop {on}"
     fresh.rest()
@@ -201,8 +212,9 @@ def test_one_stop_ends_motions_of_every_kind(fresh: Harness, stop: Stop, first: 
 
 @pytest.mark.needs(Capability.SIMULATED)
 @pytest.mark.clause("AxisDriver.quick_stop/starts")
+@pytest.mark.short_period
 def test_a_quick_stop_is_no_gentler_than_the_hardest_stop(harness: Harness) -> None:
-    limits = [min(each.acceleration, HARDEST_RAD_S2) for each in harness.robot.axes.limits]
+    limits = [min(limit.acceleration, HARDEST_RAD_S2) for limit in harness.robot.axes.limits]
     hard = [
         replace(harness.profile(axis), deceleration=HARD * limit)
         for axis, limit in enumerate(limits)
@@ -213,7 +225,8 @@ def test_a_quick_stop_is_no_gentler_than_the_hardest_stop(harness: Harness) -> N
         harness.until(lambda: len(recording) > 0, "there are values")
         harness.drivers.axes.quick_stop(harness.all)
         harness.rest()
-    _, ramps = recording.slope(np.abs(recording.velocity_command), 2.0 * harness.feedback_s)
+    speeds, span_s = np.abs(recording.velocity_command), 2.0 * harness.feedback_s
+    _, ramps = recording.slope(speeds, span_s, commanded=True)
     problems = [
         f"axis {axis}: a quick stop with {-ramps[:, axis].min():.3g} rad/s², a stop with"
         f" {profile.deceleration:.3g}"

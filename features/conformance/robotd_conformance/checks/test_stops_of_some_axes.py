@@ -69,8 +69,10 @@ def test_a_stop_reaches_each_named_axis_of_jogs(fresh: Harness, stop: Stop) -> N
         fresh.pass_time(0.4)
         for axes in ([fresh.count - 1], fresh.all):
             stop(fresh.drivers.axes, axes)
-            ramps = [abs(speeds[each]) / fresh.profile(each).deceleration for each in axes]
-            fresh.pass_time(MORE * max(ramps) + REACTION_S + 2 * fresh.feedback_s)
+            ramps = [abs(speeds[axis]) / fresh.profile(axis).deceleration for axis in axes]
+            fresh.pass_time(
+                MORE * max(ramps) + REACTION_S + fresh.response_s + 2 * fresh.feedback_s
+            )
             check_stopped(fresh, axes, speeds)
         fresh.rest()
 
@@ -111,8 +113,9 @@ def test_a_repeated_stop_changes_nothing(harness: Harness, stop: Stop) -> None:
 
     speed, time_s, distance = stop_moving(harness, twice)
     ramp_s = np.array([speed[axis] / harness.profile(axis).deceleration for axis in harness.all])
-    assert (time_s <= MORE * ramp_s + REACTION_S).all(), "the second stop prolonged the first"
-    assert (distance <= speed * (MORE * ramp_s / 2 + REACTION_S)).all()
+    reaction_s = REACTION_S + harness.response_s
+    assert (time_s <= MORE * ramp_s + reaction_s).all(), "the second stop prolonged the first"
+    assert (distance <= speed * (MORE * ramp_s / 2 + reaction_s)).all()
     assert harness.image.servo_on.all()
 
 

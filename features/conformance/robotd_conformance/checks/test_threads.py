@@ -61,6 +61,7 @@ def start(make_harness: MakeHarness) -> tuple[Harness, list[float], list[str]]:
 
 @pytest.mark.clause("drivers/timeouts", "AxisDriver.read/states")
 @pytest.mark.clause("drivers/threads")
+@pytest.mark.short_period
 def test_commands_to_all_axes_at_once(make_harness: MakeHarness) -> None:
     harness, durations_s, failures = start(make_harness)
     home, travel = harness.image.position_command.copy(), harness.travel(0.3)
@@ -102,7 +103,7 @@ def test_moves_that_begin_at_once_keep_apart(make_harness: MakeHarness) -> None:
         driver.move(axis, target, profiles[axis])
 
     with ThreadPoolExecutor(harness.count) as callers:
-        for share in (0.3, -0.15, 0.2, 0.0) * 2:
+        for share in (0.3, 0.05, 0.2, 0.0) * 2:
             targets = home + harness.travel(share)
             list(callers.map(move, harness.all, targets.tolist()))
             harness.rest()
@@ -145,7 +146,9 @@ def test_switching_servos_does_not_disturb_the_cycle(make_harness: MakeHarness) 
         return work
 
     cycles = harness.robot.control_loop.stats.cycles
-    together(*(switch(axis) for axis in harness.all[:4]), *observers(harness))
+    # Of axes that share a switch one alone: an off of the others would end its on.
+    alone = [axis for axis in harness.all if min(harness.robot.axes.servo_group(axis)) == axis]
+    together(*(switch(axis) for axis in alone[:4]), *observers(harness))
     assert not failures
     check_not_blocked(durations_s)
     periods = harness.robot.control_loop.stats.cycles - cycles

@@ -22,7 +22,7 @@ def test_a_torque_moves_a_joint_until_its_source_is_lost(disabled: Harness) -> N
         assert disabled.image.mode[0] == mode
     disabled.enable()
     joints = zip(disabled.robot.descriptor.joints, disabled.robot.joint_axes, strict=True)
-    able = [(each.name, axis, each.effort_limit) for each, axis in joints if each.effort_limit]
+    able = [(joint.name, axis, joint.effort_limit) for joint, axis in joints if joint.effort_limit]
     if not able:
         pytest.skip("no joint has a torque limit (joints[].torque_limit_nm)")
     name, axis, limit = able[0]

@@ -27,7 +27,7 @@ def check_smooth(harness: Harness, recording: Recording) -> None:
     limits, found = harness.robot.follower.limits, []
     more = MORE if harness.stepped else MORE_IN_REAL_TIME
     _, speeds = recording.slope(recording.position, sample_span_s(harness))
-    _, ramps = recording.slope(recording.velocity_command, 0.02)
+    _, ramps = recording.slope(recording.velocity_command, 0.02, commanded=True)
     for joint, axis in enumerate(harness.joints):
         speed, ramp = np.abs(speeds[:, axis]).max(), np.abs(ramps[:, axis]).max()
         if speed > more * limits.velocity[joint] + 0.01:
@@ -60,7 +60,7 @@ def test_the_joints_are_on_the_path(harness: Harness, joints: list[int]) -> None
     assert execution.outcome is Outcome.SUCCEEDED, execution.message
     names, errors = harness.robot.joint_names, execution.max_error
     beyond = np.flatnonzero(errors > limits)
-    judge(harness, recording, [f"{names[each]}: {errors[each]:.3g} rad" for each in beyond])
+    judge(harness, recording, [f"{names[joint]}: {errors[joint]:.3g} rad" for joint in beyond])
 
 
 @pytest.mark.clause("AxisDriver.stream/others")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotd.api import FloatArray, ProcessImage, Underrun
+from robotd.api import EXTRAPOLATION_PERIODS, FloatArray, ProcessImage, Underrun
 from robotd_conformance.checks.harness import Harness
 from robotd_conformance.checks.recorded_motion import judge, ramped, record_stream
 
@@ -14,6 +14,7 @@ MIN_GAP_PERIODS = 10
 SPEED_SHARE = 0.6  # for a way of at most ``TRAVEL_RAD``
 SETTLING_SHARE = 0.5  # of the gap: a device may continue for some periods before it holds
 TOLERANCE = 0.25  # of the streamed velocity
+WAY_TOLERANCE = 0.75  # periods, for the way without setpoints
 
 
 class InterruptedStream:
@@ -26,7 +27,10 @@ class InterruptedStream:
         self._began_ns = 0
         self.gap_s = max(GAP_S, MIN_GAP_PERIODS * harness.period_s)
         self.samples: list[tuple[float, FloatArray]] = []
-        self._extrapolates = harness.drivers.axes.underrun is Underrun.EXTRAPOLATE
+        self._last_s = 0.0  # of the last setpoint before the gap
+        self._stood = self._start
+        extrapolates = harness.drivers.axes.underrun is Underrun.EXTRAPOLATE
+        self._further_s = EXTRAPOLATION_PERIODS * harness.period_s if extrapolates else 0.0
 
     @property
     def duration_s(self) -> float:
@@ -39,6 +43,8 @@ class InterruptedStream:
         state = self._setpoint((due_ns - self._began_ns) * 1e-9)
         if state is not None:
             self._harness.stream(*state)
+        else:
+            self._stood = image.position_command.copy()
 
     def slopes(self) -> FloatArray:
         """(n_axes,) mean measured velocity in the later part of the gap."""
@@ -48,6 +54,12 @@ class InterruptedStream:
         (first_s, first), (last_s, last) = inside[0], inside[-1]
         return np.asarray((last - first) / (last_s - first_s))
 
+    def periods(self) -> FloatArray:
+        """(n_axes,) way commanded after the last setpoint, in periods at its velocity."""
+        way_s, _ = ramped(self._last_s, RAMP_S, RAMP_S + CRUISE_S + self.gap_s)
+        way = self._stood - self._start - self.velocity * way_s
+        return np.asarray(way / (self.velocity * self._harness.period_s))
+
     def _setpoint(self, time_s: float) -> tuple[FloatArray, FloatArray] | None:
         """Position and velocity; None in the gap."""
         gap_at_s = RAMP_S + CRUISE_S
@@ -55,23 +67,32 @@ class InterruptedStream:
         if gap_at_s <= time_s < end_s:
             return None
         way_s, share = ramped(time_s, RAMP_S, end_s)
-        if time_s >= end_s and not self._extrapolates:  # it has stopped in the gap
-            (way_s, _), share = ramped(gap_at_s, RAMP_S, end_s), 0.0
+        if time_s < gap_at_s:
+            self._last_s = time_s
+        else:  # it has stopped in the gap
+            (way_s, _), share = ramped(self._last_s, RAMP_S, end_s), 0.0
+            way_s += self._further_s
         return self._start + self.velocity * way_s, self.velocity * share
 
 
 @pytest.mark.clause("AxisDriver.underrun/underrun")
+@pytest.mark.short_period
 def test_an_axis_without_setpoints_does_what_underrun_says(streamed: Harness) -> None:
     underrun = streamed.drivers.axes.underrun
-    share = 1.0 if underrun is Underrun.EXTRAPOLATE else 0.0
+    wanted = EXTRAPOLATION_PERIODS if underrun is Underrun.EXTRAPOLATE else 0.0
     for sign in (1.0, -1.0):  # and back, in a second stream
         stream = InterruptedStream(streamed, sign)
         recording = record_stream(streamed, stream, stream.duration_s)
-        wanted, found = share * stream.velocity, stream.slopes()
+        speeds, ways = stream.slopes(), stream.periods()
         problems = [
-            f"axis {axis}: {found[axis]:.3g} rad/s without setpoints, {underrun} means"
-            f" {wanted[axis]:.3g} rad/s"
+            f"axis {axis}: goes on with {speeds[axis]:.3g} rad/s without setpoints"
             for axis in streamed.all
-            if abs(found[axis] - wanted[axis]) > TOLERANCE * abs(stream.velocity[axis])
+            if abs(speeds[axis]) > TOLERANCE * abs(stream.velocity[axis])
+        ]
+        problems += [
+            f"axis {axis}: goes on for {ways[axis]:.2f} periods without setpoints, {underrun} means"
+            f" {wanted:g}"
+            for axis in streamed.all
+            if abs(ways[axis] - wanted) > WAY_TOLERANCE
         ]
         judge(streamed, recording, problems)

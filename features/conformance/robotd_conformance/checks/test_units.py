@@ -19,6 +19,7 @@ from robotd_conformance.checks.recorded_motion import (
 )
 from robotd_conformance.checks.recording import Recording
 
+SPAN_S = 0.02  # over which speeds are measured
 LAG_S = 0.03  # granted between a commanded and a measured value
 STEPPED_LAG_S = 0.01  # the same of a device that needs no time of its own
 
@@ -97,7 +98,9 @@ def test_the_velocity_is_the_slope_of_the_position(harness: Harness, back: bool)
 
 def slope_problems(harness: Harness, recording: Recording, way: str, speed: str) -> list[str]:
     """Axes whose ``speed`` is not the rate of change of their ``way``."""
-    times_s, slope = recording.slope(getattr(recording, way), 0.02)
+    # Where values are slow they are often coarse, too: a few steps of an encoder show no speed.
+    slow = harness.drivers.axes.feedback_period_s
+    times_s, slope = recording.slope(getattr(recording, way), max(SPAN_S, 4.0 * slow))
     lag_s = STEPPED_LAG_S if harness.stepped else LAG_S
     found = []
     for axis in harness.all:

@@ -126,12 +126,13 @@ def test_changing_the_mode_moves_nothing(fresh: Harness) -> None:
 def end_problems(harness: Harness, recording: Recording, speeds: FloatArray) -> list[str]:
     """Axes that come to rest late, or harder than their limits allow."""
     span_s = 2 * harness.period_s if harness.stepped else SPAN_S
-    _, ramps = recording.slope(recording.velocity_command, span_s)
+    _, ramps = recording.slope(recording.velocity_command, span_s, commanded=True)
     found = []
     for axis in harness.all:
         moving = np.abs(recording.velocity[:, axis]) > 0.05 * speeds[axis]
         rest_s = recording.time_s[moving][-1:].sum() - 3 * harness.feedback_s
         longest_s = 1.3 * speeds[axis] / harness.profile(axis).deceleration + REACTION_S
+        longest_s += harness.response_s
         hardest, limit = np.abs(ramps[:, axis]).max(), harness.robot.axes.limits[axis].acceleration
         if rest_s > longest_s:
             found.append(f"axis {axis}: at rest after {rest_s:.2f} s, expected {longest_s:.2f} s")

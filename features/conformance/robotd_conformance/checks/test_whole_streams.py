@@ -14,29 +14,30 @@ from robotd.api import (
 )
 from robotd_conformance.checks.harness import SETTLED_RAD, STANDSTILL_RAD_S, Harness
 from robotd_conformance.checks.mixed_motion import modes_of
-from robotd_conformance.checks.recorded_motion import judge
+from robotd_conformance.checks.recorded_motion import judge, ramped
 from robotd_conformance.checks.stream_path import CRUISE_S, RAMP_S, Path, different_speeds
 
 RESTS_S = 0.7  # of a stream, longer than a device waits for setpoints
 STAYS_AWAY_S, STOPS_S, LOOK_S = 0.2, 1.0, 0.15  # until setpoints stay away, longest reaction
-WRONG_RAD = 1.0  # position of a setpoint for an axis in velocity mode
 
 
 @pytest.mark.needs(Capability.VELOCITY_MODE)
 @pytest.mark.clause("AxisDriver.begin_stream/modes", "AxisDriver.stream/nan")
 @pytest.mark.clause("AxisDriver.stream/position", "AxisDriver.stream/velocity")
 @pytest.mark.parametrize("first", [CommandMode.VELOCITY, CommandMode.POSITION])
+@pytest.mark.short_period
 def test_axes_of_both_modes_stream_together(streamed: Harness, first: CommandMode) -> None:
     """Every second axis is in the other mode; the stream is begun in both orders."""
     by_velocity = np.arange(streamed.count) % 2 == (first is CommandMode.POSITION)
     for axis in np.flatnonzero(by_velocity).tolist():
         streamed.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
     driver, problems = streamed.drivers.axes, list[str]()
-    for axes, unknown in ((streamed.all, np.nan), (streamed.all[::-1], WRONG_RAD)):
+    nothing = np.full(streamed.count, np.nan)
+    for axes, unknown in ((streamed.all, nothing), (streamed.all[::-1], streamed.wrong_positions)):
         speeds = different_speeds(streamed) * (1.0 if axes[0] == 0 else -1.0)
         path = Path(streamed, speeds, brakes_s=CRUISE_S)
 
-        def send(image: ProcessImage, path: Path = path, unknown: float = unknown) -> None:
+        def send(image: ProcessImage, path: Path = path, unknown: FloatArray = unknown) -> None:
             position, velocity = path.setpoint(path.time_s(streamed.due_ns))
             streamed.stream(np.where(by_velocity, unknown, position), velocity)
 
@@ -58,6 +59,7 @@ def test_axes_of_both_modes_stream_together(streamed: Harness, first: CommandMod
 
 @pytest.mark.clause("AxisDriver.stream/arrays")
 @pytest.mark.parametrize("mode", [CommandMode.POSITION, CommandMode.VELOCITY])
+@pytest.mark.short_period
 def test_setpoints_may_be_overwritten_after_the_call(streamed: Harness, mode: CommandMode) -> None:
     if mode not in modes_of(streamed):
         pytest.skip("there is no velocity mode")
@@ -89,10 +91,17 @@ def test_setpoints_may_be_overwritten_after_the_call(streamed: Harness, mode: Co
 
 @pytest.mark.clause("AxisDriver.begin_stream/operation", "AxisDriver.stream/position")
 def test_a_stream_that_rests_goes_on(streamed: Harness) -> None:
-    """The same setpoint for longer than any time-out, and then others, back to the begin."""
+    """The same setpoint for longer than any time-out, and then others, back to the begin.
+
+    From the start pose into the travel of the axes, and from the end of that way to the other side.
+    """
     driver, speeds = streamed.drivers.axes, different_speeds(streamed)
-    start = streamed.image.position_command.copy()
+    way = path_end(streamed, speeds)
     for sign in (1.0, -1.0):
+        if sign < 0.0:
+            streamed.move(streamed.all, streamed.image.position_command + way)
+            streamed.rest()
+        start = streamed.image.position_command.copy()
         path = Path(streamed, sign * speeds, brakes_s=CRUISE_S)
         driver.begin_stream(streamed.all)
         with streamed.recording() as recording, streamed.each_period(path):
@@ -114,9 +123,10 @@ def test_a_stream_that_rests_goes_on(streamed: Harness) -> None:
 
 @pytest.mark.needs(Capability.DEVICE_WATCHDOG)
 @pytest.mark.clause("backend/watchdog")
+@pytest.mark.short_period
 def test_axes_stop_each_time_that_setpoints_stay_away(streamed: Harness) -> None:
-    """In each mode, both ways, and in the next connection."""
-    connection = streamed.robot.connection
+    """In each mode, both ways, and in the next connection: always between start and travel."""
+    connection, way = streamed.robot.connection, streamed.travel()
     for turn in range(3):
         if turn == 2:
             connection.stop_communication()
@@ -124,12 +134,21 @@ def test_axes_stop_each_time_that_setpoints_stay_away(streamed: Harness) -> None
         for number, mode in enumerate(modes_of(streamed)):
             sign = -1.0 if (turn + number) % 2 else 1.0
             streamed.enable()
+            begin = streamed.pose.position
+            assert begin is not None
+            streamed.move(streamed.all, begin if sign > 0.0 else begin + way)
+            streamed.rest()
             for axis in streamed.all:
                 streamed.robot.axes.set_command_mode(axis, mode)
             leave_alone(streamed, sign * different_speeds(streamed), mode)
             streamed.drivers.axes.end_stream(streamed.all)
             streamed.rest()
     streamed.enable()
+
+
+def path_end(harness: Harness, speeds: FloatArray) -> FloatArray:
+    """Return (n_axes,) the way of a path that is slowed down at ``CRUISE_S``."""
+    return np.asarray(ramped(np.inf, RAMP_S, CRUISE_S)[0] * speeds)
 
 
 def leave_alone(harness: Harness, speeds: FloatArray, mode: CommandMode) -> None:

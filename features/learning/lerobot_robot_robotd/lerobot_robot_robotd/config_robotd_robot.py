@@ -18,8 +18,9 @@ class RobotdRobotConfig(RobotConfig):
         variant: None takes the descriptor's default variant.
         mode: of the stream: ``smooth`` for policies at 10 to 50 Hz, ``target`` for single targets.
         timeout_s: age of the last action at which the joints slow to rest; None: the descriptor's.
-        max_relative_target: greatest distance of a target from the measured position, rad or m,
-            for every joint; None: the robot's own limits alone.
+        max_relative_target: greatest distance of a target from the measured position, rad or m: of
+            every joint, or by the name of the joint; None, or a joint without one: the robot's own
+            limits alone.
         velocities: observe the velocities of the joints too.
         cameras: by name, with ``width``, ``height`` and ``fps``; of the type ``robotd_world`` those
             of a simulated world.
@@ -30,6 +31,6 @@ class RobotdRobotConfig(RobotConfig):
     variant: str | None = None
     mode: str = "smooth"
     timeout_s: float | None = 0.5
-    max_relative_target: float | None = None
+    max_relative_target: float | dict[str, float] | None = None
     velocities: bool = False
     cameras: dict[str, CameraConfig] = field(default_factory=dict)

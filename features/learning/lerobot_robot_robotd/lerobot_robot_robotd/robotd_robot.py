@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-import signal
-import threading
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Sequence
+from contextlib import ExitStack
 from typing import Any
 
 from lerobot.cameras import make_cameras_from_configs
@@ -15,6 +13,7 @@ from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnected
 
 from lerobot_robot_robotd.config_robotd_robot import RobotdRobotConfig
 from lerobot_robot_robotd.gripper_value import GripperValue
+from lerobot_robot_robotd.sigterm import sigterm_as_interrupt
 from lerobot_robot_robotd.world_camera import WorldCamera, WorldCameraConfig
 from robotd import InvalidArgument, Robot, open_robot
 from robotd.api.models import load_robot_descriptor
@@ -44,13 +43,10 @@ class RobotdRobot(LeRobotRobot):
         self.config = config
         descriptor = load_robot_descriptor(config.descriptor, config.variant)
         self.robot_type = descriptor.name  # of datasets: policies are for one robot
-        if config.max_relative_target is not None and not config.max_relative_target > 0.0:
-            raise InvalidArgument(
-                f"max_relative_target {config.max_relative_target}: must be above 0"
-            )
         if not descriptor.joints:
             raise InvalidArgument(f"{descriptor.name} has no joints")
         self._joints = {f"{joint.name}.pos": joint for joint in descriptor.joints}
+        self._farthest = _farthest(config.max_relative_target, descriptor.joint_names)
         self._gripper_settings = descriptor.gripper
         self._gripper: GripperValue | None = None
         self._robot: Robot | None = None
@@ -61,7 +57,7 @@ class RobotdRobot(LeRobotRobot):
             for name, camera in config.cameras.items()
             if isinstance(camera, WorldCameraConfig)
         }
-        others = {name: each for name, each in config.cameras.items() if name not in of_world}
+        others = {name: camera for name, camera in config.cameras.items() if name not in of_world}
         self.cameras: dict[str, Any] = make_cameras_from_configs(others) | of_world
 
     @property
@@ -111,7 +107,7 @@ class RobotdRobot(LeRobotRobot):
             raise DeviceAlreadyConnectedError(f"{self} is already connected")
         config = self.config
         with ExitStack() as opened:
-            opened.enter_context(_sigterm_as_interrupt())
+            opened.enter_context(sigterm_as_interrupt())
             robot = opened.enter_context(
                 open_robot(config.descriptor, config.backend, config.variant)
             )
@@ -186,15 +182,12 @@ class RobotdRobot(LeRobotRobot):
 
     def _near(self, values: dict[str, float]) -> dict[str, float]:
         """Return the targets of the joints, not farther away than ``max_relative_target``."""
-        farthest = self.config.max_relative_target
-        if farthest is None:
-            return {}
-        position = self._connected().image.position
-        return {
-            name: min(max(values[name], here - farthest), here + farthest)
-            for name, joint in self._joints.items()
-            for here in [float(position[joint.axis])]
-        }
+        position, near = self._connected().image.position, {}
+        for name, joint in self._joints.items():
+            if (farthest := self._farthest.get(joint.name)) is not None:
+                here = float(position[joint.axis])
+                near[name] = min(max(values[name], here - farthest), here + farthest)
+        return near
 
     def disconnect(self) -> None:
         """Slow to rest, switch the servos off and close the robot and the cameras.
@@ -211,15 +204,15 @@ class RobotdRobot(LeRobotRobot):
         return self._robot
 
 
-@contextmanager
-def _sigterm_as_interrupt() -> Iterator[None]:
-    """Let SIGTERM raise KeyboardInterrupt, unless the program handles it itself."""
-    is_main = threading.current_thread() is threading.main_thread()
-    if not is_main or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
-        yield
-        return
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+def _farthest(given: float | dict[str, float] | None, joints: Sequence[str]) -> dict[str, float]:
+    """Return ``max_relative_target`` by joint. Raises InvalidArgument: unknown, or not above 0."""
+    if given is None:
+        return {}
+    by_joint = given if isinstance(given, dict) else dict.fromkeys(joints, given)
+    for joint, distance in by_joint.items():
+        if joint not in joints:
+            known = ", ".join(joints)
+            raise InvalidArgument(f"max_relative_target: no joint {joint!r} (available: {known})")
+        if not distance > 0.0:
+            raise InvalidArgument(f"max_relative_target {distance} of {joint}: must be above 0")
+    return by_joint

@@ -47,7 +47,7 @@ class WorldCamera:
         Raises InvalidArgument: it has no such camera, or one of another size.
         """
         config, world = self._config, self._world
-        known = {each.name: each for each in world.cameras} if world is not None else {}
+        known = {camera.name: camera for camera in world.cameras} if world is not None else {}
         if config.camera not in known:
             raise InvalidArgument(unknown_name("camera", config.camera, known))
         width, height = known[config.camera].width, known[config.camera].height

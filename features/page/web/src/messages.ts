@@ -41,6 +41,7 @@ export interface Description {
   meshes: Record<string, string>;
   has_control: boolean; // the page can be unlocked
   objects?: WorldObjects | null; // of a simulated world
+  solids?: GuardedSolid[]; // that the arms keep away from
   cameras?: WorldCamera[]; // whose pictures the server has
 }
 
@@ -62,6 +63,21 @@ export interface WorldObjects {
 export interface MovedObjects {
   type: "objects";
   poses: number[][];
+}
+
+// A body that an arm keeps away from, or that its tool carries; the pose is in the link ``frame``.
+export interface GuardedSolid {
+  name: string;
+  shape: string;
+  size: number[];
+  pose: number[];
+  frame: string;
+}
+
+// The scene has changed.
+export interface ChangedScene {
+  type: "scene";
+  solids: GuardedSolid[];
 }
 
 export interface Problem {
@@ -144,30 +160,7 @@ export interface Events {
   events: RobotEvent[];
 }
 
-// Of a page that shows robots of other processes.
-export interface RemoteRobot {
-  name: string; // its namespace
-  robot: string;
-  summary: string;
-  backend: string;
-  computer: string;
-  simulated: boolean;
-  problems: string[] | null; // what keeps axes from moving; null: not known yet
-}
-
-export interface Robots {
-  type: "robots";
-  shown: string; // name of the robot whose messages follow; "" for none
-  robots: RemoteRobot[]; // that answer
-}
-
-// The robot does not answer any more.
-export interface Lost {
-  type: "lost";
-  reason: string;
-}
-
-export type Message = Description | State | Events | MovedObjects | Robots | Lost;
+export type Message = Description | State | Events | MovedObjects | ChangedScene;
 
 const HEADER = 6; // time, lateness, closed, x, y, heading
 export const ROWS = 5; // position command, velocity command, position, velocity, torque

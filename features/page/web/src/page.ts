@@ -10,7 +10,6 @@ import { History } from "./history";
 import { type Description, type Message, PROTOCOL, samplesOf } from "./messages";
 import { BusPanel, EventPanel, GoalPanel, HeadPanel, IoPanel } from "./panels";
 import { Plots } from "./plots";
-import { RobotList } from "./robot_list";
 import { ToolPanel } from "./tools";
 import { Units } from "./units";
 import { View } from "./view";
@@ -29,7 +28,6 @@ const goals = new GoalPanel();
 const io = new IoPanel();
 const bus = new BusPanel();
 const events = new EventPanel();
-const robots = new RobotList();
 const cameras = new CameraPanel();
 const tools = new ToolPanel(view, units);
 const control = new Control(units, () => history.newest, view);
@@ -65,11 +63,8 @@ function receive(message: Message): void {
     case "objects":
       view.moveObjects(message.poses);
       break;
-    case "robots":
-      robots.update(message);
-      break;
-    case "lost":
-      showLost(message.reason);
+    case "scene":
+      view.showSolids(message.solids);
       break;
   }
 }

@@ -41,7 +41,7 @@ export class SceneObjects {
   }
 }
 
-function geometryOf(shape: string, size: number[]): THREE.BufferGeometry {
+export function geometryOf(shape: string, size: number[]): THREE.BufferGeometry {
   const [first, second, third] = size as [number, number, number];
   switch (shape) {
     case "box":

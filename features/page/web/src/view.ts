@@ -4,8 +4,9 @@ import * as THREE from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { onThemeChange } from "./colors";
 import { cssColor, find, setText } from "./dom";
-import type { Description, Sample } from "./messages";
+import type { Description, GuardedSolid, Sample } from "./messages";
 import { RobotModel } from "./robot_model";
+import { GuardedScene } from "./guarded_scene";
 import { SceneObjects } from "./scene_objects";
 import { TargetGizmo } from "./target_gizmo";
 
@@ -26,6 +27,7 @@ export class View {
   private controls: OrbitControls | undefined;
   private model: RobotModel | undefined;
   private objects: SceneObjects | undefined;
+  private readonly solids = new GuardedScene();
   private gizmo: TargetGizmo | undefined;
   private ground: THREE.Object3D | undefined;
   private shown: Sample | undefined; // the newest that differs
@@ -46,6 +48,7 @@ export class View {
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     this.upright.rotation.x = -Math.PI / 2;
     this.scene.add(this.upright);
+    this.upright.add(this.solids.object);
     this.upright.add(new THREE.HemisphereLight(0xffffff, 0x8a8f98, 2.2));
     const sun = new THREE.DirectionalLight(0xffffff, 2);
     sun.position.set(1.5, -2, 3);
@@ -66,6 +69,7 @@ export class View {
     this.model = this.shown = this.objects = undefined;
     this.missing = [];
     this.noteMissing([]);
+    this.showSolids(description.urdf ? (description.solids ?? []) : []);
     if (!description.urdf) {
       setText(this.note, "This robot has no URDF: there is nothing to draw.");
       return;
@@ -104,6 +108,7 @@ export class View {
     this.shown = sample;
     this.model.show(sample);
     this.objects?.follow(this.model);
+    this.solids.follow(this.model);
     this.gizmo?.follow(this.model);
     this.follow(this.model.object.position);
     this.dirty = true;
@@ -111,6 +116,13 @@ export class View {
 
   moveObjects(poses: number[][]): void {
     this.objects?.move(poses);
+    this.dirty = true;
+  }
+
+  showSolids(solids: GuardedSolid[]): void {
+    this.solids.show(solids);
+    if (this.model) this.solids.follow(this.model);
+    this.canvas.dataset["solids"] = solids.map(({ name }) => name).join(" ");
     this.dirty = true;
   }
 
@@ -159,6 +171,7 @@ export class View {
   private fit(): void {
     if (!this.model) return;
     this.objects?.follow(this.model);
+    this.solids.follow(this.model);
     this.scene.updateMatrixWorld(true);
     const box = new THREE.Box3().setFromObject(this.model.object);
     const size = diagonalOf(box);

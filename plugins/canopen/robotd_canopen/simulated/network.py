@@ -35,6 +35,7 @@ Action = Callable[[], None]
 _OUTPUTS, _INPUTS = 0x6200, 0x6000
 _MAX_BYTES = 8
 _OVER_VOLTAGE = 0x3210
+_CONTROLWORD, _AXIS_STEP = 0x6040, 0x800  # of one axis of a drive to the next
 
 
 class DriveNode(SimulatedNode):
@@ -72,6 +73,12 @@ class DriveNode(SimulatedNode):
 
     def on_event(self) -> None:
         self.sync(0.001)
+
+    def on_written(self, index: int, sub: int) -> None:
+        """A controlword by SDO; an operational node takes it with the next SYNC."""
+        if index % _AXIS_STEP == _CONTROLWORD % _AXIS_STEP and self.state != OPERATIONAL:
+            for drive in self.drives:
+                drive.sync(0.001)
 
     def on_connection_lost(self) -> None:
         for drive in self.drives:

@@ -22,7 +22,7 @@ _FAULT_RESET = 0x80
 _TRANSITION_BITS = 0x0F
 
 
-class State(Enum):
+class SimulatedState(Enum):
     """State of a drive; the value is its statusword pattern (CiA 402-2, table 30)."""
 
     SWITCH_ON_DISABLED = 0x40
@@ -44,22 +44,22 @@ class Command(Enum):
     ENABLE_OPERATION = auto()
 
 
-TRANSITIONS: dict[tuple[State, Command], State] = {
-    (State.SWITCH_ON_DISABLED, Command.SHUTDOWN): State.READY_TO_SWITCH_ON,
-    (State.READY_TO_SWITCH_ON, Command.SWITCH_ON): State.SWITCHED_ON,
-    (State.READY_TO_SWITCH_ON, Command.ENABLE_OPERATION): State.OPERATION_ENABLED,
-    (State.READY_TO_SWITCH_ON, Command.QUICK_STOP): State.SWITCH_ON_DISABLED,
-    (State.READY_TO_SWITCH_ON, Command.DISABLE_VOLTAGE): State.SWITCH_ON_DISABLED,
-    (State.SWITCHED_ON, Command.ENABLE_OPERATION): State.OPERATION_ENABLED,
-    (State.SWITCHED_ON, Command.SHUTDOWN): State.READY_TO_SWITCH_ON,
-    (State.SWITCHED_ON, Command.QUICK_STOP): State.SWITCH_ON_DISABLED,
-    (State.SWITCHED_ON, Command.DISABLE_VOLTAGE): State.SWITCH_ON_DISABLED,
-    (State.OPERATION_ENABLED, Command.SWITCH_ON): State.SWITCHED_ON,
-    (State.OPERATION_ENABLED, Command.SHUTDOWN): State.READY_TO_SWITCH_ON,
-    (State.OPERATION_ENABLED, Command.DISABLE_VOLTAGE): State.SWITCH_ON_DISABLED,
-    (State.OPERATION_ENABLED, Command.QUICK_STOP): State.QUICK_STOP_ACTIVE,
-    (State.QUICK_STOP_ACTIVE, Command.ENABLE_OPERATION): State.OPERATION_ENABLED,
-    (State.QUICK_STOP_ACTIVE, Command.DISABLE_VOLTAGE): State.SWITCH_ON_DISABLED,
+TRANSITIONS: dict[tuple[SimulatedState, Command], SimulatedState] = {
+    (SimulatedState.SWITCH_ON_DISABLED, Command.SHUTDOWN): SimulatedState.READY_TO_SWITCH_ON,
+    (SimulatedState.READY_TO_SWITCH_ON, Command.SWITCH_ON): SimulatedState.SWITCHED_ON,
+    (SimulatedState.READY_TO_SWITCH_ON, Command.ENABLE_OPERATION): SimulatedState.OPERATION_ENABLED,
+    (SimulatedState.READY_TO_SWITCH_ON, Command.QUICK_STOP): SimulatedState.SWITCH_ON_DISABLED,
+    (SimulatedState.READY_TO_SWITCH_ON, Command.DISABLE_VOLTAGE): SimulatedState.SWITCH_ON_DISABLED,
+    (SimulatedState.SWITCHED_ON, Command.ENABLE_OPERATION): SimulatedState.OPERATION_ENABLED,
+    (SimulatedState.SWITCHED_ON, Command.SHUTDOWN): SimulatedState.READY_TO_SWITCH_ON,
+    (SimulatedState.SWITCHED_ON, Command.QUICK_STOP): SimulatedState.SWITCH_ON_DISABLED,
+    (SimulatedState.SWITCHED_ON, Command.DISABLE_VOLTAGE): SimulatedState.SWITCH_ON_DISABLED,
+    (SimulatedState.OPERATION_ENABLED, Command.SWITCH_ON): SimulatedState.SWITCHED_ON,
+    (SimulatedState.OPERATION_ENABLED, Command.SHUTDOWN): SimulatedState.READY_TO_SWITCH_ON,
+    (SimulatedState.OPERATION_ENABLED, Command.DISABLE_VOLTAGE): SimulatedState.SWITCH_ON_DISABLED,
+    (SimulatedState.OPERATION_ENABLED, Command.QUICK_STOP): SimulatedState.QUICK_STOP_ACTIVE,
+    (SimulatedState.QUICK_STOP_ACTIVE, Command.ENABLE_OPERATION): SimulatedState.OPERATION_ENABLED,
+    (SimulatedState.QUICK_STOP_ACTIVE, Command.DISABLE_VOLTAGE): SimulatedState.SWITCH_ON_DISABLED,
 }
 
 
@@ -151,7 +151,7 @@ class Drive:
         faults: DriveFaults,
         emergency: Callable[[int, int], None],
     ) -> None:
-        self.state = State.SWITCH_ON_DISABLED
+        self.state = SimulatedState.SWITCH_ON_DISABLED
         self._model, self._values, self._machine, self._faults = model, values, machine, faults
         self._emergency = emergency
         self._offset = model.axis_offset * AXIS_STEP
@@ -183,7 +183,7 @@ class Drive:
 
     def push(self, delta: float) -> None:
         """Turn the motor by hand; no effect on an enabled drive."""
-        if self.state not in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE):
+        if self.state not in (SimulatedState.OPERATION_ENABLED, SimulatedState.QUICK_STOP_ACTIVE):
             position = self._machine.position(self._model.motor) + delta
             self._machine.servo.place(self._model.motor, position, position, 0.0)
             self._machine.hold(self._model.motor, position)
@@ -197,7 +197,7 @@ class Drive:
 
     def power_on(self) -> None:
         """Enter the state after a reset: no power, no fault, position kept."""
-        self._leave_power(State.SWITCH_ON_DISABLED)
+        self._leave_power(SimulatedState.SWITCH_ON_DISABLED)
         self._controlword = 0
         self.put(0x6076, round(self._model.rated_torque_nm * 1000))
         self.sample(0.0)
@@ -218,66 +218,69 @@ class Drive:
         else:
             self._blocked_at = self._machine.position(self._model.motor)
         self._measure()
-        if self.state in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE):
+        if self.state in (SimulatedState.OPERATION_ENABLED, SimulatedState.QUICK_STOP_ACTIVE):
             self._supervise(period_s)
         self.put(0x6041, self._statusword())
 
     def trip(self, code: int) -> None:
         """A fault: brake with the quick stop's ramp, then power off."""
-        if self.state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+        if self.state in (SimulatedState.FAULT, SimulatedState.FAULT_REACTION_ACTIVE):
             return
         self.put(0x603F, code)
-        powered = self.state in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE)
-        self.state = State.FAULT_REACTION_ACTIVE
+        powered = self.state in (SimulatedState.OPERATION_ENABLED, SimulatedState.QUICK_STOP_ACTIVE)
+        self.state = SimulatedState.FAULT_REACTION_ACTIVE
         self._emergency(code, 1 if code < 0x8000 else 0x21)
         if powered and not self._faults.blocked:
-            self.motion.quick_stop(lambda: self._leave_power(State.FAULT))
+            self.motion.quick_stop(lambda: self._leave_power(SimulatedState.FAULT))
         else:
-            self._leave_power(State.FAULT)
+            self._leave_power(SimulatedState.FAULT)
 
     def connection_lost(self) -> None:
         """React to the missing heartbeat of the master as object 0x6007 defines."""
         option = self.get(0x6007)
         if option == 1:
             self.trip(0x8130)
-        elif option in _BRAKES and self.state is State.OPERATION_ENABLED:
-            self._enter(State.QUICK_STOP_ACTIVE)
+        elif option in _BRAKES and self.state is SimulatedState.OPERATION_ENABLED:
+            self._enter(SimulatedState.QUICK_STOP_ACTIVE)
 
     def _act(self, before: int, word: int, period_s: float) -> None:
-        if self.state is State.FAULT:
+        if self.state is SimulatedState.FAULT:
             if resets_fault(before, word):
-                self.state = State.SWITCH_ON_DISABLED
+                self.state = SimulatedState.SWITCH_ON_DISABLED
                 self.put(0x603F, 0)
                 self._emergency(0, 0)
             return
-        if self.state is State.FAULT_REACTION_ACTIVE:
+        if self.state is SimulatedState.FAULT_REACTION_ACTIVE:
             return
         target = TRANSITIONS.get((self.state, command(word)))
         if target is not None:
             self._enter(target)
-        if self.state is State.OPERATION_ENABLED:
+        if self.state is SimulatedState.OPERATION_ENABLED:
             self.motion.act(Mode.of(self.get(0x6060)), before, word, period_s)
-        elif self.state is State.QUICK_STOP_ACTIVE:
+        elif self.state is SimulatedState.QUICK_STOP_ACTIVE:
             self.motion.prepare(Mode.of(self.get(0x6060)))
 
-    def _enter(self, state: State) -> None:
+    def _enter(self, state: SimulatedState) -> None:
         if state is self.state:
             return
         before, self.state = self.state, state
-        if state is State.OPERATION_ENABLED and before is not State.QUICK_STOP_ACTIVE:
+        if (
+            state is SimulatedState.OPERATION_ENABLED
+            and before is not SimulatedState.QUICK_STOP_ACTIVE
+        ):
             self._machine.enable(self._model.motor)
             self.motion.begin()
-        elif state is State.OPERATION_ENABLED:
+        elif state is SimulatedState.OPERATION_ENABLED:
             self.motion.begin()
-        elif state is State.QUICK_STOP_ACTIVE:
+        elif state is SimulatedState.QUICK_STOP_ACTIVE:
             stays = self.get(0x605A) in _STAYS
             self.motion.quick_stop(
-                None if stays else lambda: self._leave_power(State.SWITCH_ON_DISABLED)
+                None if stays else lambda: self._leave_power(SimulatedState.SWITCH_ON_DISABLED)
             )
-        elif before in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE):
+        elif before in (SimulatedState.OPERATION_ENABLED, SimulatedState.QUICK_STOP_ACTIVE):
             self._leave_power(state)
 
-    def _leave_power(self, state: State) -> None:
+    def _leave_power(self, state: SimulatedState) -> None:
         self.state = state
         self._machine.disable(self._model.motor)
 
@@ -310,7 +313,7 @@ class Drive:
             return self._faults.statusword
         word = self.state.value | _REMOTE
         motion = self.motion
-        if self.state in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE):
+        if self.state in (SimulatedState.OPERATION_ENABLED, SimulatedState.QUICK_STOP_ACTIVE):
             word |= _TARGET_REACHED if motion.target_reached else 0
             word |= _MODE_BIT if motion.mode_bit else 0
             word |= _ERROR_BIT if motion.error_bit else 0

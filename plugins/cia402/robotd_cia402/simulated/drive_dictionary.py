@@ -91,7 +91,7 @@ DRIVE_OBJECTS = (
 def drive_defaults(axes: int = 1) -> Objects:
     """Return the values of a drive with ``axes`` axes at power-on."""
     return {
-        (each.index + AXIS_STEP * axis, each.sub): each.default
+        (entry.index + AXIS_STEP * axis, entry.sub): entry.default
         for axis in range(axes)
-        for each in DRIVE_OBJECTS
+        for entry in DRIVE_OBJECTS
     }

@@ -15,7 +15,7 @@ import numpy as np
 
 from robotd.api import NANOSECONDS, Segment
 from robotd_cia402.sync_timing import SyncTiming
-from robotd_servo_model import FOREVER, Mechanics, Servo, World
+from robotd_servo_model import FOREVER, Mechanics, Servo, ServoWorld
 
 TICK_S = 0.001
 _MAX_CATCH_UP_S = 1.0
@@ -51,7 +51,7 @@ class Motors:
         self._clock = DriveClock(now_ns)
         self._timing = SyncTiming(round(TICK_S * NANOSECONDS), now_ns)
         self._runs_free = True
-        self._world = World(self._clock, self.servo, _MAX_CATCH_UP_S)
+        self._world = ServoWorld(self._clock, self.servo, _MAX_CATCH_UP_S)
         self._plans = [0] * axes
         self._velocity, self._torque = self.servo.measure(self.servo.state())
         for axis, position in enumerate(initial):

@@ -166,8 +166,8 @@ def _objects(offsets: Sequence[int]) -> list[ObjectDefinition]:
 
 def _profile_objects(offset: int) -> list[ObjectDefinition]:
     by_index: dict[int, list[DriveObject]] = {}
-    for each in DRIVE_OBJECTS:
-        by_index.setdefault(each.index, []).append(each)
+    for entry in DRIVE_OBJECTS:
+        by_index.setdefault(entry.index, []).append(entry)
     definitions = []
     for index, parts in by_index.items():
         entries = {part.sub: _entry(part) for part in parts}

@@ -33,7 +33,7 @@ class KeptPose(WholeArm):
 
 
 class NearLimit(KeptPose):
-    """Stands 0.12 rad from the upper limits of the plain robot."""
+    """Starts 0.12 rad from the upper limits of the plain robot."""
 
     start_rad = 2.88
 

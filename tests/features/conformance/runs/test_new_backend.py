@@ -31,7 +31,7 @@ def run(*command: str | Path, cwd: Path) -> str:
         capture_output=True,
         text=True,
         check=False,
-        timeout=120,
+        timeout=360,
     )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
@@ -89,7 +89,7 @@ def installed(python: Path, tmp_path: Path) -> Path:
     return python
 
 
-@pytest.mark.timeout(180)
+@pytest.mark.timeout(400)
 def test_a_generated_package_passes_at_once(installed: Path, tmp_path: Path) -> None:
     python = installed
     robotd = (python, "-m", "robotd")
@@ -106,7 +106,7 @@ def test_a_generated_package_passes_at_once(installed: Path, tmp_path: Path) -> 
     assert junit.read_text(encoding="utf-8").count("<testcase") > 90
 
 
-@pytest.mark.timeout(180)
+@pytest.mark.timeout(400)
 def test_a_minimal_package_is_small_and_passes_at_once(python: Path, tmp_path: Path) -> None:
     run(python, "-m", "robotd", "new-backend", NAME, "--minimal", cwd=tmp_path)
     package = tmp_path / "robotd-acme-bus"
@@ -119,7 +119,7 @@ def test_a_minimal_package_is_small_and_passes_at_once(python: Path, tmp_path: P
     assert "axes, simulated, velocity_mode" in found
     assert "not declared" not in found
     run(*robotd, "check", "--robot", "standalone", "--backend", NAME, cwd=tmp_path)
-    report = run(*robotd, "conform", "--backend", NAME, cwd=tmp_path)
+    report = run(*robotd, "conform", "--backend", NAME, "--quick", cwd=tmp_path)
     assert "verdict: passed" in report
 
 

@@ -9,13 +9,13 @@ from dataclasses import replace
 import pytest
 
 from robotd.clock import MonotonicClock, wait_until
-from robotd.control.problem import ProblemKind
+from robotd.control.groups.problem import ProblemKind
 from robotd.descriptor import load_robot_descriptor
 from robotd.motion import TrajectoryRequest
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
 from robotd_ethercat.bus_namespace import missing_rights
-from robotd_ros.diagnostics.part_status import Level
+from robotd_ros.diagnostics.part_status import DiagnosticLevel
 from robotd_ros.diagnostics.robot_health import Health
 
 RANGES = ((-2.0, 2.0), (-3.0, -1.0), (0.5, 1.5), (-1.0, 1.0), (0.0, 2.0), (-1.5, -0.1))
@@ -51,7 +51,11 @@ def cr3a(backend: str) -> Iterator[Robot]:
 
 
 def outside(robot: Robot) -> list[str]:
-    return [each.text for each in robot.find_problems() if each.kind is ProblemKind.OUTSIDE_LIMITS]
+    return [
+        problem.text
+        for problem in robot.find_problems()
+        if problem.kind is ProblemKind.OUTSIDE_LIMITS
+    ]
 
 
 def test_simulated_joints_begin_inside_their_limits(backend: str) -> None:
@@ -74,9 +78,9 @@ def test_a_joint_outside_its_limits_is_a_problem_until_it_is_back(backend: str) 
         robot.axes.limits = tuple(limits)
         robot.start()
         assert outside(robot) == ["joint2: at -1.2 rad, outside its limits -3 to -1.3 rad"]
-        status = {each.part: each for each in Health(robot).statuses()}["joint2"]
+        status = {status.part: status for status in Health(robot).statuses()}["joint2"]
         assert (status.level, status.message) == (
-            Level.WARN,
+            DiagnosticLevel.WARN,
             "at -1.2 rad, outside its limits -3 to -1.3 rad",
         )
         goal = TrajectoryRequest.from_rows(robot.joint_names, [1.0], [[0.0, -1.4, *INITIAL[2:]]])

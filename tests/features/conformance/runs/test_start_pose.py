@@ -32,10 +32,13 @@ def test_hardware_is_left_at_its_start_pose(
     install_plugin: InstallPlugin, monkeypatch: pytest.MonkeyPatch, allowed: float
 ) -> None:
     monkeypatch.setattr("robotd_conformance.checks.test_stopping.MORE", allowed)
+    if not allowed:
+        monkeypatch.setattr("robotd_conformance.checks.test_stopping.REACTION_S", 0.0)
     ramp = "test_stopping.py::test_a_stop_takes_the_time_and_way_of_its_ramp"
     own_device = "test_process.py::test_a_forked_process_does_not_disturb_the_device"
     outcome = run_kit(install_plugin("Hardware"), ramp, own_device)
-    assert (ramp in outcome.failed) is (allowed == 0.0)
+    unfit = outcome.failed | outcome.inconclusive  # a busy computer shares the blame
+    assert (ramp in unfit) is (allowed == 0.0)
     assert not outcome.ended_early
     assert Hardware.position == pytest.approx(np.zeros(3), abs=2e-3)
 
@@ -56,5 +59,6 @@ def test_a_run_ends_at_once_where_an_axis_begins_outside_of_its_range(
 ) -> None:
     outcome = run_kit("sim", "test_units.py", robot="cr3a", options=["--robotd-range=joint1=0.5:1"])
     assert outcome.ended_early
-    assert len(outcome.failed) == 1
+    assert outcome.failed == {}
+    assert len(outcome.refused) == 1
     assert "joint1 is at 0.000 rad, outside of its --range" in capsys.readouterr().out

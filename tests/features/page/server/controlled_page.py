@@ -11,12 +11,14 @@ from tests.features.page.server.browser import NO_WEBGL, open_page
 from tests.features.page.server.viewer import wait_until
 
 from robotd.clock.simulated import PacedClock
+from robotd.feature_host import FeatureHost
 from robotd.robot import Robot, build_robot
 from robotd_page.control_server import PageControl
 from robotd_page.page_feed import RobotSource
 from robotd_page.page_server import PageServer
 from robotd_recorder.recorder import observed
 from robotd_scenario.fault_schedule import FaultSchedule, RequestedFaults
+from robotd_tool_space.feature import open_tool_space
 
 HOLD_TIMEOUT_S = 600.0  # so that what stops a jog here is never the missing heartbeat
 MOVING = 0.01  # rad/s
@@ -41,9 +43,13 @@ class Served:
 def serve(folder: Path, robot: str | Path = "cr3a") -> Iterator[Served]:
     """A simulated robot in paced time, which no stall of the computer disturbs."""
     made = build_robot(robot, "sim", clock=PacedClock(1.0))
-    with observed(made, flight_folder=folder) as recorder:
+    host = FeatureHost(made, (), "/", print)
+    with observed(made, flight_folder=folder) as recorder, open_tool_space(host) as tools:
         control = PageControl(
-            made, RequestedFaults(FaultSchedule(made)), hold_timeout_s=HOLD_TIMEOUT_S
+            made,
+            RequestedFaults(FaultSchedule(made)),
+            tools=tools or {},
+            hold_timeout_s=HOLD_TIMEOUT_S,
         )
         source = RobotSource(recorder.tap, made.descriptor.nodes, has_control=True)
         with PageServer(source, 0, control=control) as server:

@@ -100,7 +100,7 @@ def test_pictures_are_shown_and_follow_the_world(
 ) -> None:
     robot, source, _ = served
     images = page.locator("#camera-list img")
-    assert [images.nth(each).get_attribute("alt") for each in range(2)] == [
+    assert [images.nth(place).get_attribute("alt") for place in range(2)] == [
         f"Picture of {name}" for name in NAMES
     ]
     page.locator("#cameras-title").scroll_into_view_if_needed()

@@ -32,6 +32,7 @@ from tests.features.page.server.viewer import TIMEOUT_S, wait_until
 from robotd.motion import TrajectoryRequest
 from robotd.motion.planar import ZERO_TWIST
 
+LOST_FRAMES = 10**9
 DRAWING_TIMEOUT_MS = 120_000  # of a page that draws by the processor while a joint moves
 pytestmark = needs_browser
 
@@ -90,6 +91,25 @@ def test_a_joint_moves_while_its_button_is_held(served: Served, page: Page) -> N
     wait_until(lambda: served.robot.image.position[0] < position - 0.01)
     page.mouse.up()
     says(page, "Jog: released")
+
+
+def test_servos_go_off_while_values_are_stale(served: Served, page: Page) -> None:
+    robot = served.robot
+    button = page.get_by_role("button", name="Servos off", exact=True)
+    robot.fault_injector.lose_packets(LOST_FRAMES)
+    try:
+        wait_until(lambda: not robot.connection.ready)
+        expect(page.locator("#ready")).to_contain_text("fault")
+        expect(button).to_be_enabled()
+        button.click()
+        says(page, "servo off was sent and is not confirmed")
+    finally:
+        robot.fault_injector.lose_packets(-LOST_FRAMES)  # the network is back
+    wait_until(lambda: robot.connection.ready)
+    assert not robot.image.servo_on[list(robot.joint_axes)].any()
+    page.get_by_role("button", name="Servos on", exact=True).click()
+    says(page, "servos are on")
+    wait_until(lambda: all(robot.image.servo_on[axis] for axis in robot.joint_axes))
 
 
 @pytest.mark.parametrize("key", ["Space", "Enter"])

@@ -243,14 +243,14 @@ def test_messages_and_controllers_are_bounded(tmp_path: Path) -> None:
             await client.socket.send_str("x" * (MAX_MESSAGE_BYTES + 1))
             assert (await client.close_reason())[0] == 1009
         clients = [controller(server) for _ in range(MAX_CONTROLLERS)]
-        for each in clients:
-            await each.__aenter__()
+        for operator in clients:
+            await operator.__aenter__()
         async with unknown(server) as client:
             await client.send(token=server._control.token)  # type: ignore[union-attr]
             text = f"{MAX_CONTROLLERS} pages control the robot already"
             assert await client.close_reason() == (1013, text)
-        for each in clients:
-            await each.__aexit__(None, None, None)
+        for operator in clients:
+            await operator.__aexit__(None, None, None)
 
     run(tmp_path, use)
 

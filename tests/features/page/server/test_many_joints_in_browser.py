@@ -68,7 +68,7 @@ def write_robot(folder: Path) -> Path:
         "joints": [
             {"name": joint, "axis": axis, "lower_rad": -1.0, "upper_rad": 1.0}
             | {"velocity_rad_s": 2.0, "acceleration_rad_s2": 8.0}
-            for axis, joint in enumerate(j for each in groups.values() for j in each["joints"])
+            for axis, joint in enumerate(j for group in groups.values() for j in group["joints"])
         ],
     }  # fmt: skip
     file = folder / "robot.yaml"
@@ -99,7 +99,7 @@ def test_a_group_is_unfolded_by_its_name_and_by_a_fault(page: Page, served: Serv
 def test_the_poses_of_the_tools_do_not_cover_the_robot(page: Page) -> None:
     tools, canvas = page.locator("#tools"), page.locator("#canvas")
     expect(tools.locator("li")).to_have_count(GROUPS)
-    boxes = [each.bounding_box() for each in (canvas, tools)]
+    boxes = [element.bounding_box() for element in (canvas, tools)]
     assert boxes[0] is not None
     assert boxes[1] is not None
     assert boxes[0]["y"] + boxes[0]["height"] <= boxes[1]["y"]

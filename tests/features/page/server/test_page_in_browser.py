@@ -84,7 +84,7 @@ def test_the_arm_is_drawn_where_its_joints_are(arm: Observed, page: Page) -> Non
     shows(page, 1, "+0.9000 rad")
     shows(page, 3, "+1.2000 rad")
     bent, bent_points = picture(page), link_points(arm)
-    at_upright, at_bent = (pixels(page, each, bent.shape) for each in (points, bent_points))
+    at_upright, at_bent = (pixels(page, cloud, bent.shape) for cloud in (points, bent_points))
     assert np.abs(at_upright - at_bent)[1:].max() > 30  # pixels: the poses differ clearly
     # Where the arm was there is background now, and the other way round.
     assert min(differences(upright, bent, at_upright[1:])) > BENT
@@ -109,7 +109,9 @@ def test_the_pose_of_the_tool_is_shown(arm: Observed, page: Page) -> None:
 
     def numbers() -> list[float]:
         """Position in m and angles in rad, as they are shown."""
-        return [float(each.replace("−", "-")) for each in re.findall(NUMBER, shown.inner_text())]
+        return [
+            float(number.replace("−", "-")) for number in re.findall(NUMBER, shown.inner_text())
+        ]
 
     wait_until(lambda: numbers() == pytest.approx([*frame[:3, 3], roll, pitch, yaw], abs=2e-3))
     move(arm, [0.0] * 6)
@@ -201,7 +203,9 @@ def test_the_page_works_by_keyboard(arm: Observed, page: Page) -> None:
 def shown_seconds(page: Page) -> list[list[float]]:
     """First and last second of each plot."""
     figures = page.locator("#plot-list figure").all()
-    return [[*map(float, (each.get_attribute("data-seconds") or "").split())] for each in figures]
+    return [
+        [*map(float, (figure.get_attribute("data-seconds") or "").split())] for figure in figures
+    ]
 
 
 def test_a_drag_zooms_all_plots_and_a_double_click_shows_the_minute_again(page: Page) -> None:
@@ -381,7 +385,7 @@ def write_gltf(path: Path, size: tuple[float, float, float], color: list[float])
 def write_dae(path: Path, size: tuple[float, float, float]) -> None:
     """Write a green box whose transparency of 0 says, by its letter, that it is invisible."""
     corners, faces = box(size)
-    texts = (" ".join(map(str, each.ravel().tolist())) for each in (corners, faces))
+    texts = (" ".join(map(str, array.ravel().tolist())) for array in (corners, faces))
     path.write_text(DAE.format(numbers=next(texts), indices=next(texts)), encoding="utf-8")
 
 

@@ -5,7 +5,6 @@ import select
 import socket
 import time
 from contextlib import ExitStack
-from functools import partial
 from http.client import HTTPConnection
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,6 @@ from aiohttp.test_utils import TestClient, TestServer
 from prometheus_client import generate_latest
 from tests.features.page.server.viewer import (
     TIMEOUT_S,
-    Viewer,
     connected,
     served_page,
     silent_viewer,
@@ -26,7 +24,6 @@ from tests.features.page.server.viewer import (
 )
 
 from robotd.errors import OperationError
-from robotd.events import EventKind
 from robotd_metrics.metrics import registry
 from robotd_page.page_feed import RobotSource
 from robotd_page.page_message import websocket_frames
@@ -161,7 +158,7 @@ def test_a_viewer_gets_the_description_the_past_and_what_changes(tmp_path: Path)
             assert first["remedy"].startswith("Look for a blocked axis")  # as `robotd explain` says
             assert "robotd recover" in first["remedy"]
             assert "following error" in viewer.state["axes"][2]["fault"]
-            await viewer.until(lambda: any(each["kind"] == "fault" for each in viewer.events))
+            await viewer.until(lambda: any(event["kind"] == "fault" for event in viewer.events))
 
     with served_page(tmp_path) as (arm, server):
         asyncio.run(watch())
@@ -176,30 +173,15 @@ def test_nothing_is_computed_while_nobody_watches(
 
     with served_page(tmp_path) as (_, server):
         calls: list[float] = []
-        feed: Any = server._source.feed("")
+        feed: Any = server._source.feed
         live = feed._live
         sample = live.sample
         monkeypatch.setattr(live, "sample", lambda: calls.append(time.monotonic()) or sample())
         asyncio.run(watch())
-        wait_until(lambda: not server._channels and not server._watched.is_set())
+        wait_until(lambda: not server._channel.viewers and not server._watched.is_set())
         before = len(calls)
         time.sleep(0.3)
         assert len(calls) == before
-
-
-def test_viewers_that_name_the_robot_or_not_get_the_same(tmp_path: Path) -> None:
-    def has(viewer: Viewer, text: str) -> bool:
-        return any(each["text"] == text for each in viewer.events)
-
-    async def watch() -> None:
-        async with connected(server.url) as first, connected(server.url, "/left") as second:
-            for text in ("one", "two", "three"):
-                arm.tap.events.add(EventKind.MARK, "test", text)
-                for viewer in (first, second):
-                    await viewer.until(partial(has, viewer, text))
-
-    with served_page(tmp_path) as (arm, server):
-        asyncio.run(watch())
 
 
 def test_five_viewers_get_the_same_and_a_ninth_is_told_why_not(tmp_path: Path) -> None:
@@ -215,8 +197,8 @@ def test_five_viewers_get_the_same_and_a_ninth_is_told_why_not(tmp_path: Path) -
             arm.step(0.1)
             newest = arm.robot.image.position[0]
             for viewer in viewers:
-                await viewer.until(lambda each=viewer: each.state["viewers"] == 5)
-                await viewer.until(lambda each=viewer: each.samples[-1][7 + 12] == newest)
+                await viewer.until(lambda client=viewer: client.state["viewers"] == 5)
+                await viewer.until(lambda client=viewer: client.samples[-1][7 + 12] == newest)
             async with aiohttp.ClientSession() as session:
                 sixth = await session.ws_connect(f"{server.url}ws")
                 message = await sixth.receive(TIMEOUT_S)

@@ -28,6 +28,7 @@ from tests.features.page.server.viewer import TIMEOUT_S, wait_until
 
 from robotd.api import FloatArray
 from robotd.motion import TrajectoryRequest
+from robotd_tool_space import ToolGroups
 
 BENT = [0.3, -0.6, 1.6, -0.3, 1.2, 0.0]
 pytestmark = needs_browser
@@ -54,7 +55,7 @@ def bend(served: Served) -> None:
 
 
 def tool_position(served: Served) -> FloatArray:
-    pose = served.robot.attribute("tool").measured_pose()
+    pose = served.robot.feature(ToolGroups).only.measured_pose()
     assert pose is not None
     position: FloatArray = pose[:3, 3]
     return position

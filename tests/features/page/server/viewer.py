@@ -57,7 +57,6 @@ class Viewer:
         self.description: dict[str, Any] = {}
         self.state: dict[str, Any] = {}
         self.events: list[dict[str, Any]] = []
-        self.robots: list[dict[str, Any]] = []
         self.samples: list[np.ndarray] = []
 
     async def receive(self) -> aiohttp.WSMessage:
@@ -71,8 +70,6 @@ class Viewer:
                     self.state = data
                 case "events":
                     self.events += data["events"]
-                case "robots":
-                    self.robots = data["robots"]
         elif message.type is aiohttp.WSMsgType.BINARY:
             described = self.description
             width = len(HEADER) + len(described["groups"]) + 5 * len(described["axes"])
@@ -87,18 +84,10 @@ class Viewer:
                 assert message.type in (aiohttp.WSMsgType.TEXT, aiohttp.WSMsgType.BINARY), message
 
 
-async def listed(url: str, robot: str) -> None:
-    """Wait until a robot is in the list of a page."""
-    async with aiohttp.ClientSession() as session, session.ws_connect(f"{url}ws") as socket:
-        viewer = Viewer(socket)
-        await viewer.until(lambda: any(each["name"] == robot for each in viewer.robots))
-
-
 @asynccontextmanager
-async def connected(url: str, robot: str = "") -> AsyncIterator[Viewer]:
+async def connected(url: str) -> AsyncIterator[Viewer]:
     """A viewer that has received the first messages."""
-    address = f"{url}ws?robot={robot}"
-    async with aiohttp.ClientSession() as session, session.ws_connect(address) as socket:
+    async with aiohttp.ClientSession() as session, session.ws_connect(f"{url}ws") as socket:
         viewer = Viewer(socket)
         await viewer.until(lambda: viewer.events)
         yield viewer

@@ -106,10 +106,13 @@ def write_robot(
     section = {"bus": bus, "sync_period_s": 1 / rate_hz, **PATIENCE, **options}
     content = {
         "extends": str(load_robot_descriptor(robot).path),
-        "engine": {"stale_after_s": STALE_AFTER_S},
         "default_variant": "canopen_multicast",
         "variants": {
-            "canopen_multicast": {"cycle": {"rate_hz": rate_hz}, "backends": {"canopen": section}}
+            "canopen_multicast": {
+                "cycle": {"rate_hz": rate_hz},
+                "engine": {"stale_after_s": STALE_AFTER_S},  # the robot's variant has its own
+                "backends": {"canopen": section},
+            }
         },
     }
     path = folder / f"{robot}.yaml"

@@ -12,7 +12,7 @@ import numpy as np
 
 from robotd.arrays import FloatArray
 from robotd.clock import MonotonicClock, wait_until
-from robotd.control.trajectory_execution import TrajectoryExecution
+from robotd.control.sources.trajectory_execution import TrajectoryExecution
 from robotd.device.bus_status import BusStatus
 from robotd.device.process_image import ProcessImage
 from robotd.motion import TrajectoryRequest

@@ -58,12 +58,12 @@ def test_a_drive_that_resets_while_it_is_configured_does_not_start(
     with open_rig(SMALL, enable=False) as harness:
         harness.robot.connection.stop_communication()
         drive, node = harness.drive(2), harness.master.nodes[2]
-        start, booted_ns = node.start, node._boot_ns
+        start, booted_ns = node.start, node.boot_ns
 
         def reset_before() -> None:
             harness.inject("2 reboot")
             harness.network.call(lambda: drive.values.update({(0x1017, 0): 100}))
-            harness.until(lambda: node._boot_ns != booted_ns)
+            harness.until(lambda: node.boot_ns != booted_ns)
             start()
 
         with monkeypatch.context() as patch:

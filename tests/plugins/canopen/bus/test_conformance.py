@@ -13,7 +13,7 @@ CHECKS = (
     "fieldbus", "io", "switches", "enable", "connection", "ageing", "stopping", "faults",
     "watchdog", "axes_apart", "units", "overrides", "shown_motion", "velocity_commands",
     "streams", "setpoints", "underrun", "trajectories", "bus_objects", "lost_nodes", "torque",
-    "scaling", "reopening", "threads",
+    "scaling", "reopening", "silences", "threads",
 )  # fmt: skip
 
 

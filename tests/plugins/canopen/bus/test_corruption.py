@@ -8,7 +8,7 @@ from contextlib import suppress
 import can
 from tests.plugins.canopen.bus.conftest import SMALL, OpenRig
 
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.errors import RobotdError
 
 # SDO answers, heartbeats, EMCY, TPDOs, and a few that belong to nobody. Heartbeats and TPDOs of

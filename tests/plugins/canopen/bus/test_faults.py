@@ -14,8 +14,8 @@ from tests.plugins.canopen.bus.drives_process import RATE_HZ, SOON_STALE
 from tests.plugins.canopen.bus.harness import Harness, broken
 from tests.rearming_checks import check_recovery
 
-from robotd.control.problem import ProblemKind
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.groups.problem import ProblemKind
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.device.axes import Jog, Move
 from robotd.device.state import CommandMode, ConnectionState
 from robotd.errors import ConnectError, DeviceTimeout, NotReady, RobotdError
@@ -23,7 +23,7 @@ from robotd.motion.profile import Profile
 from robotd.plugin import fault_isolation
 from robotd_canopen.frame import Frame
 from robotd_canopen.node import NmtCommand
-from robotd_cia402.simulated.drive import State
+from robotd_cia402.simulated.drive import SimulatedState
 
 WINDOW = {"startup": [{"object": "0x6065", "value": 2000}], "counts_per_rad": 1e5}
 
@@ -301,7 +301,7 @@ def test_the_drives_stop_when_the_daemon_is_gone(open_rig: OpenRig) -> None:
 
 
 @pytest.mark.parametrize("in_a_period", [False, True])
-def test_a_drive_that_cannot_be_switched_off_stops_by_itself(
+def test_a_drive_that_gets_no_frames_is_switched_off_by_sdo(
     open_rig: OpenRig, monkeypatch: pytest.MonkeyPatch, in_a_period: bool
 ) -> None:
     """Without the control loop no frame reaches it; the last period may end late."""
@@ -319,8 +319,8 @@ def test_a_drive_that_cannot_be_switched_off_stops_by_itself(
 
         monkeypatch.setattr(master, "_leave_all", within_a_period)
         harness.device.stop_communication(0.1)
-        drive = harness.drive(2).drives[0]
-        harness.until(lambda: drive.state is State.FAULT, 10.0)
+        assert harness.drive(2).drives[0].state is SimulatedState.SWITCH_ON_DISABLED
+        assert harness.master.confirmed_off() == [True] * 3
 
 
 def test_a_pause_of_the_computer_loses_no_drive(open_rig: OpenRig) -> None:
@@ -400,7 +400,11 @@ def test_the_end_of_communication_switches_off_a_lost_drive_that_receives(
         harness.inject("2 drop 1.0")
         harness.until(lambda: bool(harness.image.offline[1]))
         harness.robot.connection.stop_communication()
-        assert harness.drive(2).drives[0].state is State.READY_TO_SWITCH_ON
+        assert harness.drive(2).drives[0].state not in (
+            SimulatedState.OPERATION_ENABLED,
+            SimulatedState.QUICK_STOP_ACTIVE,
+        )
+        assert harness.master.confirmed_off() == [True] * 3
 
 
 def speed(harness: Harness) -> float:

@@ -8,11 +8,12 @@ import pytest
 from tests.plugins.canopen.bus.conftest import SMALL, OpenRig
 from tests.plugins.canopen.bus.harness import Harness
 
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.device.axes import Jog
 from robotd.device.state import CommandMode
-from robotd.errors import OperationError
+from robotd.errors import NotReady, OperationError
 from robotd.motion.profile import Profile
+from robotd_cia402.simulated.mode_motion import Mode
 
 EDGE_RAD = 3e-3  # a period at creeping speed, and the way to rest
 SWITCHES = {"negative_limit_rad": -0.3, "positive_limit_rad": 0.4, "home_rad": 0.2}
@@ -91,6 +92,30 @@ def test_a_homing_that_finds_nothing_says_so(open_rig: OpenRig, method: int) -> 
             harness.robot.axes.home(1)
         assert not harness.image.home_done[1]
         assert harness.image.servo_on[1]
+
+
+def test_a_homing_that_moves_obeys_pause_and_speed(open_rig: OpenRig) -> None:
+    with open_rig(SMALL, **homing(17)) as harness:
+        robot, drive = harness.robot, harness.drive(2).drives[0]
+        robot.pause()
+        with pytest.raises(NotReady, match="elbow: motion is paused"):
+            robot.axes.home(1)
+        assert drive.motion.mode is not Mode.HOMING
+        robot.set_speed(0.25)
+        robot.resume()
+        speeds = list[float]()
+        robot.control_loop.every(
+            robot.descriptor.cycle.rate_hz, "speed", lambda image: speeds.append(image.velocity[1])
+        )
+        robot.axes.home(1)
+        assert max(map(abs, speeds)) == pytest.approx(0.2, rel=0.1)
+
+
+def test_a_homing_at_rest_obeys_no_pause(open_rig: OpenRig) -> None:
+    with open_rig(SMALL, **homing(37)) as harness:
+        harness.robot.pause()
+        harness.robot.axes.home(1)
+        assert harness.image.home_done[1]
 
 
 def test_a_limit_switch_stops_an_axis_with_a_reason(open_rig: OpenRig) -> None:

@@ -47,7 +47,7 @@ def test_a_rejection_names_node_object_and_reason(open_rig: OpenRig) -> None:
 def test_a_mapped_object_that_robotd_does_not_set_keeps_its_value(open_rig: OpenRig) -> None:
     """With a torque limit of 0 an arm would fall."""
     objects = ["0x6040", "0x6060", "0x607A"], ["0x60FF", "0x6072"]
-    rpdos = [{"number": number, "objects": each} for number, each in enumerate(objects, 1)]
+    rpdos = [{"number": number, "objects": entries} for number, entries in enumerate(objects, 1)]
     with open_rig(SMALL, axis_defaults={"rpdos": rpdos, "counts_per_rad": 1e5}) as harness:
         harness.robot.axes.set_command_mode(1, CommandMode.VELOCITY)
         harness.robot.axes.jog([Jog(1, Profile(0.3, 5.0, 5.0))])
@@ -65,7 +65,7 @@ def test_a_drive_that_clips_below_the_limit_of_the_joint_is_named_at_start(
     ):
         limit = harness.robot.descriptor.joints[1].velocity
         assert harness.robot.connection.ready
-    [line] = [each for each in lines if "clips" in each["event"] and each["axis"] == 1]
+    [line] = [line for line in lines if "clips" in line["event"] and line["axis"] == 1]
     assert line["node"] == "elbow (node 2)"
     assert line["object"] == "0x607F (max profile velocity) is 100000"
     assert (line["clips_at"], line["joint_limit"]) == ("1 rad/s (or m/s)", f"{limit:.4g}")

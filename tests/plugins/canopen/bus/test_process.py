@@ -16,7 +16,7 @@ from tests.plugins.canopen.bus.harness import Harness, broken
 
 from robotd.cli import main
 from robotd.clock import MonotonicClock
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.descriptor import load_robot_descriptor
 from robotd.errors import NotReady
 from robotd.plugin.manager import load_backend

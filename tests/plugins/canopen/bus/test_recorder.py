@@ -37,7 +37,9 @@ def test_a_fault_of_a_drive_is_recorded_with_its_emergency(
             harness.until(lambda: harness.image.position[0] > 0.2)
             harness.inject("2 trip 0x3210")
             assert execution.wait(10.0)
-        harness.until(lambda: any(each.kind is EventKind.FAULT for each in tap.events.since(0)[0]))
+        harness.until(
+            lambda: any(event.kind is EventKind.FAULT for event in tap.events.since(0)[0])
+        )
         recording = read_recording(flight.snapshot("test"))
     frames = recording.frames
     moved = np.nanmax(frames["values"][:, 2, 0]) - np.nanmin(frames["values"][:, 2, 0])

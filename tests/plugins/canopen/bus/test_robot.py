@@ -10,7 +10,7 @@ import pytest
 from tests.plugins.canopen.bus.conftest import SMALL, OpenRig
 from tests.plugins.canopen.bus.drives_process import RATE_HZ
 
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.device.axes import Jog, Move
 from robotd.device.bus_status import BusState
 from robotd.device.process_image import ProcessImage

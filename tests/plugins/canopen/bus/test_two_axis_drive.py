@@ -11,7 +11,7 @@ from tests.plugins.canopen.bus.drives_process import SOON_STALE
 from tests.plugins.canopen.bus.harness import broken
 from tests.plugins.canopen.bus.two_axis_eds import write_two_axis_eds
 
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.device.axes import Jog, Move
 from robotd.device.state import CommandMode
 from robotd.motion.profile import Profile

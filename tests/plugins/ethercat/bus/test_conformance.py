@@ -9,7 +9,7 @@ from __future__ import annotations
 from tests.features.conformance.runs.kit import run_kit
 from tests.plugins.ethercat.bus.robot import SMALL
 
-CHECKS = ("test_stopping.py", "test_switches.py", "test_io.py")
+CHECKS = ("test_stopping.py", "test_switches.py", "test_io.py", "test_silences.py")
 
 
 def test_the_simulated_slaves_pass() -> None:

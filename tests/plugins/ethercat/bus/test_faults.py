@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
+import subprocess
 import time
 from collections.abc import Iterator
 
@@ -14,8 +16,9 @@ from tests.plugins.ethercat.bus.robot import EthercatRobot, started
 from tests.rearming_checks import check_recovery
 
 from robotd.clock import MonotonicClock
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 from robotd.device.state import ConnectionState
+from robotd_ethercat.simulate_command import MASTER
 
 SPEED_RAD_S = 0.5
 STOP_RAD = 0.3  # from detection of a fault to rest, with the stalls of a busy computer
@@ -88,6 +91,36 @@ def test_a_bus_without_frames_is_found_and_comes_back_with_servos_off(
     robot.until(lambda: not robot.image.servo_on.any())
     robot.robot.recover()
     assert robot.image.servo_on[:2].all()
+
+
+def test_an_interface_that_sends_nothing_gets_one_frame(robot: EthercatRobot) -> None:
+    """A rate of one byte per second lets the frames wait, as a network driver that hangs."""
+    master, exchange = robot.master, robot.master.exchange
+    set_rate(robot, "8bit")
+    try:
+        robot.until(lambda: exchange.blocked)
+        frames, cycles = exchange.frames, master._cycles
+        robot.until(lambda: master._cycles > cycles + 100)
+        assert exchange.frames == frames
+    finally:
+        set_rate(robot, "1gbit")
+    assert any("interface has sent no frame" in fault for fault in master.supervision.faults)
+    robot.until(lambda: robot.device.state() is ConnectionState.COMMUNICATING)
+    robot.robot.recover()
+    assert robot.image.servo_on[:2].all()
+
+
+def set_rate(robot: EthercatRobot, rate: str) -> None:
+    limits = ["rate", rate, "burst", "2000", "limit", "100000"]
+    command = ["tc", "qdisc", "replace", "dev", MASTER, "root", "tbf", *limits]
+    if shutil.which("tc") is None:
+        pytest.skip("no tc: iproute2 is not installed")
+
+    def run() -> None:
+        subprocess.run(command, check=True, timeout=10.0)
+
+    assert robot.device.simulation is not None
+    robot.device.simulation.run(run)
 
 
 def test_an_al_error_of_a_slave_is_given_in_words(robot: EthercatRobot) -> None:
@@ -196,3 +229,14 @@ def test_a_client_that_commands_on_moves_nothing_after_the_recovery(
     check_recovery(
         robot.robot, lambda: robot.inject(f"2 {fault}"), lambda: robot.inject(f"2 {end}")
     )
+
+
+def test_the_end_names_the_drives_behind_a_cut() -> None:
+    with started() as robot:
+        names = robot.robot.axes.names
+        assert robot.image.servo_on[:2].all()
+        robot.inject("2 cut")
+        robot.until(lambda: robot.image.offline[1])
+        assert robot.robot.shutdown() == list(names[:2])
+    with started() as robot:
+        assert robot.robot.shutdown() == []

@@ -58,7 +58,9 @@ def test_a_slave_that_was_turned_while_it_was_cut_off(made: Robot) -> None:
     made.control_loop.every(1000, "first", first.note)
     robot.until(lambda: robot.device.simulation and _turns(robot))
     robot.inject("2 join")
-    robot.until(lambda: not robot.image.offline.any() and first.seen)  # noted later in the period
+    robot.until(
+        lambda: not robot.image.offline.any() and first.seen
+    )  # recorded later in the period
     assert first.seen == pytest.approx([START_RAD + PUSHED_RAD], abs=SMALLEST_RAD)
     made.recover()
     assert robot.image.position[1] == pytest.approx(START_RAD + PUSHED_RAD, abs=SMALLEST_RAD)

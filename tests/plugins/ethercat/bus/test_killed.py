@@ -37,7 +37,7 @@ def moving(slaves: SlavesProcess, folder: Path, motion: Motion) -> subprocess.Po
     content = {
         "extends": str(load_robot_descriptor("cr3a").path),
         "default_variant": "killed",
-        "engine": {"stale_after_s": 5.0},  # of a computer that stands
+        "engine": {"stale_after_s": 5.0},  # of a computer that is busy
         "variants": {"killed": {"cycle": {"rate_hz": 250}, "backends": {"ethercat": section}}},
     }
     path = folder / "robot.yaml"

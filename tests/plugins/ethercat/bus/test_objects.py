@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tests.plugins.ethercat.bus.robot import started
 
-from robotd.control.trajectory_execution import Outcome
+from robotd.control.loop.setpoint_source import Outcome
 
 
 def test_objects_and_registers_are_read_while_the_arm_moves() -> None:

@@ -96,8 +96,8 @@ class ClearsAllAlarms(Mutant):
 
     class Axes(SimAxes):
         def clear_alarm(self, axis: int, timeout_s: float) -> None:
-            for each in range(self._simulation.axes):
-                super().clear_alarm(each, timeout_s)
+            for other in range(self._simulation.axes):
+                super().clear_alarm(other, timeout_s)
 
 
 class ShortCodes(Mutant):

@@ -331,7 +331,7 @@ class ReasonWithALineEnd(Mutant):
     class Axes(ReadAnew):
         def read(self, image: ProcessImage) -> None:
             super().read(image)
-            image.reason[:] = [each and f"{each}\n" for each in image.reason]
+            image.reason[:] = [text and f"{text}\n" for text in image.reason]
 
 
 class StampsEverySecondPeriod(Mutant):
@@ -440,7 +440,7 @@ class MoveOfOneAxisStopsAnother(Mutant):
     class Axes(SimAxes):
         def move(self, axis: int, target: float, profile: Profile) -> None:
             super().move(axis, target, profile)
-            super().stop([each for each in range(axis) if each == axis - 1])
+            super().stop([other for other in range(axis) if other == axis - 1])
 
 
 class EnablingSetsTheCommandLate(Mutant):

@@ -252,8 +252,8 @@ class ReadOutputsOfTheLastWrite(Mutant):
         def read_outputs(self, byte: int, length: int) -> bytes:
             shadow = self.__dict__.setdefault("shadow", {})
             return bytes(
-                shadow.get(at, each)
-                for at, each in enumerate(super().read_outputs(byte, length), byte)
+                shadow.get(at, value)
+                for at, value in enumerate(super().read_outputs(byte, length), byte)
             )
 
         def write_output_bit(self, byte: int, bit: int, value: bool) -> None:

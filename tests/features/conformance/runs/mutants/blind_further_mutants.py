@@ -89,7 +89,7 @@ class ServoOffStopsOthers(Mutant):
         def servo(self, axis: int, on: bool, timeout_s: float) -> None:
             super().servo(axis, on, timeout_s)
             if not on:
-                super().stop([each for each in range(self._simulation.axes) if each != axis])
+                super().stop([other for other in range(self._simulation.axes) if other != axis])
 
 
 class ClearingRaisesWithoutAlarm(Mutant):
@@ -359,7 +359,7 @@ class FirstInputBitMissing(Mutant):
 
     class Io(SimIo):
         def read_inputs(self, byte: int, length: int) -> bytes:
-            return bytes(each & 0xFE for each in super().read_inputs(byte, length))
+            return bytes(value & 0xFE for value in super().read_inputs(byte, length))
 
 
 class WritesOnlySet(Mutant):

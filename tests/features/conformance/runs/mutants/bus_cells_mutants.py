@@ -115,7 +115,7 @@ class OutputsFallBack(Mutant):
             if before == data and byte:
                 world = self._simulation.world
                 with world.lock:
-                    flipped = bytes(each ^ 1 for each in data)
+                    flipped = bytes(byte ^ 1 for byte in data)
                     world.at(world.tick + 30, lambda: self._simulation.io.write(byte, flipped))
 
 

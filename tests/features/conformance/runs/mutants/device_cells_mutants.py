@@ -328,7 +328,7 @@ class OpenLeavesMemory(Mutant):
     class Device(SimDevice):
         def open(self, path: str = "", name: str = "") -> None:
             super().open(path, name)
-            self.__dict__.setdefault("nodes", []).extend({"node": each} for each in range(200))
+            self.__dict__.setdefault("nodes", []).extend({"node": node} for node in range(200))
 
 
 class AlarmsLostAfterReopen(Mutant):

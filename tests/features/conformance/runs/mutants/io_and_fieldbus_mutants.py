@@ -170,10 +170,10 @@ class OutputsInverted(Mutant):
 
     class Io(SimIo):
         def read_outputs(self, byte: int, length: int) -> bytes:
-            return bytes(255 - each for each in super().read_outputs(byte, length))
+            return bytes(255 - value for value in super().read_outputs(byte, length))
 
         def write_outputs(self, byte: int, data: bytes) -> None:
-            super().write_outputs(byte, bytes(255 - each for each in data))
+            super().write_outputs(byte, bytes(255 - byte for byte in data))
 
         def write_output_bit(self, byte: int, bit: int, value: bool) -> None:
             super().write_output_bit(byte, bit, not value)
@@ -195,7 +195,7 @@ class InputBitsReversed(Mutant):
     class Io(SimIo):
         def read_inputs(self, byte: int, length: int) -> bytes:
             inputs = super().read_inputs(byte, length)
-            return bytes(int(f"{each:08b}"[::-1], 2) for each in inputs)
+            return bytes(int(f"{byte:08b}"[::-1], 2) for byte in inputs)
 
 
 class InputsLatched(Mutant):
@@ -205,8 +205,8 @@ class InputsLatched(Mutant):
     class Io(SimIo):
         def read_inputs(self, byte: int, length: int) -> bytes:
             seen = self.__dict__.setdefault("seen", bytearray(self.input_bytes))
-            for place, each in enumerate(super().read_inputs(byte, length), byte):
-                seen[place] |= each
+            for place, value in enumerate(super().read_inputs(byte, length), byte):
+                seen[place] |= value
             return bytes(seen[byte : byte + length])
 
 

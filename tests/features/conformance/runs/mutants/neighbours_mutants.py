@@ -18,8 +18,8 @@ class ModeOfAll(Mutant):
 
     class Axes(SimAxes):
         def set_command_mode(self, axis: int, mode: CommandMode) -> None:
-            for each in range(self._simulation.axes):
-                super().set_command_mode(each, mode)
+            for other in range(self._simulation.axes):
+                super().set_command_mode(other, mode)
 
 
 class PolarityOfAll(Mutant):
@@ -28,8 +28,8 @@ class PolarityOfAll(Mutant):
 
     class Axes(SimAxes):
         def set_polarity(self, axis: int, polarity: int) -> None:
-            for each in range(self._simulation.axes):
-                super().set_polarity(each, polarity)
+            for other in range(self._simulation.axes):
+                super().set_polarity(other, polarity)
 
 
 class GearOfAll(Mutant):
@@ -38,8 +38,8 @@ class GearOfAll(Mutant):
 
     class Axes(SimAxes):
         def set_gear_ratio(self, axis: int, numerator: float, denominator: float) -> None:
-            for each in range(self._simulation.axes):
-                super().set_gear_ratio(each, numerator, denominator)
+            for other in range(self._simulation.axes):
+                super().set_gear_ratio(other, numerator, denominator)
 
 
 class HomeOfAll(Mutant):
@@ -48,8 +48,8 @@ class HomeOfAll(Mutant):
 
     class Axes(SimAxes):
         def home(self, axis: int, timeout_s: float) -> None:
-            for each in range(self._simulation.axes):
-                super().home(each, timeout_s)
+            for other in range(self._simulation.axes):
+                super().home(other, timeout_s)
 
 
 class HomeDoneFromTheStart(Mutant):

@@ -296,8 +296,8 @@ class ClearsTheAlarmsBelow(Mutant):
 
     class Axes(SimAxes):
         def clear_alarm(self, axis: int, timeout_s: float) -> None:
-            for each in range(axis + 1):
-                super().clear_alarm(each, timeout_s)
+            for other in range(axis + 1):
+                super().clear_alarm(other, timeout_s)
 
 
 class ReturnsToBeforeHoming(Mutant):

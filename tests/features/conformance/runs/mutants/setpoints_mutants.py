@@ -8,7 +8,7 @@ from contextlib import suppress
 import numpy as np
 from tests.features.conformance.runs.mutants.plugin import Mutant
 
-from robotd.api import FloatArray, LateSetpoint, ProcessImage, Underrun
+from robotd.api import FloatArray, LateSetpoint, ProcessImage
 from robotd_sim import SimAxes, SimDevice
 
 STAY_AWAY = "test_whole_streams.py::test_axes_stop_each_time_that_setpoints_stay_away"
@@ -255,17 +255,13 @@ class RepeatedSetpointsAreDropped(Mutant):
 
 
 class HoldsBackwards(Mutant):
-    """Without setpoints an axis that moves in negative direction stands."""
+    """Without setpoints an axis that moves in negative direction returns to its last one."""
 
     breaks = ("AxisDriver.underrun/underrun", "one direction")
     found_by = "test_underrun.py::test_an_axis_without_setpoints_does_what_underrun_says"
     says = "without setpoints"
 
     class Axes(SimAxes):
-        @property
-        def underrun(self) -> Underrun:
-            return Underrun.EXTRAPOLATE
-
         def read(self, image: ProcessImage) -> None:
             stream, servo = self._motion.stream, self._simulation.servo
             with self._world.lock:
@@ -273,6 +269,7 @@ class HoldsBackwards(Mutant):
                 if stream.following.any() and self._world.tick > stream.end + 1:
                     for axis, _ in stream._followers:
                         if stream.velocity[axis] < 0.0:
-                            place = float(servo.command[axis])
+                            stream.velocity[axis] = 0.0
+                            place = stream.position[axis]
                             servo.follow(axis, self._world.tick, place, 0.0, 0.0)
             super().read(image)

@@ -47,7 +47,7 @@ class QuickStopWorksOnce(Mutant):
         def quick_stop(self, axes: Sequence[int]) -> None:
             done = self.__dict__.setdefault("done", set())
             super().quick_stop([axis for axis in axes if axis not in done])
-            moving = [each for each in axes if self._states.operation[each] != Operation.IDLE]
+            moving = [other for other in axes if self._states.operation[other] != Operation.IDLE]
             done.update(moving)
 
 
@@ -78,7 +78,7 @@ class StopWorksOnce(Mutant):
     class Axes(SimAxes):
         def stop(self, axes: Sequence[int]) -> None:
             done = self.__dict__.setdefault("done", set())
-            moving = [each for each in axes if self._states.operation[each] != Operation.IDLE]
+            moving = [other for other in axes if self._states.operation[other] != Operation.IDLE]
             super().stop([axis for axis in axes if axis not in done])
             done.update(moving)
 

@@ -32,7 +32,7 @@ class MirroredThroughout(Mutant):
 
     breaks = ("AxisDriver.read/measured", "one direction")
     found_by = "test_units.py::test_the_measured_position_is_that_of_the_shaft"
-    says = "approx"
+    says = "axes differ"
 
     class Axes(SimAxes):
         def read(self, image: ProcessImage) -> None:
@@ -143,7 +143,7 @@ class SmallGain(Mutant):
 
 
 class Drifts(Mutant):
-    """1 mrad/s while an axis stands with its servo on."""
+    """1 mrad/s while an axis is at rest with its servo on."""
 
     breaks = ("AxisDriver.stop/rests", "side effect")
     found_by = "test_ramps.py::test_a_standing_axis_does_not_drift"
@@ -194,7 +194,7 @@ class SmallOffset(Mutant):
 
 
 class DriftsSlowly(Mutant):
-    """0.3 mrad/s while an axis stands with its servo on."""
+    """0.3 mrad/s while an axis is at rest with its servo on."""
 
     breaks = ("AxisDriver.stop/rests", "side effect")
     found_by = "test_ramps.py::test_a_standing_axis_does_not_drift"

@@ -1,0 +1,31 @@
+"""Teaching as a feature: a key of the robot's file, and services. Imports no ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from robotd.api.features import Feature
+from robotd_shared.teach_keys import TeachKeys
+
+if TYPE_CHECKING:  # every command that reads a robot's file imports this module
+    from robotd.api.features import FeatureHost
+
+FEATURE = Feature(
+    summary="poses of a robot by name, programs of steps, hand guiding",
+    settings=TeachKeys,
+    open="robotd_teach.feature:open_teach",
+    nodes="robotd_teach.teach_nodes:add_teach_nodes",
+)
+
+
+@contextmanager
+def open_teach(host: FeatureHost) -> Iterator[object | None]:
+    """Return the poses of a robot; None where it has no joints."""
+    if not host.robot.descriptor.joints:
+        yield None
+        return
+    from robotd_teach.poses import Poses
+
+    yield host.robot.feature(Poses)

@@ -1,0 +1,236 @@
+"""File of a program: its keys, and what each step may have."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field
+
+from robotd.api.features import Name, NotNegative, Section, SectionProblem
+from robotd.api.models import YamlNode, parse_yaml, validate
+
+DEFAULT_SPEED = 0.2
+MAX_TIME_S = 86_400.0
+MAX_TIMES = 1_000_000
+
+Speed = Annotated[float, Field(ge=0.01, le=1.0)]
+Seconds = Annotated[float, Field(gt=0, le=MAX_TIME_S)]
+Text = Annotated[str, Field(min_length=1, max_length=500)]
+# YAML reads 0.3, byte 0 and bit 3, as a number.
+IoName = Annotated[
+    str, BeforeValidator(lambda value: str(value) if type(value) is float else value)
+]
+JointPositions = dict[str, float]
+
+
+class Components(Section):
+    """Components of a pose of the tool: m and rad, about fixed axes."""
+
+    x: float | None = None
+    y: float | None = None
+    z: float | None = None
+    roll: float | None = None
+    pitch: float | None = None
+    yaw: float | None = None
+
+    @property
+    def given(self) -> dict[str, float]:
+        """Those that are not null."""
+        return self.model_dump(exclude_none=True)
+
+
+class Target(Section):
+    """Where to go: exactly one of ``pose``, ``joints``, ``at`` and ``by``.
+
+    Attributes:
+        pose: name of a pose: of the program, or a taught one.
+        joints: positions by name, rad or m; joints that are not named stay.
+        at: of the tool in the work frame; components that are not named stay.
+        by: way of the tool from where it is, along the axes of ``frame``.
+        frame: of ``by``: "base" is the work frame, or the base of the arm; "tool" the tool.
+    """
+
+    pose: str | None = None
+    joints: Annotated[JointPositions, Field(min_length=1)] | None = None
+    at: Components | None = None
+    by: Components | None = None
+    frame: Literal["base", "tool"] | None = None
+
+    def problems(self) -> Iterator[SectionProblem]:
+        yield from _one_of(self, ("pose", "joints", "at", "by"))
+        if self.frame is not None and self.by is None:
+            yield ("frame",), "belongs to `by`", self.frame
+
+
+class MoveToPose(Target):
+    """Motion of all joints together, directly to a target."""
+
+    speed: Speed | None = None
+
+
+class MoveOnLine(Target):
+    """Straight line of the tool."""
+
+    speed: Speed | None = None
+
+
+class Arc(Section):
+    """Arc of a circle, through ``via`` to ``to``; both from where the tool is."""
+
+    via: Target
+    to: Target
+    speed: Speed | None = None
+
+
+class Path_(Section):  # noqa: N801 - beside that of pathlib
+    """Straight lines of the tool through several targets, each from the one before."""
+
+    through: Annotated[list[Target], Field(min_length=1)]
+    blend_m: NotNegative = 0.0
+    speed: Speed | None = None
+
+
+class Grip(Section):
+    """Where a gripper goes.
+
+    Attributes:
+        to: "open", "close", or a position between them: m, or rad of a joint that turns.
+        name: of a gripper that is a joint; "": the one on an output, or the only one.
+    """
+
+    to: Literal["open", "close"] | float
+    name: str = ""
+
+
+class Output(Section):
+    """Output by its name in the robot's file, or as byte.bit."""
+
+    name: IoName
+    on: bool
+
+
+class Condition(Section):
+    """Level of an input, by its name in the robot's file or as byte.bit."""
+
+    input: IoName
+    level: bool = Field(True, alias="is")
+
+
+class Wait(Section):
+    """Wait for a time, or for an input.
+
+    Attributes:
+        timeout_s: of an input, after which the program stops; null: none.
+    """
+
+    time_s: Seconds | None = None
+    input: IoName | None = None
+    level: bool | None = Field(None, alias="is")
+    timeout_s: Seconds | None = None
+
+    def problems(self) -> Iterator[SectionProblem]:
+        yield from _one_of(self, ("time_s", "input"))
+        for key, value in (("is", self.level), ("timeout_s", self.timeout_s)):
+            if value is not None and self.input is None:
+                yield (key,), "belongs to `input`", value
+
+
+class Message(Section):
+    """Text for the operator; with ``wait`` the program goes on when they resume it."""
+
+    text: Text
+    wait: bool = False
+
+
+class Repeat(Section):
+    """Steps that are repeated: ``times``, or without an end."""
+
+    times: Annotated[int, Field(ge=1, le=MAX_TIMES)] | None = None
+    steps: Annotated[list[Step], Field(min_length=1)]
+
+
+class If(Condition):
+    """Steps for an input at a level, and others where it is not."""
+
+    steps: list[Step]
+    otherwise: list[Step] = Field([], alias="else")
+
+
+def _short(key: str) -> BeforeValidator:
+    """Take a text for a section that has it in ``key``."""
+    return BeforeValidator(lambda value: {key: value} if isinstance(value, str) else value)
+
+
+class Step(Section):
+    """One step: exactly one key."""
+
+    move: MoveToPose | None = None
+    line: MoveOnLine | None = None
+    arc: Arc | None = None
+    path: Path_ | None = None
+    gripper: Annotated[Grip | None, _short("to")] = None
+    output: Output | None = None
+    wait: Wait | None = None
+    tool: str | None = None
+    work_frame: str | None = None
+    message: Annotated[Message | None, _short("text")] = None
+    repeat: Repeat | None = None
+    branch: If | None = Field(None, alias="if")
+    call: str | None = None
+
+    def problems(self) -> Iterator[SectionProblem]:
+        yield from _one_of(self, tuple(type(self).model_fields))
+
+    @property
+    def kind(self) -> str:
+        """Its key in the file."""
+        return next(key for key, _ in _given(self, tuple(type(self).model_fields)))
+
+    @property
+    def value(self) -> Any:
+        """Value of its key."""
+        return next(value for _, value in _given(self, tuple(type(self).model_fields)))
+
+
+class ProgramFile(Section):
+    """Content of a file.
+
+    Attributes:
+        group: joint group that moves; "": the only one.
+        speed: of motion that has none of its own: part of the limits of the joints, or of the speed
+            of the tool.
+        poses: positions by joint, by pose; they come before taught poses of the same name.
+        blocks: steps by the name with which they are called.
+    """
+
+    group: str = ""
+    speed: Speed = DEFAULT_SPEED
+    poses: dict[Name, JointPositions] = Field({})
+    blocks: dict[Name, list[Step]] = Field({})
+    steps: Annotated[list[Step], Field(min_length=1)]
+
+
+def parse_program(text: str, path: Path) -> tuple[ProgramFile, YamlNode]:
+    """Return the content of a program's text, and its tree with the lines.
+
+    ``path``: of its file, for errors; it is not opened. Raises DescriptorError with every mistake.
+    """
+    tree = parse_yaml(text, path)
+    return validate(ProgramFile, tree.plain(), tree), tree
+
+
+def _given(section: Section, names: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
+    fields = type(section).model_fields
+    for name in names:
+        if (value := getattr(section, name)) is not None:
+            yield fields[name].alias or name, value
+
+
+def _one_of(section: Section, names: tuple[str, ...]) -> Iterator[SectionProblem]:
+    given = [key for key, _ in _given(section, names)]
+    if len(given) != 1:
+        fields = type(section).model_fields
+        keys = ", ".join(fields[name].alias or name for name in names)
+        yield (), f"needs exactly one of {keys}", ", ".join(given) or None

@@ -1,0 +1,243 @@
+"""Motion of the steps of a program: where each leads from where the arm is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotd.api import (
+    DescriptorError,
+    FloatArray,
+    InvalidArgument,
+    NotReady,
+    Operation,
+    Unsupported,
+    unknown_name,
+)
+from robotd.api.robots import Robot
+from robotd_teach.joint_groups import joint_group
+from robotd_teach.program_file import ProgramFile, Step, Target
+from robotd_tool_space.arcs import arc_poses
+from robotd_tool_space.joint_path import solve_at_once, trace_path
+from robotd_tool_space.kinematics import Kinematics
+from robotd_tool_space.robot_tool import RobotTool
+from robotd_tool_space.rotations import COMPONENTS, inverse_pose, pose_of, rpy_of
+from robotd_tool_space.tool_groups import ToolGroups
+from robotd_tool_space.tool_motion import (
+    ToolMotion,
+    plan_fast_motion,
+    plan_lines,
+    rest_of,
+    rest_of_lines,
+)
+from robotd_tool_space.tool_path import ToolPath
+
+BY_DEVICE = (Operation.POSITION, Operation.VELOCITY, Operation.HOMING)
+SAMPLE_RAD = 0.02  # between two positions of a move that are checked for collisions, rad or m
+
+JointsByName = Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """State of the arm between two steps.
+
+    Attributes:
+        positions: (n,) of the joints, rad or m; None: not known.
+        tool: name of the chosen tool, "" for the link itself.
+        work_frame: name of the chosen work frame, "" for the base.
+    """
+
+    positions: FloatArray | None
+    tool: str = ""
+    work_frame: str = ""
+
+
+class StepPlanner:
+    """Plans the motion of steps of a program with one joint group. Any worker thread.
+
+    Args:
+        robot: that moves.
+        file: the program's.
+        taught: poses of the robot by name.
+
+    Attributes:
+        group: joint group that moves.
+        tool: of the group; None: it has none, for ``reason``.
+
+    Raises InvalidArgument: no such joint group, or several and none is named.
+    """
+
+    def __init__(self, robot: Robot, file: ProgramFile, taught: Mapping[str, JointsByName]) -> None:
+        self._robot, self._file, self._taught = robot, file, taught
+        self.group = joint_group(robot, file.group)
+        self.tool: RobotTool | None = None
+        self.reason = ""
+        try:
+            self.tool = robot.feature(ToolGroups).of(self.group.name)
+        except (DescriptorError, Unsupported, InvalidArgument) as error:
+            self.reason = str(error)
+
+    def here(self) -> Place:
+        """Return where the arm rests. Raises NotReady: it moves, or that is not known."""
+        group, image = self.group, self._robot.image.copy()
+        operations = image.operation.tolist()
+        if group.motion.moving or any(operations[axis] in BY_DEVICE for axis in group.joint_axes):
+            raise NotReady("the joints move")
+        positions = group.motion.command()
+        if not np.isfinite(positions).all():
+            raise NotReady("the positions of the joints are not known")
+        if self.tool is None:
+            return Place(positions)
+        return Place(positions, self.tool.tool_name, self.tool.work_frame_name)
+
+    def plan(self, step: Step, place: Place) -> ToolMotion:
+        """Return the motion of a step. Raises InvalidArgument, Unsupported: the reason."""
+        start, limits = self._start(place), self.group.follower.limits
+        if step.move is not None:
+            return plan_fast_motion(limits, start, self._goal(step.move, place), self._speed(step))
+        kinematics, poses, blend_m = self._lines(step, place)
+        speed = self.need_tool().speed.scaled(self._speed(step))
+        return plan_lines(kinematics, limits, start, poses, speed, blend_m, solve_at_once)
+
+    def rest(self, step: Step, place: Place, motion: ToolMotion, time_s: float) -> ToolMotion:
+        """Return what is left of the motion of a step from ``time_s`` on, from rest."""
+        limits = self.group.follower.limits
+        if step.move is not None:
+            return rest_of(motion, limits, time_s)
+        tool = self.need_tool()
+        speed = tool.speed.scaled(self._speed(step))
+        return rest_of_lines(motion, limits, time_s, tool.kinematics_of(place.tool), speed)
+
+    def trace(self, step: Step, place: Place) -> FloatArray:
+        """Return positions (k, n) along the way of a step: as ``plan``, in a part of its time.
+
+        Raises InvalidArgument, Unsupported: the reason why it cannot be executed.
+        """
+        start, limits = self._start(place), self.group.follower.limits
+        if step.move is not None:
+            goal = self._goal(step.move, place)
+            count = int(np.ceil(np.abs(goal - start).max() / SAMPLE_RAD)) + 1
+            return np.linspace(start, goal, count + 1)
+        kinematics, poses, blend_m = self._lines(step, place)
+        speed = self.need_tool().speed.scaled(self._speed(step))
+        first = kinematics.forward(start)
+        for pose in poses:
+            kinematics.require_possible(first, pose)
+        path = ToolPath.through([first, *poses], speed, blend_m)
+        if not path.pieces:
+            return start[None]
+        found = trace_path(kinematics, path, start)
+        self._require_within(found[-1], limits.lower, limits.upper)
+        return found
+
+    def need_tool(self) -> RobotTool:
+        """Return the tool. Raises Unsupported: the group has none."""
+        if self.tool is None:
+            raise Unsupported(self.reason)
+        return self.tool
+
+    def positions_of(self, name: str) -> FloatArray:
+        """Return the positions (n,) of a pose by its name.
+
+        Raises InvalidArgument: there is none, or it is of other joints.
+        """
+        poses = {**self._taught, **self._file.poses}
+        if name not in poses:
+            raise InvalidArgument(unknown_name("pose", name, poses))
+        return self.checked_pose(f"pose {name}", poses[name])
+
+    def checked_pose(self, what: str, joints: JointsByName) -> FloatArray:
+        """Return positions by name as (n,). Raises InvalidArgument: not those of the group."""
+        own = self.group.joint_names
+        if joints.keys() != set(own):
+            wrong = [name for name in joints if name not in own]
+            text = f"{what}: no joint {wrong[0]}" if wrong else f"{what}: not all joints"
+            raise InvalidArgument(f"{text} (joints of the group: {', '.join(own)})")
+        return np.array([float(joints[name]) for name in own])
+
+    def _start(self, place: Place) -> FloatArray:
+        if place.positions is None:
+            raise NotReady("the positions of the joints are not known")
+        return place.positions
+
+    def _speed(self, step: Step) -> float:
+        speed: float | None = step.value.speed
+        return self._file.speed if speed is None else speed
+
+    def _goal(self, target: Target, place: Place) -> FloatArray:
+        """Return the positions (n,) of a target."""
+        limits, start = self.group.follower.limits, self._start(place)
+        goal = self._joint_goal(target, start)
+        if goal is None:
+            kinematics = self.need_tool().kinematics_of(place.tool)
+            pose = self._pose(target, kinematics.forward(start), kinematics, place)
+            goal = kinematics.inverse(pose, start)
+        self._require_within(goal, limits.lower, limits.upper)
+        return goal
+
+    def _joint_goal(self, target: Target, start: FloatArray) -> FloatArray | None:
+        """Return the positions of a pose or of joints; None: the target is one of the tool."""
+        if target.pose is not None:
+            return self.positions_of(target.pose)
+        if target.joints is None:
+            return None
+        names, goal = list(self.group.joint_names), start.copy()
+        for name, position in target.joints.items():
+            if name not in names:
+                raise InvalidArgument(unknown_name("joint", name, names))
+            goal[names.index(name)] = position
+        return goal
+
+    def _require_within(self, goal: FloatArray, lower: FloatArray, upper: FloatArray) -> None:
+        outside = np.flatnonzero((goal < lower) | (goal > upper)).tolist()
+        if outside:
+            (joint, *_), units = outside, self.group.follower.limits.units
+            name, limits = self.group.joint_names[joint], f"{lower[joint]:g} to {upper[joint]:g}"
+            at = f"{name} would be at {goal[joint]:.4f}"
+            raise InvalidArgument(f"{at}, its limits are {limits} {units[joint]}")
+
+    def _lines(self, step: Step, place: Place) -> tuple[Kinematics, Sequence[FloatArray], float]:
+        """Return the poses in the base that the tool goes through, and how far they are rounded."""
+        kinematics = self.need_tool().kinematics_of(place.tool)
+        first = kinematics.forward(self._start(place))
+        if step.line is not None:
+            return kinematics, [self._pose(step.line, first, kinematics, place)], 0.0
+        if step.arc is not None:
+            via = self._pose(step.arc.via, first, kinematics, place)
+            end = self._pose(step.arc.to, first, kinematics, place)
+            return kinematics, *arc_poses(first, via, end)
+        if step.path is None:
+            raise InvalidArgument(f"{step.kind} is no motion")
+        poses = [first]
+        for target in step.path.through:
+            poses.append(self._pose(target, poses[-1], kinematics, place))
+        return kinematics, poses[1:], step.path.blend_m
+
+    def _pose(
+        self, target: Target, before: FloatArray, kinematics: Kinematics, place: Place
+    ) -> FloatArray:
+        """Return the pose of a target in the base; ``before``: where the tool is, in the base."""
+        joints = self._joint_goal(target, self._start(place))
+        if joints is not None:
+            return kinematics.forward(joints)
+        work_frame = self.need_tool().work_frame_of(place.work_frame)
+        pose = inverse_pose(work_frame) @ before
+        if target.at is not None:
+            present = dict(zip(COMPONENTS, [*pose[:3, 3], *rpy_of(pose)], strict=True))
+            return work_frame @ _pose_of({**present, **target.at.given})
+        given = target.by.given if target.by is not None else {}
+        way = _pose_of({**dict.fromkeys(COMPONENTS, 0.0), **given})
+        if target.frame == "tool":
+            return before @ way
+        moved = np.eye(4)
+        moved[:3, :3] = way[:3, :3] @ pose[:3, :3]
+        moved[:3, 3] = pose[:3, 3] + way[:3, 3]
+        return work_frame @ moved
+
+
+def _pose_of(values: Mapping[str, float]) -> FloatArray:
+    numbers = [float(values[name]) for name in COMPONENTS]
+    return pose_of(numbers[:3], numbers[3:])

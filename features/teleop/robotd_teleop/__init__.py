@@ -1,0 +1,1 @@
+"""A robot that follows another one, which a person moves by hand."""

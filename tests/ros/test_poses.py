@@ -1,0 +1,95 @@
+"""``robotd pose`` against a robot in another process, and its services."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.parameter import Parameter
+from std_msgs.msg import String
+from tests.ros.robot_process import LATCHED, Client, RobotProcess, connected, wait_until
+from tests.ros.test_client_commands import positions, robotd
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RobotProcess]:
+    file = tmp_path_factory.mktemp("arm") / "robot.yaml"
+    file.write_text("extends: cr3a\nname: arm\nposes: poses.yaml\n", encoding="utf-8")
+    with RobotProcess(robot=str(file), simulated_time=True, backend="sim") as process:
+        process.wait_ready()
+        yield process
+
+
+@pytest.fixture(scope="module")
+def client(arm: RobotProcess) -> Iterator[Client]:
+    with connected(arm) as client:
+        yield client
+
+
+def test_an_arm_goes_to_a_pose_that_was_saved(arm: RobotProcess, client: Client) -> None:
+    told = client.listen(String, "/robotd/poses", LATCHED)
+    assert robotd(arm.domain, "pose", "save", "home")[0] == 0
+    assert robotd(arm.domain, "move", "joint1=0.4", "joint3=-0.3")[0] == 0
+    code, output, _ = robotd(arm.domain, "pose", "save", "bent")
+    assert (code, output.split(",")[0]) == (0, "bent: joint1 +0.400")
+    wait_until(lambda: told and list(json.loads(told[-1].data)) == ["home", "bent"], "both poses")
+    code, output, _ = robotd(arm.domain, "pose", "go", "home", "--speed", "1")
+    assert code == 0
+    assert output.startswith("goal reached after ")
+    assert positions(arm.domain)[:3] == pytest.approx([0.0, 0.0, 0.0], abs=2e-3)
+    output = robotd(arm.domain, "pose", "list")[1]
+    assert [line.split()[:3] for line in output.splitlines()] == [
+        ["home", "joint1", "+0.000"],
+        ["bent", "joint1", "+0.400"],
+    ]
+
+
+def test_what_cannot_be_is_named(arm: RobotProcess) -> None:
+    robotd(arm.domain, "pose", "save", "rest", "--replace")
+    for words, reason in (
+        (("go", "rust"), "unknown pose 'rust'; did you mean 'rest'?"),
+        (("save", "rest"), "there is a pose 'rest' already"),
+        (("save", "a b"), "'a b' is no name of a pose"),
+        (("delete", "none"), "unknown pose 'none'"),
+        (("save", "all", "--group", "legs"), "unknown joint group 'legs'"),
+    ):
+        code, _, error = robotd(arm.domain, "pose", *words)
+        assert code == 1, words
+        assert reason in error, words
+    assert robotd(arm.domain, "stop")[0] == 0
+    try:
+        code, _, error = robotd(arm.domain, "pose", "go", "rest")
+        assert (code, "stopped" in error) == (1, True), error
+    finally:
+        assert robotd(arm.domain, "reset")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("save", {}),
+        ("save", {"name": 3}),
+        ("plan", {"name": "rest", "speed": 2.0}),
+        ("rename", {"name": "rest"}),
+        ("delete", {"name": "rest", "hight": 1.0}),
+    ],
+)
+def test_a_request_that_is_wrong_is_answered(
+    client: Client, arm: RobotProcess, name: str, values: dict[str, object]
+) -> None:
+    robotd(arm.domain, "pose", "save", "rest", "--replace")
+    parameters = [Parameter(key, value=value).to_parameter_msg() for key, value in values.items()]
+    answer = client.call(SetParametersAtomically, f"/robotd/poses/{name}", parameters=parameters)
+    assert not answer.result.successful
+    assert "expected" in answer.result.reason or "must be" in answer.result.reason
+
+
+def test_the_file_is_beside_that_of_the_robot(arm: RobotProcess, client: Client) -> None:
+    robotd(arm.domain, "pose", "save", "rest", "--replace")
+    robot = Path(arm.process.args[arm.process.args.index("--robot") + 1])  # type: ignore[call-overload, union-attr]
+    assert "rest: {joint1: " in (robot.parent / "poses.yaml").read_text(encoding="utf-8")

@@ -1,0 +1,43 @@
+"""``tools.words`` finds words of its table where people read them, and nowhere else."""
+
+from __future__ import annotations
+
+import pytest
+from tools.words import RULES, Rule, findings
+
+MODULE = '''"""{}"""
+
+count = 1  # {}
+text = "{}"
+'''
+SENTENCES = {
+    "stands": "the axis stands there",
+    "stood": "the axis stood there",
+    "noted": "The result is noted.",
+    "raises as": "Raises as ``open``.",
+    "is of ": "the frame is of another node",
+    "are of ": "the frames are of the node",
+    "what is ": "what is beyond is dropped",
+    "of a moment ago": "the stop of a moment ago",
+    "none was sent": "none was sent",
+    "as above": "As above.",
+}
+
+
+@pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.literal.strip())
+def test_a_word_is_found_in_comments_docstrings_and_pages(rule: Rule) -> None:
+    if rule.literal == "for each in":
+        found = [*findings("a.py", "for each in (1, 2):\n    print(each)\n")]
+        assert [place.split(":")[1] for place in found] == ["1"]
+        return
+    sentence = SENTENCES[rule.literal]
+    places = [*findings("a.py", MODULE.format(sentence, sentence, sentence))]
+    assert [place.split(":")[1] for place in places] == ["1", "3"]
+    page = f"{sentence}\n\n```text\n{sentence}\n```\n\n    {sentence}\n"
+    assert [place.split(":")[1] for place in findings("a.md", page)] == ["1"]
+
+
+def test_quoted_names_and_plain_english_pass() -> None:
+    plain = "It stands still and stands for a number; `noted` and ``stands`` are names."
+    assert [*findings("a.py", MODULE.format(plain, plain, plain))] == []
+    assert [*findings("a.md", plain)] == []

@@ -1,0 +1,40 @@
+"""Benches by name, and how a seed is run on one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+
+from tests.witness.bench import Bench
+from tests.witness.canopen_bench import CanopenBench
+from tests.witness.dobot_bench import DobotBench
+from tests.witness.ethercat_bench import EthercatBench
+from tests.witness.model_bench import ArmBench, MujocoBench, SimBench
+from tests.witness.play import FAULTS, WitnessPlay
+
+RATE_HZ = 100.0
+BENCHES: dict[str, Callable[..., Bench]] = {
+    "sim": SimBench,
+    "mujoco": MujocoBench,
+    "arm": ArmBench,
+    "canopen": CanopenBench,
+    "keeping": partial(CanopenBench, keeps=True),
+    "ethercat": EthercatBench,
+    "dobot": DobotBench,
+    "sim-base": partial(SimBench, axes=1, base=True),
+    "canopen-base": partial(CanopenBench, axes=1, base=True),
+    "keeping-base": partial(CanopenBench, axes=1, base=True, keeps=True),
+    "ethercat-base": partial(EthercatBench, axes=1, base=True),
+}
+SHOWN_COMMANDS, SHOWN_FINDINGS = 6, 6
+
+
+def run_seed(name: str, seed: int, faults: Mapping[str, float] = FAULTS) -> str:
+    """Run a sequence; return what was found, with the commands before it: "" if nothing."""
+    play = WitnessPlay(BENCHES[name](rate_hz=RATE_HZ), faults)
+    findings = play.play(seed)
+    if not findings:
+        return ""
+    shown = [f"    {line}" for line in play.log[-SHOWN_COMMANDS:]]
+    shown += [f"  * {line}" for line in findings[:SHOWN_FINDINGS]]
+    return "\n".join([f"{name}, seed {seed}, after {len(play.log)} commands:", *shown])

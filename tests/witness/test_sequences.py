@@ -1,0 +1,65 @@
+"""Whatever clients ask and whatever becomes of the bus: no drive is commanded by surprise.
+
+Judged by what each drive executes. `python -m tools.endurance.witness` runs more seeds; one that
+fails joins `FAILED`, with what it found, when it is mended.
+"""
+
+from __future__ import annotations
+
+import pytest
+from tests.witness.backends import run_seed
+
+SEEDS = [
+    *[("sim", 23), ("arm", 30), ("mujoco", 5), ("dobot", 20)],
+    *[("canopen", 6), ("keeping", 4), ("ethercat", 6)],
+    *[("sim-base", 12), ("canopen-base", 4), ("keeping-base", 4), ("ethercat-base", 5)],
+]
+FAILED = [
+    # Servos stayed on after a shutdown with stale values, and would have obeyed.
+    ("arm", 9),
+    ("arm", 24),
+    ("sim", 9),
+    ("sim", 29),
+    # The simulated device went on with a velocity command while robotd stood still.
+    ("sim", 122),
+    # Mended on the way; what they found is not recorded.
+    ("sim", 23),
+    ("sim", 160),
+    # The arm pressed against the table of its scene: no goal could be reached.
+    ("mujoco", 15),
+    # Paths and streams went on while a drive was silent.
+    ("canopen", 17),
+    ("canopen", 20),
+    ("canopen", 38),
+    # Frames waited in a blocked network interface, and were executed late, all at once.
+    ("ethercat", 15),
+    ("ethercat", 20),
+    # Frames lost during the start counted for ever: the drives obeyed nothing.
+    ("ethercat", 26),
+    # The judge took the one frame that waited for more: the drive had braked by itself before it.
+    ("ethercat", 150),
+    # The ramp of a velocity went on while a drive was silent, which got all of it in one period.
+    ("canopen-base", 0),
+    ("canopen-base", 2),
+    ("ethercat-base", 0),
+    # The judge took a period without a new target for one whose target was lost.
+    ("keeping-base", 18),
+    # The judge did not know that the arm has stopped at its last target when robotd was killed,
+    # and that a move brakes harder where it would run past its target.
+    ("dobot", 14),
+    ("dobot", 52),
+]
+
+
+@pytest.mark.parametrize(
+    ("backend", "seed"), [(name, seed) for name, count in SEEDS for seed in range(count)]
+)
+def test_no_drive_is_commanded_by_surprise(backend: str, seed: int) -> None:
+    found = run_seed(backend, seed)
+    assert not found, found
+
+
+@pytest.mark.parametrize(("backend", "seed"), FAILED)
+def test_a_seed_that_failed_once(backend: str, seed: int) -> None:
+    found = run_seed(backend, seed)
+    assert not found, found

@@ -1,0 +1,171 @@
+"""What a faulty master does is seen at the drive: each fault here is put into robotd by a patch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import pytest
+from tests.witness.backends import BENCHES
+from tests.witness.bench import Bench
+from tests.witness.canopen_bench import CanopenBench
+from tests.witness.dobot_bench import DobotBench
+from tests.witness.ethercat_bench import EthercatBench
+from tests.witness.judge import KEPT_COMMANDS
+
+from robotd.control.sources.wheel_source import WheelMotion
+from robotd.device.process_image import ProcessImage
+from robotd.motion import TrajectoryRequest
+from robotd.motion.planar import PlanarTwist
+from robotd_canopen.bus import Bus
+from robotd_cia402.axis import Axis
+from robotd_ethercat.soem import Soem
+
+FIELDBUSES = ("canopen", "ethercat")
+EVERY = (*FIELDBUSES, "sim", "arm", "dobot")
+
+
+@pytest.fixture(params=EVERY)
+def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
+    yield from started(request.param)
+
+
+@pytest.fixture(params=FIELDBUSES)
+def fieldbus(request: pytest.FixtureRequest) -> Iterator[Bench]:
+    yield from started(request.param)
+
+
+def started(name: str) -> Iterator[Bench]:
+    made = BENCHES[name](rate_hz=100.0)
+    with made.requested():
+        made.robot.start()
+    yield made
+    made.robot.shutdown()
+    made.close()
+
+
+def move(bench: Bench, *, at_half: Callable[[], None] = lambda: None) -> None:
+    """Move by 0.5 rad in a second, with something in its midst."""
+    targets = [[0.5] * len(bench.judges)]
+    request = TrajectoryRequest.from_rows(bench.robot.joint_names, [1.0], targets)
+    with bench.robot.follower.follow(request) as execution:
+        bench.run(0.5)
+        at_half()
+        for _ in range(200):
+            if execution.done:
+                return
+            bench.run(0.01)
+
+
+def test_a_plain_path_is_right(bench: Bench) -> None:
+    move(bench)
+    assert bench.findings == []
+    assert all(len(judge.commands) == KEPT_COMMANDS for judge in bench.judges)
+
+
+def test_a_target_that_jumps(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    driver, stream = bench.robot.mixer._driver, bench.robot.mixer._driver.stream
+
+    def jump() -> None:
+        def faulty(position: object, velocity: object, due_ns: int) -> None:
+            monkeypatch.setattr(driver, "stream", stream)
+            stream(position + 0.1, velocity, due_ns)  # type: ignore[operator, arg-type]
+
+        monkeypatch.setattr(driver, "stream", faulty)
+
+    move(bench, at_half=jump)
+    assert any("in a period: +1" in finding for finding in bench.findings)
+
+
+def test_a_path_that_does_not_wait_for_a_silent_drive(fieldbus: Bench) -> None:
+    """A silence of one period cannot be bridged by waiting: the path has gone on by then."""
+    fieldbus.judges[0].velocity = 0.5  # as if the joint were slower than the path
+    move(fieldbus, at_half=lambda: fieldbus.silence(0.025, [0]))
+    assert any("after a silence" in finding for finding in fieldbus.findings)
+
+
+def test_a_drive_that_is_switched_on_by_itself(fieldbus: Bench) -> None:
+    fieldbus.robot.servos.disable()
+    fieldbus.run(0.1)
+    assert fieldbus.findings == []
+    fieldbus.robot.servos.enable()  # by nobody's request, for the judges
+    assert any("without a request" in finding for finding in fieldbus.findings)
+
+
+def test_frames_of_a_blocked_bus_that_are_executed_late(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As before unsent frames were discarded."""
+    monkeypatch.setattr(Bus, "discard_unsent", lambda _: None)
+    made = CanopenBench(rate_hz=100.0)
+    with made.requested():
+        made.robot.start()
+    move(made, at_half=lambda: made.block(0.08))
+    made.robot.shutdown()
+    assert any("periods ago" in finding for finding in made.findings)
+
+
+def test_frames_of_a_blocked_interface_that_are_executed_late(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As before nothing was sent while an interface is blocked."""
+    monkeypatch.setattr(Soem, "is_blocked", False)
+    made = EthercatBench(rate_hz=100.0)
+    with made.requested():
+        made.robot.start()
+    move(made, at_half=lambda: made.block(0.06))
+    made.robot.shutdown()
+    made.close()
+    assert any("periods ago" in finding for finding in made.findings)
+
+
+def test_targets_that_a_controller_gets_late() -> None:
+    """As with a time without replies that is too long."""
+    made = DobotBench(max_target_age_s=1.0)
+    with made.requested():
+        made.robot.start()
+    move(made, at_half=lambda: made.cut_cable(0.09))
+    made.robot.shutdown()
+    made.close()
+    assert any("periods ago" in finding for finding in made.findings)
+
+
+def test_wheels_that_move_by_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As without the time-out of commands, and after a stop."""
+    monkeypatch.setattr(WheelMotion, "advance", go_on_driving)
+    made = BENCHES["canopen-base"](rate_hz=100.0)
+    with made.requested():
+        made.robot.start()
+    base, wheel = made.robot.base, made.judges[1]
+    assert base is not None
+    base.command(0.3, 0.0, timeout_s=0.1)
+    wheel.rest_s = made.now_s + 1.0
+    made.run(0.9)
+    assert made.findings == []
+    made.run(0.2)
+    assert any("nobody commands it" in finding for finding in made.findings)
+    wheel.must_rest = True
+    made.run(0.1)
+    made.robot.shutdown()
+    assert any("after a stop" in finding for finding in wheel.findings)
+
+
+def go_on_driving(motion: WheelMotion, time_ns: int, period_ns: int, image: ProcessImage) -> bool:
+    motion._set_wheels(motion._limiter.step(PlanarTwist(0.3, 0.0)))
+    return not motion.completion.done
+
+
+def test_a_stop_that_lets_the_drives_go_on(
+    fieldbus: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def go_on(axis: Axis, period_s: float, periods: int = 1) -> None:  # type: ignore[type-arg]
+        axis.setpoint.position += 0.002
+        transmit(axis, period_s, periods)
+
+    transmit = Axis.transmit
+    move(fieldbus)
+    fieldbus.robot.stop()
+    for judge in fieldbus.judges:
+        judge.must_rest = True
+    fieldbus.run(0.1)
+    assert fieldbus.findings == []
+    monkeypatch.setattr(Axis, "transmit", go_on)
+    fieldbus.run(0.1)
+    assert any("after a stop" in finding for finding in fieldbus.findings)

@@ -1,0 +1,41 @@
+"""Command: random sequences with judges at the drives, thousands of them.
+
+``python -m tools.endurance.witness canopen --seeds 0:1000``
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+
+from tests.witness.backends import BENCHES, run_seed
+from tests.witness.play import FAULTS
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the seeds; return the number of those that failed, at most 1."""
+    parser = argparse.ArgumentParser(prog="python -m tools.endurance.witness", description=__doc__)
+    parser.add_argument("backends", nargs="*", help=f"of {', '.join(BENCHES)}; none: all")
+    parser.add_argument("--seeds", default="0:100", metavar="FIRST:END")
+    parser.add_argument("--without", default="", metavar="FAULT,...", help=", ".join(FAULTS))
+    options = parser.parse_args(arguments)
+    left_out = options.without.split(",")
+    faults = {name: weight for name, weight in FAULTS.items() if name not in left_out}
+    first, end = (int(part) for part in options.seeds.split(":"))
+    failed = 0
+    for name in options.backends or BENCHES:
+        began_s, found = time.process_time(), 0
+        for seed in range(first, end):
+            if text := run_seed(name, seed, faults):
+                found += 1
+                sys.stdout.write(text + "\n")
+                sys.stdout.flush()
+        spent_s = time.process_time() - began_s
+        sys.stdout.write(f"{name}: {found} of {end - first} seeds failed, {spent_s:.0f} s\n")
+        failed += found
+    return min(failed, 1)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
