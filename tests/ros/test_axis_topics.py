@@ -120,12 +120,7 @@ def test_bad_moves_are_rejected_and_logged_once(
         return [line for line in lines if "command rejected" in line and reason in line]
 
     publisher = client.publisher(AxisPose, "/wmx/axis/position")
-
-    def is_rejected() -> list[str]:
-        publisher.publish(message)  # again: one that comes late is dropped
-        return rejections()
-
-    wait_until(is_rejected, f"{reason!r} in the log")
+    command_until(lambda: publisher.publish(message), rejections, f"{reason!r} in the log")
     for _ in range(5):
         publisher.publish(message)
     state = client.next(states)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import pytest
 from action_msgs.msg import GoalStatus
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
-from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
+from tests.ros.robot_process import LATCHED, Client, RobotProcess, command_until, wait_until
 from tests.ros.test_gripper_actions import CLOSED_M, command
 from tests.ros.test_trajectory import goal, pose
 from wmx_ros2_message.srv import SetIoBit
@@ -78,11 +77,11 @@ def test_a_goal_takes_over_from_a_stream_where_the_descriptor_allows_it(wired: C
     topic = wired.publisher(Float64MultiArray, "/forward_position_controller/commands")
     target = Float64MultiArray(data=pose(0.8))
 
-    def streams() -> Any:
-        topic.publish(target)
-        return owners and "joint1: forward_position_controller/commands" in owners[-1].data
-
-    wait_until(streams, "the stream to own the joints")
+    command_until(
+        lambda: topic.publish(target),
+        lambda: owners and "joint1: forward_position_controller/commands" in owners[-1].data,
+        "the stream to own the joints",
+    )
     status, result = wired.send_goal(goal((2.0, pose(0.1)))).result()
     assert status == GoalStatus.STATUS_SUCCEEDED, result.error_string
     wired.next(joints, lambda message: abs(message.position[0] - 0.1) < 2e-3)

@@ -14,7 +14,14 @@ from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
-from tests.ros.robot_process import LATCHED, Client, RobotProcess, connected, wait_until
+from tests.ros.robot_process import (
+    LATCHED,
+    Client,
+    RobotProcess,
+    command_until,
+    connected,
+    wait_until,
+)
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from wmx_ros2_message.msg import AxisVelocity
 
@@ -111,11 +118,11 @@ def test_a_topic_moves_one_arm_while_a_goal_moves_the_other(client: Client, go: 
     target = states[-1].position[0] + 0.1
     right = go("right", 0.3, 3)
 
-    def is_moved() -> bool:
-        publisher.publish(Float64MultiArray(data=[target] * 6))
-        return bool(abs(states[-1].position[0] - target) < 0.01)
-
-    wait_until(is_moved, "the streamed motion")
+    command_until(
+        lambda: publisher.publish(Float64MultiArray(data=[target] * 6)),
+        lambda: abs(states[-1].position[0] - target) < 0.01,
+        "the streamed motion",
+    )
     status, result = right.result()
     assert status == SUCCEEDED, result.error_string
     both = {f"left_joint1: {topic}", "right_joint1: follow_joint_trajectory"}
@@ -140,10 +147,9 @@ def test_one_jog_moves_axes_of_both_arms(client: Client) -> None:
     wait_until(lambda: states, "joint states")
     begin = states[-1].position
 
-    def is_moved() -> bool:
-        publisher.publish(message)
+    def are_moved() -> bool:
         ends = states[-1].position
         return bool(ends[5] > begin[5] + 0.1 and ends[11] < begin[11] - 0.1)
 
-    wait_until(is_moved, "motion of both axes")
+    command_until(lambda: publisher.publish(message), are_moved, "motion of both axes")
     wait_until(lambda: max(map(abs, states[-1].velocity)) < 1e-3, "standstill")

@@ -20,7 +20,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
-from tests.ros.robot_process import ACTION, LATCHED, Client, RobotProcess, wait_until
+from tests.ros.robot_process import ACTION, LATCHED, Client, RobotProcess, command_until, wait_until
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from robotd_testing.domain import own_domain
@@ -132,11 +132,11 @@ def test_a_command_reaches_its_own_robot_only(client: Client) -> None:
     twist.linear.x = 0.3
     commands = client.publisher(Twist, "/cmd_vel")
 
-    def moves() -> bool:
-        commands.publish(twist)  # best effort: one may be lost
-        return bool(base[-1].pose.pose.position.x > 0.01)
-
-    wait_until(moves, "the base moves")
+    command_until(
+        lambda: commands.publish(twist),
+        lambda: base[-1].pose.pose.position.x > 0.01,
+        "the base moves",
+    )
     assert first_joint(client.next(left)) == pytest.approx(0.2, abs=1e-3)
 
 

@@ -9,7 +9,7 @@ import pytest
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from std_msgs.msg import Float64MultiArray
-from tests.ros.robot_process import Client, RobotProcess, connected, wait_until
+from tests.ros.robot_process import Client, RobotProcess, command_until, connected
 from wmx_ros2_message.msg import AxisState
 
 pytestmark = pytest.mark.ros
@@ -40,7 +40,6 @@ def test_it_drives_all_wheels_of_a_side_alike(client: Client) -> None:
     start = list(client.next(axes).actual_pos)
 
     def has_speed() -> bool:
-        publisher.publish(message)
         if not wheels:
             return False
         twist = odometry[-1].twist.twist
@@ -49,7 +48,7 @@ def test_it_drives_all_wheels_of_a_side_alike(client: Client) -> None:
             (LINEAR, ANGULAR), abs=1e-3
         ) and rims == pytest.approx(speeds, abs=2e-3)
 
-    wait_until(has_speed, "the commanded speed")
+    command_until(lambda: publisher.publish(message), has_speed, "the commanded speed")
     client.next(odometry, lambda message: abs(message.twist.twist.linear.x) < 1e-6)  # the time-out
     turns = [now - before for now, before in zip(client.next(axes).actual_pos, start, strict=True)]
     left, right = RADIUS_M * (turns[0] + turns[1]) / 2, RADIUS_M * (turns[2] + turns[3]) / 2

@@ -12,7 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
-from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
+from tests.ros.robot_process import LATCHED, Client, RobotProcess, command_until, wait_until
 
 from robotd.control.groups.problem import ProblemKind
 from robotd_ros.problem_messages import read_problems
@@ -50,12 +50,15 @@ def test_torques_move_the_joints_while_they_come(arm: RobotProcess) -> None:
     wait_until(lambda: states and torques.get_subscription_count(), "the arm")
 
     def moves() -> bool:
-        torques.publish(Float64MultiArray(data=[6.0, 0.0]))
-        time.sleep(1.0 / RATE_HZ)
         has_moved = any(state.velocity[0] > 0.5 for state in states)
         return has_moved and any(TOPIC[1:] in owner.data for owner in owners)
 
-    wait_until(moves, "a torque of 6 N·m moves the joint, which belongs to the topic")
+    command_until(
+        lambda: torques.publish(Float64MultiArray(data=[6.0, 0.0])),
+        moves,
+        "a torque of 6 N·m moves the joint, which belongs to the topic",
+        RATE_HZ,
+    )
     wait_until(lambda: abs(states[-1].velocity[0]) < 1e-3, "without messages the joint stops")
     wait_until(lambda: TOPIC[1:] not in owners[-1].data, "the joints belong to nobody")
     torques.publish(Float64MultiArray(data=[6.0]))
