@@ -19,21 +19,21 @@ from robotd.events import EventKind
 from robotd.feature_host import FeatureHost
 
 ROOT = Path(__file__).parents[2]
-REFERENCE = ROOT / "docs" / "reference"
+DOCS = ROOT / "docs"
 PAGES = {
-    "robotd.api": "plugin-api.md",
-    "robotd.api.bases": "api-bases.md",
-    "robotd.api.commands": "api-commands.md",
-    "robotd.api.features": "api-features.md",
-    "robotd.api.models": "api-models.md",
-    "robotd.api.robots": "python.md",
+    "robotd.api": "reference/plugin-api.md",
+    "robotd.api.bases": "how-to/plugin-base.md",
+    "robotd.api.commands": "reference/api-commands.md",
+    "robotd.api.features": "how-to/plugin-feature.md",
+    "robotd.api.models": "reference/api-models.md",
+    "robotd.api.robots": "reference/python.md",
 }
 MAX_MODULES = 6  # a seventh is a decision: readers have to know where to look
 LIGHT = ("numpy", "pydantic", "click", "pluggy", "robotd.errors", "robotd.robot")
 
 
 def text_of(module: str) -> str:
-    return (REFERENCE / PAGES[module]).read_text(encoding="utf-8")
+    return (DOCS / PAGES[module]).read_text(encoding="utf-8")
 
 
 def example_of(module: str) -> dict[str, Any]:
