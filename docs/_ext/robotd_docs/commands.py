@@ -48,25 +48,30 @@ def commands(
 
 
 class CommandDirective(SphinxDirective):
-    """Render the command whose full name is the argument: ``robotd sim run``."""
+    """Render the command whose full name is the argument, or all of a group: ``robotd sim``."""
 
     required_arguments = 1
     final_argument_whitespace = True
 
     def run(self) -> list[nodes.Node]:
-        """Return help text, usage and a table of options."""
+        """Return usage, help text and options of each command that is found."""
         name = self.arguments[0]
-        command = dict(commands()).get(name)
-        if command is None:
+        found = [item for item in commands() if f"{item[0]} ".startswith(f"{name} ")]
+        if not found:
             raise self.error(f"no command is named {name!r}")
-        DOCUMENTED.add(name)
-        context = click.Context(command, info_name=name)
-        usage = " ".join(command.collect_usage_pieces(context))
-        parts = [f"```text\n{name} {usage}\n```", _paragraphs(command.help)]
-        rows = [_row(option, context) for option in command.get_params(context)]
-        if shown := [row for row in rows if row]:
-            parts.append(table(("option", "default", "meaning"), shown))
-        return self.parse_text_to_nodes("\n\n".join(parts))
+        DOCUMENTED.update(full for full, _ in found)
+        return self.parse_text_to_nodes("\n\n".join(_text(*item) for item in found))
+
+
+def _text(name: str, command: click.Command) -> str:
+    """Return the usage, help text and table of options of a command."""
+    context = click.Context(command, info_name=name)
+    usage = " ".join(command.collect_usage_pieces(context))
+    parts = [f"```text\n{name} {usage}\n```", _paragraphs(command.help)]
+    rows = [_row(option, context) for option in command.get_params(context)]
+    if shown := [row for row in rows if row]:
+        parts.append(table(("option", "default", "meaning"), shown))
+    return "\n\n".join(parts)
 
 
 def _paragraphs(text: str | None) -> str:
