@@ -134,9 +134,13 @@ OF_THE_ROBOT = {  # their defaults are the robot's, as the page says
 
 
 def rows(section: str) -> dict[str, str]:
-    """First column → verdict, of the table in a section."""
+    """Names in the first column → verdict, of the table in a section."""
     text = PAGE.split(f"## {section}\n")[1].split("\n## ")[0]
-    cells = re.findall(r"^\| `([^`]+)` \| (\w+) \|", text, re.MULTILINE)
+    cells = [
+        (name, verdict)
+        for names, verdict in re.findall(r"^\| (`[^|]+`) \| (\w+) \|", text, re.MULTILINE)
+        for name in re.findall(r"`([^`]+)`", names)
+    ]
     found = dict(cells)
     assert len(found) == len(cells), "a name is there twice"
     assert set(found.values()) <= VERDICTS
