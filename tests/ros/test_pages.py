@@ -43,7 +43,6 @@ BROUGHT = "the test brings it"
 ROS = "needs an installed ROS 2"
 SKIPPED = {  # commands of the pages that are run
     r"source ": BROUGHT,
-    r"make (?!run)": BROUGHT,
     rf"pip (?!{INSTALL[4:]})": "from an index of packages; tests/contract/test_packaging.py",
     r"python examples/robot_learning/lerobot_": "needs LeRobot; tests/features/learning",
     r"robotd new-backend acme --minimal": "the same folder as the full package, which is taken",
