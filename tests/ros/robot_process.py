@@ -20,10 +20,12 @@ from control_msgs.action import FollowJointTrajectory
 from rclpy.action import get_action_server_names_and_types_by_node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from robotd_msgs.msg import AxisOwners
 from std_msgs.msg import Bool
 from tests.ros.action_client import GoalClient
 
 from robotd_ros.host import RosHost
+from robotd_ros.operator_messages import OWNERS, read_owners
 from robotd_testing.domain import own_domain
 
 BACKEND = os.environ.get("ROBOTD_TEST_BACKEND", "sim")  # the surface is the same on all
@@ -221,7 +223,7 @@ class Client:
             return {}
         return names_of(get_action_server_names_and_types_by_node(self.node, node, "/"))
 
-    def call(self, service_type: Any, name: str, **request: Any) -> Any:
+    def call(self, service_type: Any, name: str, /, **request: Any) -> Any:
         """The response of a service; the request's fields by name."""
         client = self._clients.get(name)
         if client is None:
@@ -234,6 +236,14 @@ class Client:
         messages: list[Any] = []
         self.node.create_subscription(message_type, topic, messages.append, qos)
         return messages
+
+    def listen_owners(self) -> list[dict[str, str]]:
+        """A list that the owners by axis are appended to at every change."""
+        owners: list[dict[str, str]] = []
+        self.node.create_subscription(
+            AxisOwners, f"/{OWNERS}", lambda message: owners.append(read_owners(message)), LATCHED
+        )
+        return owners
 
     def next(self, messages: list[Any], condition: Callable[[Any], Any] = lambda _: True) -> Any:
         """The first message after this call that fulfils ``condition``."""

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64, String
+from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 from tests.ros.robot_process import LATCHED, WAIT_S, Client, RobotProcess, connected, wait_until
 from tests.ros.test_client_commands import robotd, started
@@ -146,8 +146,8 @@ def test_a_goal_is_canceled_when_its_terminal_is_lost(
     operator.next(joints)
     assert abs(joints[-1].velocity[0]) < 1e-3
     assert joints[-1].position[0] < begin + 0.9
-    owners = operator.listen(String, "/robotd/owners", LATCHED)
-    wait_until(lambda: owners and owners[-1].data == "", "no owner")
+    owners = operator.listen_owners()
+    wait_until(lambda: owners and not owners[-1], "no owner")
 
 
 def test_a_goal_is_canceled_by_sigquit(simulated: RobotProcess, operator: Client) -> None:

@@ -70,16 +70,14 @@ def test_a_part_stalls_the_gripper(wired: Client) -> None:
 
 
 def test_a_goal_takes_over_from_a_stream_where_the_descriptor_allows_it(wired: Client) -> None:
-    joints, owners = (
-        wired.listen(JointState, "/joint_states"),
-        wired.listen(String, "/robotd/owners", LATCHED),
-    )
-    topic = wired.publisher(Float64MultiArray, "/forward_position_controller/commands")
+    joints, owners = wired.listen(JointState, "/joint_states"), wired.listen_owners()
+    topic = "forward_position_controller/commands"
+    publisher = wired.publisher(Float64MultiArray, f"/{topic}")
     target = Float64MultiArray(data=pose(0.8))
 
     command_until(
-        lambda: topic.publish(target),
-        lambda: owners and "joint1: forward_position_controller/commands" in owners[-1].data,
+        lambda: publisher.publish(target),
+        lambda: owners and owners[-1].get("joint1") == topic,
         "the stream to own the joints",
     )
     status, result = wired.send_goal(goal((2.0, pose(0.1)))).result()

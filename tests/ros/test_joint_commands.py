@@ -16,8 +16,8 @@ from control_msgs.srv import QueryTrajectoryState
 from rclpy.duration import Duration as RosDuration
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64, Float64MultiArray, String
-from tests.ros.robot_process import LATCHED, Client, RobotProcess, command_until, wait_until
+from std_msgs.msg import Float64, Float64MultiArray
+from tests.ros.robot_process import Client, RobotProcess, command_until, wait_until
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from wmx_ros2_message.msg import AxisVelocity
 from wmx_ros2_message.srv import SetAxis
@@ -39,7 +39,7 @@ class Arm:
     def __init__(self, client: Client) -> None:
         self.client = client
         self.states = client.listen(JointState, "/joint_states")
-        self.owners = client.listen(String, "/robotd/owners", LATCHED)
+        self.owners = client.listen_owners()
         self.trajectory = client.publisher(JointTrajectory, TRAJECTORY)
         self.positions = client.publisher(Float64MultiArray, POSITION)
         self.velocities = client.publisher(Float64MultiArray, VELOCITY)
@@ -59,7 +59,7 @@ class Arm:
 
     def wait_at_rest(self) -> None:
         """Also until the client that moved it has given it back, shortly after standstill."""
-        wait_until(lambda: self.speed < 1e-3 and self.owners[-1].data == "", "rest")
+        wait_until(lambda: self.speed < 1e-3 and not self.owners[-1], "rest")
 
     def go(self, position: list[float]) -> tuple[int, Any]:
         goal = FollowJointTrajectory.Goal()
@@ -249,9 +249,9 @@ def test_the_owner_of_each_joint_is_latched(arm: Arm) -> None:
     message = JointJog(joint_names=["joint1"], velocities=[0.05])
     arm.publish_until(
         lambda: arm.jog.publish(message),
-        lambda: "joint1: servo_node/delta_joint_cmds\n" in arm.owners[-1].data,
+        lambda: arm.owners[-1].get("joint1") == "servo_node/delta_joint_cmds",
     )
-    wait_until(lambda: arm.owners[-1].data == "", "no owner after the last message")
+    wait_until(lambda: not arm.owners[-1], "no owner after the last message")
 
 
 @pytest.mark.daily

@@ -13,15 +13,8 @@ from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, String
-from tests.ros.robot_process import (
-    LATCHED,
-    Client,
-    RobotProcess,
-    command_until,
-    connected,
-    wait_until,
-)
+from std_msgs.msg import Float64MultiArray
+from tests.ros.robot_process import Client, RobotProcess, command_until, connected, wait_until
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from wmx_ros2_message.msg import AxisVelocity
 
@@ -111,7 +104,7 @@ def test_cancelling_one_arm_leaves_the_other_moving(client: Client, go: Any) -> 
 
 def test_a_topic_moves_one_arm_while_a_goal_moves_the_other(client: Client, go: Any) -> None:
     states = client.listen(JointState, "/joint_states")
-    owners = client.listen(String, "/robotd/owners", LATCHED)
+    owners = client.listen_owners()
     topic = "left_position_controller/commands"
     publisher = client.publisher(Float64MultiArray, f"/{topic}")
     wait_until(lambda: states, "joint states")
@@ -125,8 +118,8 @@ def test_a_topic_moves_one_arm_while_a_goal_moves_the_other(client: Client, go: 
     )
     status, result = right.result()
     assert status == SUCCEEDED, result.error_string
-    both = {f"left_joint1: {topic}", "right_joint1: follow_joint_trajectory"}
-    assert any(both <= set(message.data.splitlines()) for message in owners)
+    both = {"left_joint1": topic, "right_joint1": "follow_joint_trajectory"}
+    assert any(both.items() <= found.items() for found in owners)
 
 
 def test_move_finds_the_group_by_its_joints(arms: RobotProcess, client: Client) -> None:

@@ -9,17 +9,14 @@ from typing import Any
 import pytest
 from action_msgs.msg import GoalStatus
 from geometry_msgs.msg import Point, Pose, PoseStamped
+from robotd_msgs.action import MoveTool
+from robotd_msgs.srv import ComputeFk, ComputeIk
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from tests.ros.action_client import GoalClient
 from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_for, wait_until
 from tests.ros.test_client_commands import robotd
 from tests.ros.test_trajectory import goal
-
-robotd_msgs = pytest.importorskip("robotd_msgs", reason="an older build of the interfaces")
-
-from robotd_msgs.action import MoveTool  # noqa: E402
-from robotd_msgs.srv import ComputeFk, ComputeIk  # noqa: E402
 
 pytestmark = pytest.mark.ros
 

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from action_msgs.msg import GoalStatus
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from robotd_msgs.msg import RecoveryReport
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty, Float64, String
 from std_srvs.srv import Trigger
@@ -15,6 +16,8 @@ from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
 from tests.ros.test_client_commands import robotd
 from tests.ros.test_trajectory import goal, pose, position
 from wmx_ros2_message.msg import AxisPose
+
+from robotd_ros.operator_messages import RECOVERY
 
 pytestmark = [pytest.mark.ros, pytest.mark.second_backend]
 
@@ -144,3 +147,6 @@ def test_a_recovery_of_a_sound_robot_changes_nothing(client: Client) -> None:
         True,
         "nothing is wrong: no axis has a fault",
     )
+    reports = client.listen(RecoveryReport, f"/{RECOVERY}", LATCHED)
+    wait_until(lambda: reports, "the latched report")
+    assert reports[-1] == RecoveryReport(steps=[response.message])

@@ -18,8 +18,9 @@ from action_msgs.msg import GoalStatus
 from rcl_interfaces.msg import Log
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
+from robotd_msgs.msg import IoLevels
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, String
+from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 from tests.ros.robot_process import LATCHED, WAIT_S, Client, RobotProcess, connected, wait_until
 from tests.ros.test_client_commands import robotd
@@ -29,6 +30,7 @@ from wmx_ros2_message.msg import AxisState
 from wmx_ros2_message.srv import SetAxis
 
 from robotd_ros.nodes.command_subscription import PAUSE_S
+from robotd_ros.operator_messages import LEVELS, read_levels
 
 pytestmark = pytest.mark.ros
 
@@ -65,9 +67,9 @@ def test_inputs_and_outputs_are_served_by_their_names(
 ) -> None:
     lamp = arm_client.listen(Bool, "/robotd/outputs/lamp", LATCHED)
     part = arm_client.listen(Bool, "/robotd/inputs/part_present", LATCHED)
-    overview = arm_client.listen(String, "/robotd/io", LATCHED)
-    off = "input part_present: off\noutput lamp: off\noutput horn: off"
-    wait_until(lambda: overview and overview[-1].data == off, "all levels")
+    overview = arm_client.listen(IoLevels, f"/{LEVELS}", LATCHED)
+    off = {"part_present": False}, {"lamp": False, "horn": False}
+    wait_until(lambda: overview and read_levels(overview[-1]) == off, "all levels")
     wait_until(lambda: lamp and part, "the latched levels")
     assert robotd(arm.domain, "output", "lamp", "on")[:2] == (0, "lamp: on\n")
     wait_until(lambda: lamp[-1].data and part[-1].data, "the changed levels")

@@ -8,16 +8,13 @@ from typing import Any
 import pytest
 from action_msgs.msg import GoalStatus
 from geometry_msgs.msg import Point, Pose, Quaternion
+from robotd_msgs.action import MoveTool
+from robotd_msgs.msg import Scene, SceneObject
+from robotd_msgs.srv import ChangeScene, ComputeFk
 from tests.ros.action_client import GoalClient
 from tests.ros.robot_process import LATCHED, Client, RobotProcess, connected, wait_for, wait_until
 from tests.ros.test_client_commands import robotd
 from tests.ros.test_trajectory import goal
-
-robotd_msgs = pytest.importorskip("robotd_msgs.msg", reason="an older build of the interfaces")
-
-from robotd_msgs.action import MoveTool  # noqa: E402
-from robotd_msgs.msg import Scene, SceneObject  # noqa: E402
-from robotd_msgs.srv import ChangeScene, ComputeFk  # noqa: E402
 
 pytestmark = pytest.mark.ros
 

@@ -37,7 +37,7 @@ class Hand:
         self.client = client
         self.command: Any = None
         self.states = client.listen(JointState, "/joint_states")
-        self.owners = client.listen(String, "/robotd/owners", LATCHED)
+        self.owners = client.listen_owners()
         self.codes = client.listen(Int8, "/servo_node/status")
         self.reasons = client.listen(String, "/servo_node/status_message")
         self.problems = client.listen(DiagnosticArray, "/robotd/problems", LATCHED)
@@ -71,7 +71,7 @@ class Hand:
 
     def wait_at_rest(self) -> None:
         """Also until the client that moved it has given it back, shortly after standstill."""
-        wait_until(lambda: self.speed < 1e-3 and self.owners[-1].data == "", "rest")
+        wait_until(lambda: self.speed < 1e-3 and not self.owners[-1], "rest")
 
     def go_ready(self) -> None:
         _, result = self.client.send_goal(goal((4.0, READY))).result()

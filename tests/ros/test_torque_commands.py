@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, String
+from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from tests.ros.robot_process import LATCHED, Client, RobotProcess, command_until, wait_until
 
@@ -45,13 +45,13 @@ ros_parameters:
 def test_torques_move_the_joints_while_they_come(arm: RobotProcess) -> None:
     client = Client(arm.domain)
     states = client.listen(JointState, "/joint_states")
-    owners = client.listen(String, "/robotd/owners", LATCHED)
+    owners = client.listen_owners()
     torques = client.publisher(Float64MultiArray, TOPIC)
     wait_until(lambda: states and torques.get_subscription_count(), "the arm")
 
     def moves() -> bool:
         has_moved = any(state.velocity[0] > 0.5 for state in states)
-        return has_moved and any(TOPIC[1:] in owner.data for owner in owners)
+        return has_moved and any(TOPIC[1:] in found.values() for found in owners)
 
     command_until(
         lambda: torques.publish(Float64MultiArray(data=[6.0, 0.0])),
@@ -60,7 +60,7 @@ def test_torques_move_the_joints_while_they_come(arm: RobotProcess) -> None:
         RATE_HZ,
     )
     wait_until(lambda: abs(states[-1].velocity[0]) < 1e-3, "without messages the joint stops")
-    wait_until(lambda: TOPIC[1:] not in owners[-1].data, "the joints belong to nobody")
+    wait_until(lambda: TOPIC[1:] not in owners[-1].values(), "the joints belong to nobody")
     torques.publish(Float64MultiArray(data=[6.0]))
     wait_until(lambda: "torque: 1 values for 2 joints" in arm.output, "the rejection is logged")
     client.close()

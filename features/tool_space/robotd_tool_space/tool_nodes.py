@@ -8,15 +8,15 @@ from contextlib import contextmanager
 from geometry_msgs.msg import TransformStamped
 from tf2_msgs.msg import TFMessage
 
-from robotd.api import FloatArray, get_logger
+from robotd.api import FloatArray
 from robotd.api.models import transform_numbers
 from robotd_ros.nodes.latched_topics import publish_if_alive
 from robotd_ros.nodes.tool_pose_topic import fill_transform
 from robotd_ros.qos import LATCHED
 from robotd_ros.run_nodes import NodeContext
+from robotd_tool_space.scene_services import SceneServices
 from robotd_tool_space.tool_groups import ToolGroups
-
-log = get_logger("tool")
+from robotd_tool_space.tool_services import MoveToolAction, ToolServices
 
 FRAMES_TOPIC = "~/tool_frames"
 STATIC_TOPIC = "/tf_static"
@@ -24,16 +24,7 @@ STATIC_TOPIC = "/tf_static"
 
 @contextmanager
 def add_tool_nodes(context: NodeContext, tools: ToolGroups) -> Iterator[None]:
-    """Add services, topics and the action; nothing where the interfaces are not installed."""
-    try:
-        from robotd_tool_space.scene_services import SceneServices
-        from robotd_tool_space.tool_services import MoveToolAction, ToolServices
-    except ImportError as error:
-        log.warning(
-            "no services for the tool: install the interfaces of this version", reason=str(error)
-        )
-        yield
-        return
+    """Add services, topics and the action."""
     frames = FrameTopics(context, tools)
     ToolServices(context, tools)
     MoveToolAction(context, tools)

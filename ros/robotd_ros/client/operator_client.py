@@ -5,26 +5,23 @@ from __future__ import annotations
 import posixpath
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 
 from diagnostic_msgs.msg import DiagnosticArray
-from std_msgs.msg import String
+from robotd_msgs.msg import IoLevels, RecoveryReport
+from robotd_msgs.srv import SetSpeed
 from std_srvs.srv import Trigger
 
 from robotd.control.groups.problem import Problem, ProblemKind
 from robotd.errors import DeviceTimeout, InvalidArgument, OperationError, unknown_name
 from robotd_ros.client.ros_client import RosClient
 from robotd_ros.node_registry import OPERATOR_NODE
+from robotd_ros.operator_messages import LEVELS, RECOVERY, read_levels
 from robotd_ros.problem_messages import read_problems
 from robotd_ros.qos import LATCHED
 
-IO = f"{OPERATOR_NODE}/io"
 SPEED = f"{OPERATOR_NODE}/speed"
-LEVELS = {"on": True, "off": False}
-
-Levels = dict[str, bool | None]
 PROBLEMS = f"{OPERATOR_NODE}/problems"
-RECOVERY = f"{OPERATOR_NODE}/recovery"
 DISCOVERY_S = 1.0
 NOT_READY = (ProblemKind.STARTING, ProblemKind.ENDING, ProblemKind.DEVICE)
 STANDING = (*NOT_READY, ProblemKind.STOPPED, ProblemKind.PAUSED)
@@ -116,18 +113,28 @@ def recover(client: RosClient, on_step: Callable[[str], None]) -> bool:
         OperationError: the reason of the step that failed.
     """
     service = client.node.create_client(Trigger, f"{OPERATOR_NODE}/recover")
-    with ExitStack() as stack, client.listen(String, RECOVERY, LATCHED) as report:
+    with ExitStack() as stack, client.listen(RecoveryReport, RECOVERY, LATCHED) as report:
         problems = ProblemListener(client, stack)
         client.wait(service.service_is_ready, f"service {service.service_name}")
         before = report.wait()  # the report of the last recovery, empty before the first
+        shown = 0
+
+        def show_new() -> bool:
+            """Call ``on_step`` for steps that are new; True at the end of the report."""
+            nonlocal shown
+            if report.newest is before:
+                return False
+            for step in report.newest.steps[shown:]:
+                on_step(step)
+                shown += 1
+            return not report.newest.running
+
         asked = _publishers(client)
         answer = service.call_async(Trigger.Request())
-        printed: list[str] = []
         seen_s = time.monotonic()
         while not answer.done():
             client.spin()
-            if report.newest is not before:
-                _print_new(report.newest.data, printed, on_step)
+            show_new()
             if asked & _publishers(client):  # the service may be that of a restarted robot
                 seen_s = time.monotonic()
             elif time.monotonic() - seen_s > client.timeout_s:
@@ -135,7 +142,8 @@ def recover(client: RosClient, on_step: Callable[[str], None]) -> bool:
         response = answer.result()
         if not response.success:
             raise OperationError(response.message)
-        _print_new(response.message, printed, on_step)
+        with suppress(DeviceTimeout):  # another client's recovery may have begun meanwhile
+            client.wait(show_new, "end of the report")
         problems.wait()
         if paused := problems.first(ProblemKind.PAUSED):
             on_step(with_remedy(paused))
@@ -148,23 +156,9 @@ def _publishers(client: RosClient) -> set[bytes]:
     return {bytes(endpoint.endpoint_gid) for endpoint in found}
 
 
-def _print_new(text: str, printed: list[str], on_step: Callable[[str], None]) -> None:
-    """Call ``on_step`` for the lines of ``text`` beyond those in ``printed``."""
-    for line in text.splitlines()[len(printed) :]:
-        if not line.startswith("failed; "):  # the response has it too
-            on_step(line)
-        printed.append(line)
-
-
-def read_levels(text: str) -> tuple[Levels, Levels]:
-    """Return inputs and outputs by name, of a message of the topic; None: unknown."""
-    inputs: Levels = {}
-    outputs: Levels = {}
-    for line in text.splitlines():
-        kind, _, rest = line.partition(" ")
-        name, _, level = rest.partition(": ")
-        (inputs if kind == "input" else outputs)[name] = LEVELS.get(level)
-    return inputs, outputs
+def set_speed(client: RosClient, speed: float) -> str:
+    """Set the speed of all motion, 0 to 1; return its answer. Raises the errors of ``call``."""
+    return str(client.call(SetSpeed, f"{OPERATOR_NODE}/set_speed", speed=speed).message)
 
 
 def set_output(client: RosClient, name: str, on: bool) -> str:
@@ -175,8 +169,8 @@ def set_output(client: RosClient, name: str, on: bool) -> str:
         DeviceTimeout: no robot answers in time.
         OperationError: the robot's reason for a rejection.
     """
-    with client.listen(String, IO, LATCHED) as levels:
-        _, outputs = read_levels(levels.wait().data)
+    with client.listen(IoLevels, LEVELS, LATCHED) as levels:
+        _, outputs = read_levels(levels.wait())
     if name not in outputs:
         raise InvalidArgument(unknown_name("output", name, outputs))
     return client.switch(f"{OPERATOR_NODE}/outputs/{name}", on)

@@ -8,6 +8,7 @@ from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass
 
 from geometry_msgs.msg import TransformStamped
+from robotd_msgs.msg import AxisOwners, IoLevels
 from std_msgs.msg import Bool, Float64, String
 from tf2_msgs.msg import TFMessage
 from wmx_ros2_message.msg import AxisState
@@ -19,15 +20,13 @@ from robotd.errors import DeviceTimeout, InvalidArgument, OperationError, unknow
 from robotd_ros.client.fleet import RobotIdentity, read_identity
 from robotd_ros.client.operator_client import (
     DISCOVERY_S,
-    IO,
     SPEED,
-    Levels,
     ProblemListener,
-    read_levels,
     reason_of_silence,
 )
 from robotd_ros.client.ros_client import RosClient
 from robotd_ros.node_registry import IDENTITY, OPERATOR_NODE
+from robotd_ros.operator_messages import LEVELS, OWNERS, Levels, read_levels, read_owners
 from robotd_ros.qos import LATCHED
 from robotd_ros.rotations import roll_pitch_yaw
 
@@ -141,11 +140,6 @@ class RobotReport:
         return self.ready and not any(problem.forbids_motion for problem in self.problems)
 
 
-def _owners(text: str) -> dict[str, str]:
-    pairs = (line.partition(": ") for line in text.splitlines())
-    return {name: owner for name, _, owner in pairs}
-
-
 def tool_reports(message: TFMessage) -> tuple[ToolReport, ...]:
     """Return the tools of ``TOOL_POSE``."""
     return tuple(map(_tool, message.transforms))
@@ -169,8 +163,8 @@ def read_report(client: RosClient) -> RobotReport:
         client.listen(Bool, "wmx/engine/ready", LATCHED) as ready,
         client.listen(AxisState, AXIS_STATE) as axes,
         client.listen(String, IDENTITY, LATCHED) as robot,
-        client.listen(String, f"{OPERATOR_NODE}/owners", LATCHED) as owners,
-        client.listen(String, IO, LATCHED) as io,
+        client.listen(AxisOwners, OWNERS, LATCHED) as owners,
+        client.listen(IoLevels, LEVELS, LATCHED) as io,
         client.listen(TFMessage, TOOL_POSE) as tools,
         client.listen(Float64, SPEED, LATCHED) as speed,
     ):
@@ -186,8 +180,8 @@ def read_report(client: RosClient) -> RobotReport:
             speed.wait().data,
             problems.wait(),
             reports,
-            _owners(owners.wait().data),
-            *read_levels(io.wait().data),
+            read_owners(owners.wait()),
+            *read_levels(io.wait()),
             tool_reports(tools.wait()),
         )
 

@@ -76,7 +76,7 @@ def speed(client: RosClient, percent: float) -> object:
     Goals keep their paths: velocities and accelerations scale, by ramps, also while they move. 0
     holds on the path. Moves, jogs and streams take the speed at their start.
     """
-    return client.call_named(f"{OPERATOR_NODE}/set_speed", {"speed": percent / 100.0})
+    return import_ros("robotd_ros.client.operator_client").set_speed(client, percent / 100.0)
 
 
 @click.command("pause", epilog=ROS_EPILOG)

@@ -10,14 +10,14 @@ from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.node import Node
+from robotd_msgs.msg import AxisOwners, IoLevels, RecoveryReport
+from robotd_msgs.srv import SetSpeed
 from std_msgs.msg import Bool, Empty, Float64, String
 from std_srvs.srv import SetBool, Trigger
 
 from robotd.control.groups.problem import Problem
 from robotd.device.process_image import ProcessImage
-from robotd.errors import InvalidArgument, RobotdError
 from robotd.observation.robot_identity import identity
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
@@ -27,15 +27,20 @@ from robotd_ros.nodes.device_settings import read_frame_prefix
 from robotd_ros.nodes.latched_topics import SummaryTopic, publish_if_alive
 from robotd_ros.nodes.node_parameters import Parameters
 from robotd_ros.nodes.tool_pose_topic import ToolPoseTopic
+from robotd_ros.operator_messages import (
+    LEVELS,
+    OWNERS,
+    RECOVERY,
+    levels_message,
+    owners_message,
+)
 from robotd_ros.problem_messages import problem_array
 from robotd_ros.qos import LATCHED
-from robotd_ros.services import add_service, add_subscription, named_values
+from robotd_ros.services import add_service, add_subscription
 
 STATE_RATE_HZ = 10.0
 SPEED_TIMEOUT_S = 1.0  # age at which a message that raises the speed is dropped
-IO_TOPIC = "~/io"
 IO_RATE_HZ = 50.0
-WORDS = {True: "on", False: "off", None: "unknown"}
 
 
 class OperatorNode(Node):
@@ -43,8 +48,8 @@ class OperatorNode(Node):
 
     Latched topics have what they changed: ``~/stopped`` the reason of a stop, ``~/speed``,
     ``~/recovery`` the report of the present or last recovery, ``~/owners`` the axes that have one,
-    a line each, ``~/problems`` what keeps axes from moving, ``~/robot`` which robot it is,
-    ``~/summary`` its state in a list of several.
+    ``~/problems`` what keeps axes from moving, ``~/robot`` which robot it is, ``~/summary`` its
+    state in a list of several.
     ``~/rejections`` has the commands of topics that are rejected, as the log has them.
 
     Args:
@@ -56,16 +61,15 @@ class OperatorNode(Node):
         super().__init__(OPERATOR_NODE, context=host.context)
         self._robot = robot
         self._recovery_lock = threading.Lock()
-        self._recovery_lines: list[str] = []
-        self._owners: str | None = None  # not published yet
+        self._owners: dict[str, str] | None = None  # not published yet
         self._stopped_topic = self.create_publisher(String, "~/stopped", LATCHED)
         self._speed_topic = self.create_publisher(Float64, "~/speed", LATCHED)
-        self._recovery_topic = self.create_publisher(String, "~/recovery", LATCHED)
-        self._owners_topic = self.create_publisher(String, "~/owners", LATCHED)
+        self._recovery_topic = self.create_publisher(RecoveryReport, RECOVERY, LATCHED)
+        self._owners_topic = self.create_publisher(AxisOwners, OWNERS, LATCHED)
         self._problems_topic = self.create_publisher(DiagnosticArray, "~/problems", LATCHED)
         self._problems: list[Problem] | None = None  # not published yet
         self._rejections_topic = self.create_publisher(DiagnosticStatus, "~/rejections", 10)
-        self._recovery_topic.publish(String())
+        self._recovery_topic.publish(RecoveryReport())
         self._robot_topic = self.create_publisher(String, IDENTITY, LATCHED)
         told = {**identity(robot, self.get_namespace()), "features": [*features]}
         self._robot_topic.publish(String(data=json.dumps(told)))
@@ -76,7 +80,7 @@ class OperatorNode(Node):
             (Trigger, "pause", lambda *_: robot.pause(), True),
             (Trigger, "resume", lambda *_: robot.resume(), False),
             (Trigger, "recover", self._recover, False),
-            (SetParametersAtomically, "set_speed", named_values(self._set_speed), False),
+            (SetSpeed, "set_speed", lambda asked, _: robot.set_speed(asked.speed), False),
         ):
             add_service(self, host, service_type, f"~/{name}", handler, urgent=urgent)
         for topic in ("~/stop", STOP_ALL):
@@ -111,16 +115,6 @@ class OperatorNode(Node):
     def _publish_stopped(self, reason: str) -> None:
         publish_if_alive(self._stopped_topic, String(data=reason))
 
-    def _set_speed(self, fields: dict[str, Any]) -> str:
-        speed = fields.get("speed")
-        if (
-            list(fields) != ["speed"]
-            or isinstance(speed, bool)
-            or not isinstance(speed, (int, float))
-        ):
-            raise InvalidArgument(f"expected the number 'speed', got {fields}")
-        return self._robot.set_speed(float(speed))
-
     def _speed_timeout_s(self, message: Any) -> float:
         """Return the age at which a speed is dropped: never where it slows down."""
         slows = message.data <= self._robot.axes.speed.speed
@@ -130,28 +124,33 @@ class OperatorNode(Node):
         publish_if_alive(self._speed_topic, Float64(data=scale))
 
     def _recover(self, request: Any, response: Any) -> str:
-        with self._recovery_lock:
-            self._recovery_lines = []
-            try:
-                self._robot.recover(self._report_recovery)
-            except RobotdError as error:
-                lines = map(str.strip, str(error).splitlines())
-                self._report_recovery("; ".join(["failed", *lines]))
-                raise
-            return "\n".join(self._recovery_lines)
+        steps: list[str] = []
 
-    def _report_recovery(self, line: str) -> None:
-        self._recovery_lines.append(line)
-        publish_if_alive(self._recovery_topic, String(data="\n".join(self._recovery_lines)))
+        def report(*, running: bool, failure: str = "") -> None:
+            message = RecoveryReport(running=running, steps=steps, failure=failure)
+            publish_if_alive(self._recovery_topic, message)
+
+        def report_step(line: str) -> None:
+            steps.append(line)
+            report(running=True)
+
+        with self._recovery_lock:
+            report(running=True)
+            try:
+                self._robot.recover(report_step)
+            except Exception as error:
+                report(running=False, failure=str(error))
+                raise
+            report(running=False)
+        return "\n".join(steps)
 
     def _publish_owners(self, image: ProcessImage) -> None:
         """Publish the owners where they have changed. Control loop."""
         axes = self._robot.axes
-        owners = zip(axes.names, map(axes.owner, range(len(axes))), strict=True)
-        text = "\n".join(f"{name}: {owner}" for name, owner in owners if owner)
-        if text != self._owners:
-            self._owners = text
-            publish_if_alive(self._owners_topic, String(data=text))
+        owners = {name: who for axis, name in enumerate(axes.names) if (who := axes.owner(axis))}
+        if owners != self._owners:
+            self._owners = owners
+            publish_if_alive(self._owners_topic, owners_message(owners))
 
     def publish_problems(self, problems: list[Problem]) -> None:
         """Publish what keeps axes from moving where it has changed, and the summary. One thread.
@@ -177,20 +176,19 @@ class OperatorNode(Node):
 class NamedIo:
     """``~/inputs/NAME`` and ``~/outputs/NAME`` of the names in the descriptor.
 
-    A topic has the level on every change, while the device communicates. ``~/io`` has all of them
-    as text, a line each: ``input part_present: on``.
+    A topic has the level on every change, while the device communicates. ``~/io`` has all of them.
     """
 
     def __init__(self, node: Node, robot: Robot, host: RosHost) -> None:
         self._io, self._connection = robot.io, robot.connection
-        self._overview = node.create_publisher(String, IO_TOPIC, LATCHED)
+        self._overview = node.create_publisher(IoLevels, LEVELS, LATCHED)
         io = robot.io
-        self._readers = {("input", name): io.input_watcher(*io.inputs[name]) for name in io.inputs}
+        self._readers = {("inputs", name): io.input_watcher(*io.inputs[name]) for name in io.inputs}
         self._readers |= {
-            ("output", name): io.output_watcher(*io.outputs[name]) for name in io.outputs
+            ("outputs", name): io.output_watcher(*io.outputs[name]) for name in io.outputs
         }
         self._publishers = {
-            (kind, name): node.create_publisher(Bool, f"~/{kind}s/{name}", LATCHED)
+            (kind, name): node.create_publisher(Bool, f"~/{kind}/{name}", LATCHED)
             for kind, name in self._readers
         }
         self._levels: dict[tuple[str, str], bool | None] | None = None  # not published yet
@@ -207,12 +205,13 @@ class NamedIo:
         if levels == self._levels:
             return
         before, self._levels = self._levels or {}, levels
-        for key, level in levels.items():
-            if level is not None and level != before.get(key):
-                publish_if_alive(self._publishers[key], Bool(data=level))
-        lines = (f"{kind} {name}: {WORDS[level]}" for (kind, name), level in levels.items())
-        publish_if_alive(self._overview, String(data="\n".join(lines)))
+        overview: dict[str, dict[str, bool | None]] = {"inputs": {}, "outputs": {}}
+        for (kind, name), level in levels.items():
+            overview[kind][name] = level
+            if level is not None and level != before.get((kind, name)):
+                publish_if_alive(self._publishers[kind, name], Bool(data=level))
+        publish_if_alive(self._overview, levels_message(**overview))
 
     def _set(self, name: str, request: Any, response: Any) -> str:
         self._io.set_output(name, request.data)
-        return f"{name}: {WORDS[bool(request.data)]}"
+        return f"{name}: {'on' if request.data else 'off'}"
