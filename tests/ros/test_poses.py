@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
-from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.parameter import Parameter
-from std_msgs.msg import String
+from robotd_msgs.msg import SavedPoses
+from robotd_msgs.srv import DeletePose, PlanPose, RenamePose, SavePose
 from tests.ros.robot_process import LATCHED, Client, RobotProcess, connected, wait_until
 from tests.ros.test_client_commands import positions, robotd
 
@@ -32,12 +31,14 @@ def client(arm: RobotProcess) -> Iterator[Client]:
 
 
 def test_an_arm_goes_to_a_pose_that_was_saved(arm: RobotProcess, client: Client) -> None:
-    told = client.listen(String, "/robotd/poses", LATCHED)
+    told = client.listen(SavedPoses, "/robotd/poses", LATCHED)
     assert robotd(arm.domain, "pose", "save", "home")[0] == 0
     assert robotd(arm.domain, "move", "joint1=0.4", "joint3=-0.3")[0] == 0
     code, output, _ = robotd(arm.domain, "pose", "save", "bent")
     assert (code, output.split(",")[0]) == (0, "bent: joint1 +0.400")
-    wait_until(lambda: told and list(json.loads(told[-1].data)) == ["home", "bent"], "both poses")
+    wait_until(
+        lambda: told and [pose.name for pose in told[-1].poses] == ["home", "bent"], "both poses"
+    )
     code, output, _ = robotd(arm.domain, "pose", "go", "home", "--speed", "1")
     assert code == 0
     assert output.startswith("goal reached after ")
@@ -70,23 +71,27 @@ def test_what_cannot_be_is_named(arm: RobotProcess) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "values"),
+    ("service", "name", "values", "reason"),
     [
-        ("save", {}),
-        ("save", {"name": 3}),
-        ("plan", {"name": "rest", "speed": 2.0}),
-        ("rename", {"name": "rest"}),
-        ("delete", {"name": "rest", "hight": 1.0}),
+        (SavePose, "save", {}, "'' is no name of a pose"),
+        (PlanPose, "plan", {"name": "rest", "speed": 2.0}, "speed is 2, must be 0.01 to 1"),
+        (PlanPose, "plan", {"name": "rest", "speed": float("nan")}, "speed is nan, must be"),
+        (RenamePose, "rename", {"name": "rest"}, "'' is no name of a pose"),
+        (DeletePose, "delete", {}, "unknown pose ''"),
     ],
 )
 def test_a_request_that_is_wrong_is_answered(
-    client: Client, arm: RobotProcess, name: str, values: dict[str, object]
+    client: Client,
+    arm: RobotProcess,
+    service: Any,
+    name: str,
+    values: dict[str, object],
+    reason: str,
 ) -> None:
     robotd(arm.domain, "pose", "save", "rest", "--replace")
-    parameters = [Parameter(key, value=value).to_parameter_msg() for key, value in values.items()]
-    answer = client.call(SetParametersAtomically, f"/robotd/poses/{name}", parameters=parameters)
-    assert not answer.result.successful
-    assert "expected" in answer.result.reason or "must be" in answer.result.reason
+    answer = client.call(service, f"/robotd/poses/{name}", **values)
+    assert not answer.success
+    assert reason in answer.message
 
 
 def test_the_file_is_beside_that_of_the_robot(arm: RobotProcess, client: Client) -> None:

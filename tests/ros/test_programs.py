@@ -10,18 +10,13 @@ from typing import Any
 
 import pytest
 from action_msgs.msg import GoalStatus
-from std_msgs.msg import String
+from robotd_msgs.action import RunProgram
+from robotd_msgs.msg import ProgramState
 from tests.ros.action_client import GoalClient
 from tests.ros.robot_process import LATCHED, Client, RobotProcess, connected, wait_for, wait_until
 from tests.ros.test_client_commands import positions, robotd, started
 
 from robotd.cli.exit_codes import ExitCode
-
-robotd_msgs = pytest.importorskip("robotd_msgs.action", reason="no interfaces")
-if not hasattr(robotd_msgs, "RunProgram"):
-    pytest.skip("an older build of the interfaces", allow_module_level=True)
-
-from robotd_msgs.action import RunProgram  # noqa: E402
 
 pytestmark = pytest.mark.ros
 
@@ -45,7 +40,7 @@ def client(arm: RobotProcess) -> Iterator[Client]:
 
 @pytest.fixture
 def states(client: Client) -> list[Any]:
-    return client.listen(String, "/robotd/program", LATCHED)
+    return client.listen(ProgramState, "/robotd/program", LATCHED)
 
 
 def file_of(tmp_path: Path, steps: str, speed: float = 1.0) -> str:
@@ -54,9 +49,8 @@ def file_of(tmp_path: Path, steps: str, speed: float = 1.0) -> str:
     return str(path)
 
 
-def state(states: list[Any]) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(states[-1].data) if states else {}
-    return found
+def state(states: list[Any]) -> ProgramState:
+    return states[-1] if states else ProgramState()
 
 
 def test_a_program_is_checked_run_and_shown(
@@ -75,7 +69,7 @@ def test_a_program_is_checked_run_and_shown(
     assert output.startswith(f"{file}: done\n")
     assert "all done" in output
     assert json.loads(robotd(arm.domain, "program", "status", "--json")[1])["executed"] == 4
-    wait_until(lambda: state(states).get("state") == "done", "the topic shows the end")
+    wait_until(lambda: state(states).state == "done", "the topic shows the end")
     assert (
         robotd(arm.domain, "program", "run", file_of(tmp_path, "  - move: {pose: back}\n"))[0] == 0
     )
@@ -109,8 +103,8 @@ def test_it_is_stopped_and_resumed_by_commands(
     handle = wait_for(
         action.send_goal_async(goal, lambda message: feedback.append(message.feedback))
     )
-    wait_until(lambda: state(states).get("state") == "waiting", "it waits for the operator")
-    assert state(states)["message"] == "insert a part"
+    wait_until(lambda: state(states).state == "waiting", "it waits for the operator")
+    assert state(states).message == "insert a part"
     refused = robotd(arm.domain, "program", "run", file)
     assert (refused[0], "a program runs already" in refused[2]) == (1, True)
     assert robotd(arm.domain, "program", "stop")[0] == 0
@@ -121,7 +115,7 @@ def test_it_is_stopped_and_resumed_by_commands(
     assert (feedback[-1].step, feedback[-1].steps, feedback[-1].line) == (1, 2, 6)
     goal = RunProgram.Goal(mode=RunProgram.Goal.RESUME)
     handle = wait_for(action.send_goal_async(goal))
-    wait_until(lambda: state(states).get("state") == "waiting", "it waits again")
+    wait_until(lambda: state(states).state == "waiting", "it waits again")
     output = robotd(arm.domain, "program", "resume")[1]
     assert output == f"{file} goes on\n"
     assert wait_for(handle.get_result_async()).status == GoalStatus.STATUS_SUCCEEDED
@@ -135,14 +129,14 @@ def test_ctrl_c_stops_it_at_rest(arm: RobotProcess, tmp_path: Path, states: list
     file = file_of(tmp_path, "  - repeat: {steps: [{move: {pose: back}}, {move: {pose: ready}}]}\n")
     with started(arm.domain, "program", "run", file) as process:
         wait_until(
-            lambda: state(states).get("state") == "running" and state(states)["executed"] >= 2,
+            lambda: state(states).state == "running" and state(states).executed >= 2,
             "it repeats",
         )
         process.send_signal(signal.SIGINT)
         output, _ = process.communicate(timeout=60)
         assert process.returncode == ExitCode.INTERRUPTED
     assert "canceled by the client" in output
-    wait_until(lambda: state(states).get("state") == "stopped", "the topic shows it")
+    wait_until(lambda: state(states).state == "stopped", "the topic shows it")
     before = positions(arm.domain)
     assert positions(arm.domain) == pytest.approx(before, abs=1e-6)
     code, output, _ = robotd(arm.domain, "program", "step", file)

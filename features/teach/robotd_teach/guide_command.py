@@ -76,9 +76,9 @@ class _Positions(StatusLine):
 
     _begun = False
 
-    def __call__(self, state: dict[str, Any]) -> None:
+    def __call__(self, state: Any) -> None:
         if not self._begun:
             self._begun = True
-            self.keep(f"{', '.join(state['joints'])} can be moved by hand; Ctrl-C ends it")
-        positions = " ".join(f"{position:+z.3f}" for position in state["joints"].values())
-        self.replace(f"{positions}  {state['speed']:.2f}/s  {state['left_s']:.0f} s left")
+            self.keep(f"{', '.join(state.joints)} can be moved by hand; Ctrl-C ends it")
+        positions = " ".join(f"{position:+z.3f}" for position in state.positions)
+        self.replace(f"{positions}  {state.speed:.2f}/s  {state.left_s:.0f} s left")

@@ -1,23 +1,19 @@
 """Services of hand guiding on the node ``robotd``.
 
-``~/guide/begin`` takes ``group``, ``max_speed``, ``timeout_s`` and ``lease_s``, each of them only
-where it is wanted (SetParametersAtomically). ``~/guide/keep`` (Trigger) has to be called at least
-once in each lease, by default 1 s; its answer is JSON with the fields of ``GuidingState``, or why
-guiding has ended. ``~/guide/end`` (Trigger) returns when the joints are held.
+After ``~/guide/begin``, ``~/guide/keep`` has to be called at least once in each lease.
+``~/guide/end`` returns when the joints are held.
 """
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
-from rcl_interfaces.srv import SetParametersAtomically
+from robotd_msgs.srv import BeginGuiding, KeepGuiding
 from std_srvs.srv import Trigger
 
 from robotd_ros.run_nodes import NodeContext
-from robotd_ros.services import add_service, named_values
-from robotd_teach.hand_guiding import LEASE_S, HandGuiding
-from robotd_teach.request_values import taken
+from robotd_ros.services import add_service
+from robotd_teach.hand_guiding import LEASE_S, MAX_SPEED, TIMEOUT_S, HandGuiding
 
 GUIDE = "~/guide"
 
@@ -26,16 +22,23 @@ def add_guide_services(context: NodeContext, guiding: HandGuiding) -> None:
     """Add the services."""
     node, host = context.operator, context.host
 
-    def begin(values: dict[str, Any]) -> str:
-        possible = {"group": str, "max_speed": float, "timeout_s": float, "lease_s": float}
-        return guiding.begin(**{"lease_s": LEASE_S, **taken(values, {}, possible)})
+    def begin(request: Any, response: Any) -> str:
+        return guiding.begin(
+            request.group,
+            max_speed=request.max_speed or MAX_SPEED,
+            timeout_s=request.timeout_s or TIMEOUT_S,
+            lease_s=request.lease_s or LEASE_S,
+        )
 
     def keep(request: Any, response: Any) -> str:
-        return json.dumps(guiding.keep()._asdict())
+        state = guiding.keep()
+        response.joints, response.positions = [*state.joints], [*state.joints.values()]
+        response.speed, response.left_s = state.speed, state.left_s
+        return ""
 
     def end(request: Any, response: Any) -> str:
         return guiding.end()
 
-    add_service(node, host, SetParametersAtomically, f"{GUIDE}/begin", named_values(begin))
-    add_service(node, host, Trigger, f"{GUIDE}/keep", keep, blocking=False)
+    add_service(node, host, BeginGuiding, f"{GUIDE}/begin", begin)
+    add_service(node, host, KeepGuiding, f"{GUIDE}/keep", keep, blocking=False)
     add_service(node, host, Trigger, f"{GUIDE}/end", end, urgent=True)

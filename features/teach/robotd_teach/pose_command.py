@@ -15,7 +15,7 @@ from robotd_ros.commands.robot_client import (
     robot_client,
 )
 
-SERVICES = "robotd/poses"
+CLIENT = "robotd_teach.pose_client"
 SPEED = 0.2
 
 
@@ -31,10 +31,10 @@ def pose() -> None:
 @client_options
 def save(timeout_s: float, *, name: str, group: str, replace: bool) -> None:
     """Save where the joints are. Nothing moves; servos may be off."""
-    values = {"name": name, "group": group, "replace": replace}
     with robot_client(timeout_s) as client:
         require_one_robot(client)
-        click.echo(f"{name}: {client.call_named(f'{SERVICES}/save', values)}")
+        text = import_ros(CLIENT).save(client, name, group, replace=replace)
+        click.echo(f"{name}: {text}")
 
 
 @pose.command("list", epilog=ROS_EPILOG)
@@ -42,7 +42,7 @@ def save(timeout_s: float, *, name: str, group: str, replace: bool) -> None:
 @client_options
 def list_poses(timeout_s: float, *, as_json: bool) -> None:
     """List the poses, and what is wrong with one."""
-    poses_of = import_ros("robotd_teach.pose_client").poses_of
+    poses_of = import_ros(CLIENT).poses_of
     with robot_client(timeout_s) as client:
         require_one_robot(client, prints=False)
         found = poses_of(client)
@@ -81,9 +81,7 @@ def go(timeout_s: float, *, name: str, speed: float) -> ExitCode:
     """
     with robot_client(timeout_s) as client:
         require_one_robot(client)
-        values = {"name": name, "speed": speed}
-        plan = json.loads(client.call_named(f"{SERVICES}/plan", values))
-        joints, seconds = plan["joints"], plan["seconds"]
+        joints, seconds = import_ros(CLIENT).plan(client, name, speed)
         arm = import_ros("robotd_ros.client.motion_client").find_arm(client, joints)
         import_ros("robotd_ros.client.operator_client").require_motion(client, arm.namespace)
         progress = ProgressLine(tuple(joints), seconds)
@@ -100,7 +98,7 @@ def rename(timeout_s: float, *, name: str, new: str) -> None:
     """Give a pose another name."""
     with robot_client(timeout_s) as client:
         require_one_robot(client)
-        click.echo(client.call_named(f"{SERVICES}/rename", {"name": name, "new": new}))
+        click.echo(import_ros(CLIENT).rename(client, name, new))
 
 
 @pose.command("delete", epilog=ROS_EPILOG)
@@ -110,4 +108,4 @@ def delete(timeout_s: float, *, name: str) -> None:
     """Delete a pose."""
     with robot_client(timeout_s) as client:
         require_one_robot(client)
-        click.echo(client.call_named(f"{SERVICES}/delete", {"name": name}))
+        click.echo(import_ros(CLIENT).delete(client, name))

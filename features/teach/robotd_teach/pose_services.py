@@ -1,28 +1,20 @@
-"""Services and topic of the poses on the node ``robotd``.
-
-``~/poses`` has all poses as JSON: positions and ``problem`` of each, by name. The services take
-values by name (SetParametersAtomically): ``~/poses/save`` ``name``, ``group`` and ``replace``;
-``~/poses/rename`` ``name`` and ``new``; ``~/poses/delete`` ``name``; ``~/poses/plan`` ``name`` and
-``speed``, whose answer is JSON: ``joints`` and ``seconds`` of a goal that leads there.
-"""
+"""Services and topic of the poses on the node ``robotd``."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from rcl_interfaces.srv import SetParametersAtomically
-from std_msgs.msg import String
+from robotd_msgs.msg import SavedPose, SavedPoses
+from robotd_msgs.srv import DeletePose, PlanPose, RenamePose, SavePose
 
 from robotd.api import RobotdError, get_logger
 from robotd_ros.nodes.latched_topics import publish_if_alive
 from robotd_ros.qos import LATCHED
 from robotd_ros.run_nodes import NodeContext
-from robotd_ros.services import add_service, named_values
+from robotd_ros.services import add_service
 from robotd_teach.poses import SPEED, Poses
-from robotd_teach.request_values import taken
 
 POSES = "~/poses"
 log = get_logger("teach")
@@ -32,7 +24,7 @@ log = get_logger("teach")
 def add_pose_services(context: NodeContext, poses: Poses) -> Iterator[None]:
     """Add services and topic."""
     node, host = context.operator, context.host
-    topic = node.create_publisher(String, POSES, LATCHED)
+    topic = node.create_publisher(SavedPoses, POSES, LATCHED)
 
     def publish() -> None:
         try:
@@ -40,38 +32,42 @@ def add_pose_services(context: NodeContext, poses: Poses) -> Iterator[None]:
         except RobotdError as error:
             log.warning("the poses cannot be read", reason=str(error))
             found = {}
-        told = {
-            name: {"joints": dict(joints), "problem": poses.problem(joints)}
+        saved = [
+            SavedPose(
+                name=name,
+                joints=[*joints],
+                positions=[*joints.values()],
+                problem=poses.problem(joints),
+            )
             for name, joints in found.items()
-        }
-        publish_if_alive(topic, String(data=json.dumps(told)))
+        ]
+        publish_if_alive(topic, SavedPoses(poses=saved))
 
-    def save(values: dict[str, Any]) -> str:
-        given = taken(values, {"name": str}, {"group": str, "replace": bool})
-        joints = poses.save(given.pop("name"), given.pop("group", ""), **given)
+    def save(request: Any, response: Any) -> str:
+        joints = poses.save(request.name, request.group, replace=request.replace)
         return ", ".join(f"{joint} {position:+z.3f}" for joint, position in joints.items())
 
-    def rename(values: dict[str, Any]) -> str:
-        given = taken(values, {"name": str, "new": str}, {})
-        poses.rename(given["name"], given["new"])
-        return f"{given['name']} is called {given['new']} now"
+    def rename(request: Any, response: Any) -> str:
+        poses.rename(request.name, request.new_name)
+        return f"{request.name} is called {request.new_name} now"
 
-    def delete(values: dict[str, Any]) -> str:
-        name = taken(values, {"name": str}, {})["name"]
-        poses.delete(name)
-        return f"{name} is deleted"
+    def delete(request: Any, response: Any) -> str:
+        poses.delete(request.name)
+        return f"{request.name} is deleted"
 
-    def plan(values: dict[str, Any]) -> str:
-        given = taken(values, {"name": str}, {"speed": float})
-        joints = poses.known(given["name"])
-        seconds = poses.duration_s(joints, given.get("speed", SPEED))
-        return json.dumps({"joints": dict(joints), "seconds": seconds})
+    def plan(request: Any, response: Any) -> str:
+        joints = poses.known(request.name)
+        response.duration_s = poses.duration_s(joints, request.speed or SPEED)
+        response.joints, response.positions = [*joints], [*joints.values()]
+        return f"{request.name} takes {response.duration_s:.1f} s"
 
-    services: Mapping[str, Callable[[dict[str, Any]], str]] = {
-        "save": save, "rename": rename, "delete": delete, "plan": plan
-    }  # fmt: skip
-    for name, handle in services.items():
-        add_service(node, host, SetParametersAtomically, f"{POSES}/{name}", named_values(handle))
+    for service_type, name, handle in (
+        (SavePose, "save", save),
+        (RenamePose, "rename", rename),
+        (DeletePose, "delete", delete),
+        (PlanPose, "plan", plan),
+    ):
+        add_service(node, host, service_type, f"{POSES}/{name}", handle)
     poses.on_change = publish
     publish()
     yield

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from typing import Any
 
 from robotd_msgs.action import RunProgram
-from std_msgs.msg import String
+from robotd_msgs.msg import ProgramState
+from robotd_msgs.srv import CheckProgram
 
 from robotd_ros.client.motion_client import Ending, GoalRun
 from robotd_ros.client.ros_client import RosClient
@@ -23,10 +23,15 @@ MODES = {
 
 
 def program_state(client: RosClient) -> dict[str, Any]:
-    """Return the fields of ``ProgramState``. Raises DeviceTimeout."""
-    with client.listen(String, TOPIC, LATCHED) as messages:
-        told: dict[str, Any] = json.loads(messages.wait().data)
-    return told
+    """Return the state of the newest program by field. Raises DeviceTimeout."""
+    with client.listen(ProgramState, TOPIC, LATCHED) as messages:
+        message = messages.wait()
+    return {name: getattr(message, name) for name in message.get_fields_and_field_types()}
+
+
+def check(client: RosClient, file: str, text: str) -> str:
+    """Check a program; return the robot's text. Raises the errors of ``call``."""
+    return str(client.call(CheckProgram, f"{TOPIC}/check", file=file, text=text).message)
 
 
 def execute(

@@ -39,7 +39,7 @@ def check(timeout_s: float, *, file: Path) -> None:
     with robot_client(timeout_s) as client:
         require_one_robot(client)
         client.timeout_s = max(client.timeout_s, CHECK_TIMEOUT_S)
-        click.echo(escaped(client.call_named(f"{SERVICES}/check", _content(file))))
+        click.echo(import_ros("robotd_teach.program_client").check(client, **_content(file)))
 
 
 @program.command("run", epilog=ROS_EPILOG)

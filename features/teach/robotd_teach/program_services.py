@@ -1,22 +1,19 @@
 """Services, topic and action of programs on the node ``robotd``.
 
-``~/program`` has the state of the newest program as JSON, with the fields of ``ProgramState``. The
-service ``~/program/check`` takes ``file`` and ``text`` (SetParametersAtomically), and
-``~/program/stop``, ``~/program/pause`` and ``~/program/proceed`` nothing. The action
-``~/run_program`` runs, resumes, or executes one step.
+``~/program`` has the state of the newest program. The action ``~/run_program`` runs, resumes, or
+executes one step.
 """
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from typing import Any
 
-from rcl_interfaces.srv import SetParametersAtomically
 from robotd_msgs.action import RunProgram
-from std_msgs.msg import String
+from robotd_msgs.msg import ProgramState as StateMessage
+from robotd_msgs.srv import CheckProgram
 from std_srvs.srv import Trigger
 
 from robotd.api import InvalidArgument, RobotdError, get_logger
@@ -24,11 +21,10 @@ from robotd.api.robots import Outcome
 from robotd_ros.nodes.latched_topics import publish_if_alive
 from robotd_ros.qos import LATCHED
 from robotd_ros.run_nodes import NodeContext
-from robotd_ros.services import add_service, named_values
+from robotd_ros.services import add_service
 from robotd_ros.worker_action import WorkerAction
 from robotd_teach.program_code import Program
 from robotd_teach.programs import ACTIVE, Programs
-from robotd_teach.request_values import taken
 
 STATE = "~/program"
 ACTION = "~/run_program"
@@ -42,10 +38,8 @@ class ProgramServices:
     def __init__(self, context: NodeContext, programs: Programs) -> None:
         self._programs = programs
         node, host = context.operator, context.host
-        self._topic = node.create_publisher(String, STATE, LATCHED)
-        add_service(
-            node, host, SetParametersAtomically, f"{STATE}/check", named_values(self._check)
-        )
+        self._topic = node.create_publisher(StateMessage, STATE, LATCHED)
+        add_service(node, host, CheckProgram, f"{STATE}/check", self._check)
         calls: dict[str, Callable[[], str]] = {
             "stop": programs.stop, "pause": programs.pause, "proceed": programs.proceed
         }  # fmt: skip
@@ -64,15 +58,13 @@ class ProgramServices:
             urgent=name != "proceed",
         )
 
-    def _check(self, values: dict[str, Any]) -> str:
-        given = taken(values, {"file": str, "text": str}, {})
-        program = Program.parse(given["text"], given["file"])
+    def _check(self, request: Any, response: Any) -> str:
+        program = Program.parse(request.text, request.file)
         self._programs.check(program)
         return f"{program.path}: {program.steps} steps can be executed from where the arm is"
 
     def _publish(self) -> None:
-        state = self._programs.state._asdict()
-        publish_if_alive(self._topic, String(data=json.dumps(state)))
+        publish_if_alive(self._topic, StateMessage(**self._programs.state._asdict()))
 
 
 class ProgramAction(WorkerAction):

@@ -5,29 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from robotd.api import Capability, get_logger
+from robotd.api import Capability
 from robotd_ros.run_nodes import NodeContext
 from robotd_teach.guide_services import add_guide_services
 from robotd_teach.hand_guiding import HandGuiding
 from robotd_teach.pose_services import add_pose_services
 from robotd_teach.poses import Poses
+from robotd_teach.program_services import ProgramAction, ProgramServices
 from robotd_teach.programs import Programs
-
-log = get_logger("teach")
 
 
 @contextmanager
 def add_teach_nodes(context: NodeContext, poses: Poses) -> Iterator[None]:
-    """Add what poses and hand guiding have, and programs where the interfaces are installed."""
+    """Add what poses, programs and hand guiding have."""
     if Capability.HAND_GUIDING in context.robot.capabilities:
         add_guide_services(context, context.robot.feature(HandGuiding))
     with add_pose_services(context, poses):
-        try:
-            from robotd_teach.program_services import ProgramAction, ProgramServices
-        except ImportError as error:
-            log.warning("no programs: install the interfaces of this version", reason=str(error))
-        else:
-            programs = context.robot.feature(Programs)
-            ProgramServices(context, programs)
-            ProgramAction(context, programs)
+        programs = context.robot.feature(Programs)
+        ProgramServices(context, programs)
+        ProgramAction(context, programs)
         yield
