@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from robotd_msgs.msg import WorldObjects
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from tests.world_backend import START, CubeDevice, cube_backend
 from tf2_msgs.msg import TFMessage
@@ -78,9 +77,12 @@ def test_objects_are_transforms_with_shapes(client: RosClient) -> None:
     assert (cube.header.frame_id, cube.child_frame_id) == ("base_link", "cube")
     assert cube.transform.translation.x == START[0]
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    text = first(client, String, "robotd_world/objects", latched)
-    assert isinstance(text, String)
-    assert json.loads(text.data)["objects"][0]["size_m"] == [0.04, 0.04, 0.04]
+    around = first(client, WorldObjects, "robotd_world/objects", latched)
+    assert isinstance(around, WorldObjects)
+    assert around.frame_id == "base_link"
+    assert [(item.name, item.shape, [*item.size_m]) for item in around.objects] == [
+        ("cube", "box", [0.04, 0.04, 0.04])
+    ]
 
 
 def test_an_object_is_placed_and_put_back(client: RosClient, robot: Robot) -> None:

@@ -16,6 +16,7 @@ from robotd.api.commands import (
     FILE,
     ExitCode,
     IntegerRange,
+    import_ros,
     load_robot,
     log_options,
     parse_integer,
@@ -103,7 +104,8 @@ def inject(fault: str, values: Sequence[str], timeout_s: float) -> None:
 def step(client: RosClient, periods: int) -> object:
     """Run PERIODS control periods in the running simulation, then pause its time."""
     client.timeout_s += STEP_TIMEOUT_S
-    return client.call_named(f"{SIMULATION_NODE}/step", {"periods": periods})
+    service_type = import_ros("robotd_msgs.srv").StepTime
+    return client.call(service_type, f"{SIMULATION_NODE}/step", periods=periods).message
 
 
 @sim.command("pause", epilog=ROS_EPILOG)

@@ -15,6 +15,7 @@ from rclpy.clock import ClockType
 from rclpy.node import Node
 from rclpy.time import Time
 from rclpy.time_source import TimeSource
+from robotd_msgs.srv import StepTime
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
@@ -79,7 +80,7 @@ class _TimeServices:
         control_loop.every(rate_hz, "clocks of the nodes", self._set_clocks, first=True)
         control_loop.every(min(CLOCK_RATE_HZ, rate_hz), "clock", self._publish, first=True)
         add_service(node, host, SetBool, "~/pause", self._pause)
-        add_service(node, host, SetParametersAtomically, "~/step", named_values(self._step))
+        add_service(node, host, StepTime, "~/step", self._step)
 
     def _set_clocks(self, image: ProcessImage) -> None:
         now = self._now()
@@ -100,12 +101,11 @@ class _TimeServices:
             self._time.resume()
         return "time stands" if request.data else "time passes"
 
-    def _step(self, fields: dict[str, Any]) -> str:
-        periods = fields.get("periods")
-        if list(fields) != ["periods"] or type(periods) is not int:
-            raise InvalidArgument(f"wanted is the whole number 'periods', given is {fields}")
+    def _step(self, request: Any, response: Any) -> str:
+        periods = request.periods
         if not 1 <= periods <= MAX_STEPS:
             raise InvalidArgument(f"periods: {periods} is outside 1..{MAX_STEPS}")
         if not self._time.step(periods * self._robot.control_loop.period_ns, STEP_TIMEOUT_S):
             raise InvalidArgument(f"periods: {periods} take longer than {STEP_TIMEOUT_S:g} s")
+        response.time = self._now().to_msg()
         return f"time stands at {self._time.now_ns() / NANOSECONDS:.6f} s"

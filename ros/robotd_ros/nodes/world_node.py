@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import TransformStamped
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.node import Node
-from std_msgs.msg import String
+from robotd_msgs.msg import WorldObject as ObjectMessage
+from robotd_msgs.msg import WorldObjects
+from std_msgs.msg import ColorRGBA
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
 from robotd.descriptor.urdf import transform_numbers
 from robotd.descriptor.urdf.urdf_model import frame
 from robotd.device.process_image import ProcessImage
-from robotd.device.world import World
+from robotd.device.world import World, WorldObject
 from robotd.errors import InvalidArgument
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
@@ -46,9 +46,8 @@ class WorldNode(Node):
         objects = world.objects
         add_service(self, host, Trigger, "~/reset", self._reset)
         add_service(self, host, SetParametersAtomically, "~/place", named_values(self._place))
-        shapes = [{**asdict(item), "mesh": str(item.mesh or "")} for item in objects]
-        self.create_publisher(String, "~/objects", LATCHED).publish(
-            String(data=json.dumps({"frame": world.frame, "objects": shapes}))
+        self.create_publisher(WorldObjects, "~/objects", LATCHED).publish(
+            WorldObjects(frame_id=world.frame, objects=[*map(_object_message, objects)])
         )
         if not objects:
             return
@@ -98,6 +97,18 @@ class _ObjectPoses(HotTopics):
         for view, pose in zip(self._views, self._world.poses(), strict=True):
             view[:] = pose
         return True
+
+
+def _object_message(item: WorldObject) -> ObjectMessage:
+    red, green, blue, opacity = map(float, item.color)
+    return ObjectMessage(
+        name=item.name,
+        shape=str(item.shape),
+        size_m=[*item.size_m],
+        color=ColorRGBA(r=red, g=green, b=blue, a=opacity),
+        moves=item.moves,
+        mesh=str(item.mesh or ""),
+    )
 
 
 def _coordinate(key: str, value: Any) -> float:
