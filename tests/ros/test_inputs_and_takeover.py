@@ -73,13 +73,14 @@ def test_a_goal_takes_over_from_a_stream_where_the_descriptor_allows_it(wired: C
     joints, owners = wired.listen(JointState, "/joint_states"), wired.listen_owners()
     topic = "forward_position_controller/commands"
     publisher = wired.publisher(Float64MultiArray, f"/{topic}")
-    target = Float64MultiArray(data=pose(0.8))
-
+    here, target = Float64MultiArray(data=pose(0.0)), Float64MultiArray(data=pose(0.8))
     command_until(
-        lambda: publisher.publish(target),
+        lambda: publisher.publish(here),  # obeyed whatever was lost before it
         lambda: owners and owners[-1].get("joint1") == topic,
         "the stream to own the joints",
     )
+    publisher.publish(target)
+    wired.next(joints, lambda message: message.position[0] > 0.02)
     status, result = wired.send_goal(goal((2.0, pose(0.1)))).result()
     assert status == GoalStatus.STATUS_SUCCEEDED, result.error_string
     wired.next(joints, lambda message: abs(message.position[0] - 0.1) < 2e-3)
