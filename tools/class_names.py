@@ -1,7 +1,9 @@
-"""Classes of the core and of ``robotd_ros`` whose name another class of the packages has, too.
+"""Classes whose name another class has, too, where one reader could take one for the other.
 
-``make lint`` fails for one: who searches for a name finds one class. Backends may repeat each
-other's names, and features those of features: nobody reads two of them at once.
+``make lint`` fails for one: who searches for a name finds one class. Those of the core and of
+``robotd_ros`` differ from all others, those of features from each other, and those of a plugin from
+each other. Backends may repeat each other's names: nobody reads two of them at once. So may
+simulated devices, which share no code with their backend, and a feature those of a backend.
 """
 
 from __future__ import annotations
@@ -9,13 +11,13 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("core/*.py", "ros/*.py", "features/*.py", "plugins/*.py")
-OWN_NAMES = ("core/", "ros/robotd_ros/")  # files whose classes have a name of their own
+EVERYWHERE = ("core/", "ros/robotd_ros/")  # their classes differ from all others
 ALLOWED = frozenset({"WorldCamera"})  # LeRobot finds it by the name of its configuration
 CLASS = re.compile(r"^class ([A-Za-z]\w*)", re.MULTILINE)  # without those that are private
 
@@ -27,8 +29,21 @@ def doubled(texts: Mapping[str, str]) -> Iterator[str]:
         for name in CLASS.findall(text):
             places[name].append(path)
     for name, paths in sorted(places.items()):
-        if len(paths) > 1 and name not in ALLOWED and any(p.startswith(OWN_NAMES) for p in paths):
+        if name in ALLOWED:
+            continue
+        rooms = Counter(map(_room, paths))
+        if len(paths) > 1 and ("" in rooms or max(rooms.values()) > 1):
             yield f"class {name} is in {' and '.join(paths)}: give one of them another name"
+
+
+def _room(path: str) -> str:
+    """Return the part of the packages in which a name means one class; "": all of them."""
+    if path.startswith(EVERYWHERE):
+        return ""
+    kind, package, *folders = path.split("/")
+    if kind != "plugins":
+        return kind
+    return f"{package}, simulated" if "simulated" in folders else package
 
 
 def main() -> None:

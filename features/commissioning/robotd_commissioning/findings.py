@@ -25,7 +25,7 @@ WINDOW_MARGIN = 2.0  # over the lag that is expected at full speed
 MAX_FACTOR = 10  # recognised as a whole number; further ones are too close to each other
 
 
-class Place(StrEnum):
+class DescriptorPart(StrEnum):
     """Part of the descriptor that a change belongs to."""
 
     JOINT = "joint"
@@ -36,7 +36,7 @@ class Place(StrEnum):
 class Change:
     """New value of one key."""
 
-    place: Place
+    place: DescriptorPart
     key: str
     value: Any
 
@@ -83,7 +83,7 @@ def judge_identity(node: BusNode, expected: Mapping[str, Any], key: str) -> Step
         )
     if known:
         return StepFinding(f"{name}, as in the descriptor")
-    return StepFinding(name, (Change(Place.DRIVE, key, found),))
+    return StepFinding(name, (Change(DescriptorPart.DRIVE, key, found),))
 
 
 def judge_direction(
@@ -109,7 +109,7 @@ def judge_direction(
     return StepFinding(
         f"the position changed by {in_words(reported, unit)}: the drive counts the other way,"
         f" {key} {polarity} becomes {-polarity}",
-        (Change(Place.DRIVE, key, -polarity),),
+        (Change(DescriptorPart.DRIVE, key, -polarity),),
     )
 
 
@@ -152,7 +152,7 @@ def judge_scale(
         if abs(scale * ratio / new - 1.0) < SAME_SCALE:
             return StepFinding(
                 f"{what}: {key} {scale:.10g} becomes {new:.10g} (the drive's {name})",
-                (Change(Place.DRIVE, key, new),),
+                (Change(DescriptorPart.DRIVE, key, new),),
             )
     factor = _whole_factor(ratio)
     is_whole = factor is not None
@@ -161,7 +161,8 @@ def judge_scale(
         f"wrong by a factor of {_factor_text(ratio)}" if is_whole else f"{ratio:.4f} times as many"
     )
     return StepFinding(
-        f"{what}: {key} {scale:.10g} becomes {new:.10g} ({why})", (Change(Place.DRIVE, key, new),)
+        f"{what}: {key} {scale:.10g} becomes {new:.10g} ({why})",
+        (Change(DescriptorPart.DRIVE, key, new),),
     )
 
 
@@ -174,7 +175,7 @@ def judge_limits(lower: float, upper: float, joint: JointSettings) -> StepFindin
     for key, found, limit in (("lower_rad", low, joint.lower), ("upper_rad", high, joint.upper)):
         if abs(found - limit) > SAME_END[unit]:
             inward = math.ceil(found * 1e4) if key == "lower_rad" else math.floor(found * 1e4)
-            changes.append(Change(Place.JOINT, joint.key(key), inward / 1e4))
+            changes.append(Change(DescriptorPart.JOINT, joint.key(key), inward / 1e4))
     travel = f"the travel is {in_words(low, unit)} to {in_words(high, unit)}"
     if not changes:
         return StepFinding(f"{travel}, as in the descriptor")
@@ -203,7 +204,7 @@ def judge_following_error(
     )
     if not window_object:
         return StepFinding(f"{text}: set it in the drive")
-    return StepFinding(text, (Change(Place.DRIVE, window_object, round(window * scale)),))
+    return StepFinding(text, (Change(DescriptorPart.DRIVE, window_object, round(window * scale)),))
 
 
 def judge_brake(sag: float, unit: str) -> StepFinding:

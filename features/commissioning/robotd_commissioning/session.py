@@ -33,7 +33,7 @@ from robotd.api.models import (
 )
 from robotd.api.robots import Backend, Robot
 from robotd_commissioning.commissioned_axis import CommissionedAxis
-from robotd_commissioning.findings import Change, Place, StepFinding
+from robotd_commissioning.findings import Change, DescriptorPart, StepFinding
 from robotd_commissioning.steps import STEPS, Bench, Operator
 from robotd_shared.commented_yaml import commented_yaml, on_one_line
 
@@ -66,7 +66,7 @@ class DescriptorEdit:
     def changed(self, changes: Sequence[Change]) -> str:
         """Return the text with ``changes``."""
         for change in changes:
-            item = self._joint_item if change.place is Place.JOINT else self._drive_item
+            item = self._joint_item if change.place is DescriptorPart.JOINT else self._drive_item
             if change.key == self._keys.window_object:
                 _set_startup(item, change.key, change.value)
             else:

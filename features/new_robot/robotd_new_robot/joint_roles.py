@@ -76,7 +76,7 @@ class Choices:
 
 
 @dataclass(frozen=True)
-class Fingers:
+class FingerJoints:
     """Joints of one gripper, each a multiple of the first one's position."""
 
     joints: tuple[UrdfJoint, ...]
@@ -101,7 +101,7 @@ class Roles:
 
     arm: tuple[UrdfJoint, ...]
     base: WheelBase | None
-    fingers: Fingers | None
+    fingers: FingerJoints | None
     passive: tuple[tuple[UrdfJoint, str], ...]
 
 
@@ -240,7 +240,7 @@ def _steers(urdf: UrdfRobot, joint: UrdfJoint) -> bool:
     )
 
 
-def _finger_groups(urdf: UrdfRobot, joints: Sequence[UrdfJoint]) -> list[Fingers]:
+def _finger_groups(urdf: UrdfRobot, joints: Sequence[UrdfJoint]) -> list[FingerJoints]:
     """Return the grippers: a leader with its mimics, or prismatic siblings, that carry nothing."""
     groups: dict[str, list[UrdfJoint]] = {}
     for joint in joints:
@@ -253,7 +253,9 @@ def _finger_groups(urdf: UrdfRobot, joints: Sequence[UrdfJoint]) -> list[Fingers
         carried = {carried.name for joint in group for carried in urdf.carries(joint)}
         if carried <= names:
             group.sort(key=lambda joint: joint.mimic is not None)  # the leader first
-            found.append(Fingers(tuple(group), tuple(urdf.leader(joint)[1] for joint in group)))
+            found.append(
+                FingerJoints(tuple(group), tuple(urdf.leader(joint)[1] for joint in group))
+            )
     return found
 
 
@@ -266,7 +268,7 @@ def _siblings(urdf: UrdfRobot, joints: Iterable[UrdfJoint]) -> list[list[UrdfJoi
     return [pair for pair in pairs.values() if len(pair) > 1]
 
 
-def _check_offsets(fingers: Fingers | None, path: Path) -> None:
+def _check_offsets(fingers: FingerJoints | None, path: Path) -> None:
     for joint in fingers.joints if fingers else ():
         if joint.mimic is not None and joint.mimic.offset:
             what = (

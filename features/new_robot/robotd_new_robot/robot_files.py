@@ -22,7 +22,7 @@ from robotd_new_robot.answers import (
 from robotd_new_robot.bus_axes import bus_joints, bus_section, read_bus_scan
 from robotd_new_robot.drive_models import COULOMB_SHARE, VISCOUS_SHARE, per_axis
 from robotd_new_robot.joint_chains import propose_groups
-from robotd_new_robot.joint_roles import Choices, Fingers, Roles, assign_roles
+from robotd_new_robot.joint_roles import Choices, FingerJoints, Roles, assign_roles
 from robotd_new_robot.srdf_file import disjoint_groups, read_srdf
 
 log = get_logger("new-robot")
@@ -255,7 +255,7 @@ def _base(roles: Roles) -> Iterator[str]:
     yield f"  angular_deceleration_rad_s2: {_rounded(turning / BASE_RAMP_S)}"
 
 
-def _gripper(urdf: UrdfRobot, fingers: Fingers | None) -> Iterator[str]:
+def _gripper(urdf: UrdfRobot, fingers: FingerJoints | None) -> Iterator[str]:
     if fingers is None:
         return
     opened, closed, is_known = _ends(urdf, fingers)
@@ -278,7 +278,7 @@ def _gripper(urdf: UrdfRobot, fingers: Fingers | None) -> Iterator[str]:
         yield f"  travel_time_s: {_rounded(travel_s)}      # the stroke at the URDF's speed"
 
 
-def _ends(urdf: UrdfRobot, fingers: Fingers) -> tuple[float, float, bool]:
+def _ends(urdf: UrdfRobot, fingers: FingerJoints) -> tuple[float, float, bool]:
     """Return the open and the closed position, and if the URDF shows them."""
     leader = fingers.leader
     lower, upper = max(leader.lower, -np.pi), min(leader.upper, np.pi)

@@ -91,7 +91,7 @@ class Report:
     is_last: bool = False
 
 
-class Recorder:
+class JobWriter:
     """Writes the files of one job.
 
     Raises OSError where a file cannot be written; what is written stays, where it is split.
@@ -189,7 +189,7 @@ class Recorder:
 
 def run(connection: Connection) -> None:
     """Write one job until its last batch, or until the robot's process has died."""
-    recorder = Recorder(connection.recv())
+    recorder = JobWriter(connection.recv())
     try:
         for batch in _batches(connection):
             recorder.write(batch or Batch())

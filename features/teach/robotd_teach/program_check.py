@@ -12,7 +12,7 @@ import numpy as np
 from robotd.api import DescriptorError, FloatArray, InvalidArgument, RobotdError, unknown_name
 from robotd.api.robots import Gripper, Robot, ServoGripper
 from robotd_teach.program_code import Again, Begin, Branch, Do, Jump, Keys, Program
-from robotd_teach.program_file import Grip, Step
+from robotd_teach.program_file import SetGripper, Step
 from robotd_teach.program_motion import Place, StepPlanner
 from robotd_tool_space.collision_guard import CollisionGuard
 
@@ -166,7 +166,7 @@ class ProgramCheck:
         if step.wait is not None and step.wait.input is not None:
             self._try((*keys, "input"), partial(self._input, step.wait.input))
 
-    def _check_grip(self, grip: Grip) -> None:
+    def _check_grip(self, grip: SetGripper) -> None:
         gripper = gripper_of(self._robot, grip.name)
         grip_position(gripper, grip)
         group = self._planner.group
@@ -219,7 +219,7 @@ def gripper_of(robot: Robot, name: str) -> AnyGripper:
     return next(iter(grippers.values()))
 
 
-def grip_position(gripper: AnyGripper, grip: Grip) -> float:
+def grip_position(gripper: AnyGripper, grip: SetGripper) -> float:
     """Return the position that a step commands. Raises InvalidArgument: beyond an end."""
     ends = {"open": gripper.open_m, "close": gripper.closed_m}
     return ends[grip.to] if isinstance(grip.to, str) else gripper.checked(grip.to)

@@ -92,7 +92,7 @@ class Path_(Section):  # noqa: N801 - beside that of pathlib
     speed: Speed | None = None
 
 
-class Grip(Section):
+class SetGripper(Section):
     """Where a gripper goes.
 
     Attributes:
@@ -104,7 +104,7 @@ class Grip(Section):
     name: str = ""
 
 
-class Output(Section):
+class SetOutput(Section):
     """Output by its name in the robot's file, or as byte.bit."""
 
     name: IoName
@@ -137,7 +137,7 @@ class Wait(Section):
                 yield (key,), "belongs to `input`", value
 
 
-class Message(Section):
+class ShowMessage(Section):
     """Text for the operator; with ``wait`` the program goes on when they resume it."""
 
     text: Text
@@ -170,12 +170,12 @@ class Step(Section):
     line: MoveOnLine | None = None
     arc: Arc | None = None
     path: Path_ | None = None
-    gripper: Annotated[Grip | None, _short("to")] = None
-    output: Output | None = None
+    gripper: Annotated[SetGripper | None, _short("to")] = None
+    output: SetOutput | None = None
     wait: Wait | None = None
     tool: str | None = None
     work_frame: str | None = None
-    message: Annotated[Message | None, _short("text")] = None
+    message: Annotated[ShowMessage | None, _short("text")] = None
     repeat: Repeat | None = None
     branch: If | None = Field(None, alias="if")
     call: str | None = None

@@ -20,7 +20,7 @@ from robotd.api.features import EventKind, Level
 from robotd.api.robots import Interruption, Outcome, Robot, TrajectoryExecution
 from robotd_teach.program_check import bit_of, chosen, grip_position, gripper_of, is_motion
 from robotd_teach.program_code import Again, Begin, Branch, Do, Jump, Program
-from robotd_teach.program_file import Grip, Step, Wait
+from robotd_teach.program_file import SetGripper, Step, Wait
 from robotd_teach.program_motion import StepPlanner
 from robotd_tool_space.tool_motion import (
     ToolMotion,
@@ -253,7 +253,7 @@ class ProgramRun:
 
         return wait_until(ended, WAIT_S, self._robot.clock, POLL_S)
 
-    def _grip(self, grip: Grip) -> None:
+    def _grip(self, grip: SetGripper) -> None:
         gripper = gripper_of(self._robot, grip.name)
         errors: list[RobotdError] = []
 

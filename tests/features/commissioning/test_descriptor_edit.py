@@ -9,7 +9,7 @@ import pytest
 from robotd.descriptor import load_robot_descriptor
 from robotd.errors import DescriptorError
 from robotd_canopen import robotd_backend
-from robotd_commissioning.findings import Change, Place
+from robotd_commissioning.findings import Change, DescriptorPart
 from robotd_commissioning.session import CommissionRecord, DescriptorEdit
 
 KEYS = robotd_backend().axis_keys
@@ -49,7 +49,10 @@ def edit_of(path: Path, variant: str | None = None) -> DescriptorEdit:
 def test_only_the_changed_lines_differ(path: Path) -> None:
     edit = edit_of(path)
     text = edit.changed(
-        [Change(Place.DRIVE, "polarity", -1), Change(Place.JOINT, "upper_rad", 0.5)]
+        [
+            Change(DescriptorPart.DRIVE, "polarity", -1),
+            Change(DescriptorPart.JOINT, "upper_rad", 0.5),
+        ]
     )
     before, after = TEXT.splitlines(), text.splitlines()
     changed = [(old, new) for old, new in zip(before, after, strict=True) if old != new]
@@ -61,7 +64,7 @@ def test_only_the_changed_lines_differ(path: Path) -> None:
 
 
 def test_startup_objects_are_added_or_replaced(path: Path) -> None:
-    change = [Change(Place.DRIVE, "0x6065", 500)]
+    change = [Change(DescriptorPart.DRIVE, "0x6065", 500)]
     assert "startup: [{object: '0x6065', value: 500}]" in edit_of(path).changed(change).replace(
         '"', "'"
     ).replace("object: 0x6065", "object: '0x6065'")
@@ -73,11 +76,11 @@ def test_startup_objects_are_added_or_replaced(path: Path) -> None:
 
 def test_a_file_that_fails_its_check_is_not_written(path: Path) -> None:
     edit = edit_of(path)
-    text = edit.changed([Change(Place.JOINT, "upper_rad", -5.0)])
+    text = edit.changed([Change(DescriptorPart.JOINT, "upper_rad", -5.0)])
     with pytest.raises(DescriptorError, match="lower_rad"):
         edit.save(text, load_robot_descriptor)
     assert path.read_text() == TEXT
-    edit.save(edit.changed([Change(Place.JOINT, "upper_rad", 0.5)]), load_robot_descriptor)
+    edit.save(edit.changed([Change(DescriptorPart.JOINT, "upper_rad", 0.5)]), load_robot_descriptor)
     assert load_robot_descriptor(path).joints[0].upper_rad == 0.5
     assert [file.name for file in path.parent.iterdir()] == ["robot.yaml"]
 
@@ -90,7 +93,7 @@ def test_a_symbolic_link_stays_one(path: Path) -> None:
     record = path.with_name("robot.commission.json")
     record.symlink_to(file.with_name("third.json"))
     edit = edit_of(path)
-    edit.save(edit.changed([Change(Place.JOINT, "upper_rad", 0.5)]), load_robot_descriptor)
+    edit.save(edit.changed([Change(DescriptorPart.JOINT, "upper_rad", 0.5)]), load_robot_descriptor)
     CommissionRecord(path).note("a", "direction", "right")
     assert path.is_symlink()
     assert record.is_symlink()
@@ -103,7 +106,7 @@ def test_a_symbolic_link_stays_one(path: Path) -> None:
 def test_lines_keep_their_ends(path: Path) -> None:
     path.write_bytes(TEXT.replace("\n", "\r\n").encode())
     edit = edit_of(path)
-    edit.save(edit.changed([Change(Place.DRIVE, "polarity", -1)]), load_robot_descriptor)
+    edit.save(edit.changed([Change(DescriptorPart.DRIVE, "polarity", -1)]), load_robot_descriptor)
     written = path.read_bytes()
     assert b"polarity: -1" in written
     assert written.count(b"\r\n") == written.count(b"\n") == TEXT.count("\n")

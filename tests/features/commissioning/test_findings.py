@@ -13,7 +13,7 @@ from robotd.device.bus_status import BusNode, BusState
 from robotd.errors import OperationError
 from robotd_commissioning.findings import (
     Change,
-    Place,
+    DescriptorPart,
     StepFinding,
     in_words,
     judge_brake,
@@ -40,7 +40,7 @@ NODE = BusNode(3, BusState.OPERATIONAL, vendor_id=0x0B, product_code=0x2A)
 
 
 def drive(key: str, value: object) -> tuple[Change, ...]:
-    return (Change(Place.DRIVE, key, value),)
+    return (Change(DescriptorPart.DRIVE, key, value),)
 
 
 def direction(reported: float, *, positive: bool, polarity: int = 1) -> StepFinding:
@@ -115,10 +115,10 @@ def test_a_useless_measurement_is_rejected(reported: float, true: float, text: s
 def test_limits_change_where_the_travel_differs_and_round_inwards() -> None:
     assert not judge_limits(-1.002, 0.998, JOINT).changes
     assert judge_limits(0.70009, -0.50009, JOINT).changes == (
-        Change(Place.JOINT, "lower_rad", -0.5),
-        Change(Place.JOINT, "upper_rad", 0.7),
+        Change(DescriptorPart.JOINT, "lower_rad", -0.5),
+        Change(DescriptorPart.JOINT, "upper_rad", 0.7),
     )
-    assert judge_limits(0.0, 0.4, SLIDE).changes == (Change(Place.JOINT, "upper_m", 0.4),)
+    assert judge_limits(0.0, 0.4, SLIDE).changes == (Change(DescriptorPart.JOINT, "upper_m", 0.4),)
     with pytest.raises(OperationError, match="only"):
         judge_limits(0.1, 0.11, JOINT)
 

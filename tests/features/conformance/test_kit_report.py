@@ -7,7 +7,7 @@ from typing import Any, Literal
 import pytest
 
 from robotd_conformance.checks.inconclusive import UNDECIDED
-from robotd_conformance.checks.kit_report import Report
+from robotd_conformance.checks.kit_report import KitReport
 from robotd_conformance.checks.kit_target import KitTarget
 
 Phase = Literal["setup", "call", "teardown"]
@@ -23,7 +23,7 @@ def told(name: str, when: Phase, outcome: Outcome, why: str = "no bench") -> Any
 
 
 def lines(*reports: Any) -> list[str]:
-    report = Report(KitTarget("sim", None))
+    report = KitReport(KitTarget("sim", None))
     for reported in reports:
         report.pytest_runtest_logreport(reported)
     return list(report.lines())

@@ -7,14 +7,14 @@ import pytest
 from robotd.api import ProcessImage
 from robotd_conformance.checks.inconclusive import STALL_S
 from robotd_conformance.checks.kit_target import KitTarget
-from robotd_conformance.checks.recording import Recording
+from robotd_conformance.checks.recording import MotionSamples
 
 PERIOD_S, FEEDBACK_S, RAMP = 0.005, 0.01, 4.0
 
 
-def recorded(*, slow: bool, pause_s: float = 0.0) -> Recording:
+def recorded(*, slow: bool, pause_s: float = 0.0) -> MotionSamples:
     """A velocity command that rises by ``RAMP``; every second exchange takes 6 ms more."""
-    recording, image = Recording(PERIOD_S, slow=slow), ProcessImage(1)
+    recording, image = MotionSamples(PERIOD_S, slow=slow), ProcessImage(1)
     now_s, exchanges = 1.0, 0
     for period in range(80):
         now_s += PERIOD_S + (pause_s if period == 40 else 0.0)

@@ -195,7 +195,7 @@ def test_a_file_name_that_is_no_text_is_recorded(arm: Observed) -> None:
 def test_a_writing_process_that_fails_at_the_end_has_not_saved_a_recording(
     arm: Observed, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    fails = "from robotd_recording.writer_process import Recorder; Recorder.close = None"
+    fails = "from robotd_recording.writer_process import JobWriter; JobWriter.close = None"
     monkeypatch.setattr(recorder_process, "PROGRAM", f"{fails}\n{recorder_process.PROGRAM}")
     with pytest.raises(OperationError, match="not written: the process that writes it has ended"):
         arm.flight.snapshot("test")

@@ -14,7 +14,7 @@ from robotd.observation.io_sampler import FIELDBUS, INPUTS, OUTPUTS
 from robotd_recording.recording_folder import RecordingFolder
 from robotd_recording.recording_reader import read_recording
 from robotd_recording.recording_writer import EVENTS, create_recording
-from robotd_recording.writer_process import Batch, Job, Recorder
+from robotd_recording.writer_process import Batch, Job, JobWriter
 
 FIRST = 40  # frame of the ring that a file begins with
 
@@ -61,7 +61,7 @@ def test_every_file_of_a_split_recording_begins_with_what_is_latched(tmp_path: P
         ring.fd, len(AXES), ring.capacity, 0, INFO, "<robot/>",
         RecordingFolder(tmp_path, "arm", 20, 1e9), "record", split_bytes=1.0,
     )  # fmt: skip
-    recorder = Recorder(job)
+    recorder = JobWriter(job)
     stop = Event(PERIOD_NS, EventKind.STOP, "stop", "all motion stopped: test")
     samples = [
         (PERIOD_NS, INPUTS, b"\x05"),

@@ -13,7 +13,7 @@ from robotd.events import Event, EventKind
 from robotd.observation.frame_ring import FrameRing
 from robotd_recording.recording_folder import RecordingFolder
 from robotd_recording.recording_reader import read_recording
-from robotd_recording.writer_process import Batch, Job, Recorder, run
+from robotd_recording.writer_process import Batch, Job, JobWriter, run
 
 
 @pytest.mark.parametrize("split_bytes", [None, 1e9], ids=["flight", "continuous"])
@@ -46,7 +46,7 @@ def test_a_file_that_begins_after_the_clock_was_set_has_the_new_time(tmp_path: P
     ring = FrameRing(image.axes, 500.0, 10.0)
     folder = RecordingFolder(tmp_path, "arm", 3, 1e6)
     job = Job(ring.fd, image.axes, ring.capacity, 0, INFO, "", folder, "record", split_bytes=1.0)
-    recorder, offsets_ns, found = Recorder(job), [OFFSET_NS, OFFSET_NS + 10**15], []
+    recorder, offsets_ns, found = JobWriter(job), [OFFSET_NS, OFFSET_NS + 10**15], []
     for period, offset_ns in enumerate(offsets_ns, 1):
         write_frame(ring, image, start_ns=period * PERIOD_NS)
         recorder.write(Batch(offset_ns=offset_ns))

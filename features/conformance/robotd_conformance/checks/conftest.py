@@ -13,7 +13,7 @@ from robotd_conformance.checks.comparison import explain
 from robotd_conformance.checks.harness import Harness, MakeHarness
 from robotd_conformance.checks.inconclusive import Repeats
 from robotd_conformance.checks.interruption import INTERRUPTION
-from robotd_conformance.checks.kit_report import Report
+from robotd_conformance.checks.kit_report import KitReport
 from robotd_conformance.checks.kit_target import KitTarget
 from robotd_conformance.checks.known_faults import quick_checks
 from robotd_conformance.checks.results import Results
@@ -44,7 +44,7 @@ def pytest_configure(config: pytest.Config) -> None:
     results = Results(Path(path), target.arguments) if path else None
     config.stash[RESULTS] = results
     progress = bool(config.getoption("--robotd-progress"))
-    report = Report(target, results, progress=progress)
+    report = KitReport(target, results, progress=progress)
     config.pluginmanager.register(report, "robotd-conformance-report")
     config.pluginmanager.register(Repeats(target), "robotd-conformance-repeats")
 

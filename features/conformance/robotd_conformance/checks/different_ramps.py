@@ -6,7 +6,7 @@ import numpy as np
 
 from robotd.api import FloatArray, Profile
 from robotd_conformance.checks.harness import Harness
-from robotd_conformance.checks.recording import Recording
+from robotd_conformance.checks.recording import MotionSamples
 from robotd_conformance.checks.test_ramps import ramp_problems
 
 HARDEST, GENTLEST = 0.75, 0.3  # shares of the ramp of ``Harness.profile``, and of the hardest
@@ -37,7 +37,7 @@ def ramp_s(profiles: list[Profile]) -> float:
 
 
 def turn_problems(
-    recording: Recording, profiles: list[Profile], before: FloatArray, *, stops: bool
+    recording: MotionSamples, profiles: list[Profile], before: FloatArray, *, stops: bool
 ) -> list[str]:
     """Axes with wrong ramps that turn from velocities ``before`` (n_axes,) to the other direction.
 

@@ -40,7 +40,7 @@ from robotd.api.robots import (
 )
 from robotd_conformance.checks.interruption import INTERRUPTION
 from robotd_conformance.checks.position_guard import PositionGuard
-from robotd_conformance.checks.recording import Recorder, Recording
+from robotd_conformance.checks.recording import MotionRecorder, MotionSamples
 from robotd_conformance.checks.start_pose import StartPose
 
 SPEED_RAD_S = 0.8
@@ -119,7 +119,7 @@ class Harness:
         )
         for driver in (self.drivers.device, self.drivers.axes):
             vars(driver).update(self.guard.methods(driver))
-        self._recorder = Recorder()
+        self._recorder = MotionRecorder()
         self.robot.control_loop.every(descriptor.cycle.rate_hz, "recorder", self._recorder)
         self.robot.control_loop.every(descriptor.cycle.rate_hz, "start pose", self._track)
         self._running = False
@@ -306,10 +306,10 @@ class Harness:
             raise AssertionError(f"not within {timeout_s:g} s: {what}")
 
     @contextmanager
-    def recording(self) -> Iterator[Recording]:
+    def recording(self) -> Iterator[MotionSamples]:
         """Every period's values while the block runs."""
         slow = self.drivers.axes.feedback_period_s > 0.0
-        recording = Recording(self.period_s, slow=slow)
+        recording = MotionSamples(self.period_s, slow=slow)
         self._recorder.fill(recording)
         try:
             yield recording

@@ -54,7 +54,7 @@ class StallMonitor:
             before_s = now_s
 
 
-class Target(Protocol):
+class CheckTarget(Protocol):
     """Target of checks.
 
     Attributes:
@@ -92,7 +92,7 @@ class Repeats:
         repeated: names of the checks that were put off.
     """
 
-    def __init__(self, target: Target) -> None:
+    def __init__(self, target: CheckTarget) -> None:
         self._target = target
         self._attempts: Counter[str] = Counter()
         self.repeated: list[str] = []

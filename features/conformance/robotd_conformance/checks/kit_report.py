@@ -18,7 +18,7 @@ from robotd_conformance.checks.results import Results
 COUNTED = ("passed", "failed", "inconclusive", "skipped")
 
 
-class Report:
+class KitReport:
     """Counts checks by capability as pytest reports them, and sums up at the end.
 
     Args:

@@ -13,10 +13,10 @@ from robotd.api import FloatArray, ProcessImage, Profile
 from robotd.api.robots import Jog
 from robotd_conformance.checks.harness import Harness
 from robotd_conformance.checks.inconclusive import UNDECIDED
-from robotd_conformance.checks.recording import Recording
+from robotd_conformance.checks.recording import MotionSamples
 
 
-def judge(harness: Harness, recording: Recording, problems: list[str]) -> None:
+def judge(harness: Harness, recording: MotionSamples, problems: list[str]) -> None:
     """Fail with the ``problems`` of ``recording``, unless values came late: then repeat the check.
 
     In real time setpoints come late as well, or values do not belong to their times, which is no
@@ -27,7 +27,7 @@ def judge(harness: Harness, recording: Recording, problems: list[str]) -> None:
     assert not problems, "; ".join(problems)
 
 
-def record_move(harness: Harness, share: float = 1.0) -> Recording:
+def record_move(harness: Harness, share: float = 1.0) -> MotionSamples:
     """Move all axes by ``travel``, at ``share`` of their speed, until they are at rest."""
     with harness.recording() as recording:
         harness.move_all(speed=share)
@@ -76,7 +76,7 @@ def record_stream(
     send: Callable[[ProcessImage], None],
     seconds: float,
     axes: Sequence[int] | None = None,
-) -> Recording:
+) -> MotionSamples:
     """Call ``send`` in each period for ``seconds``, with ``axes`` (all) claimed; wait for rest."""
     with (
         harness.recording() as recording,
@@ -99,7 +99,9 @@ def ramped(time_s: float, ramp_s: float, brake_s: float = math.inf) -> tuple[flo
     return way_s, (up_s - down_s) / ramp_s
 
 
-def steep_ramps(harness: Harness, recording: Recording, span_s: float, more: float) -> list[str]:
+def steep_ramps(
+    harness: Harness, recording: MotionSamples, span_s: float, more: float
+) -> list[str]:
     """Axes whose velocity command changes faster than ``more`` times their profile's ramp."""
     _, ramps = recording.slope(recording.velocity_command, span_s, commanded=True)
     steepest = abs(ramps).max(0)

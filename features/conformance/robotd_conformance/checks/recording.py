@@ -16,11 +16,11 @@ RECORDED = ("position", "velocity", "position_command", "velocity_command", "ser
 
 
 def _column(name: str) -> cached_property[FloatArray]:
-    """Attribute of a ``Recording`` with the samples of one array of the process image."""
+    """Attribute of a ``MotionSamples`` with the samples of one array of the process image."""
     return cached_property(lambda recording: np.array(recording._rows[name], np.float64))  # noqa: SLF001
 
 
-class Recording:
+class MotionSamples:
     """Samples in the order of time; every array has the shape (samples, n_axes).
 
     Look at it when the recording is over. Samples whose values are as old as the one before
@@ -94,7 +94,7 @@ class Recording:
         return middles, (values[last] - values[first]) / spans[:, None]
 
 
-class Recorder:
+class MotionRecorder:
     """Control-loop task that fills the current recording, if any.
 
     What has been taken away is used no more when the method returns.
@@ -102,10 +102,10 @@ class Recorder:
 
     def __init__(self) -> None:
         self._in_use = threading.Lock()
-        self._sink: Recording | None = None
+        self._sink: MotionSamples | None = None
         self._task: Callable[[ProcessImage], None] | None = None
 
-    def fill(self, sink: Recording | None) -> None:
+    def fill(self, sink: MotionSamples | None) -> None:
         with self._in_use:
             self._sink = sink
 

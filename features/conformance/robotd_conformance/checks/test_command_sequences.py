@@ -10,7 +10,7 @@ import pytest
 from robotd.api import Capability, FloatArray, Profile, RobotdError
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.recorded_motion import jog, judge, mean_velocity, there_and_back
-from robotd_conformance.checks.recording import Recording
+from robotd_conformance.checks.recording import MotionSamples
 from robotd_conformance.checks.test_stop_ramps import sped_up
 from robotd_conformance.checks.test_stopping import REACTION_S
 
@@ -216,7 +216,7 @@ def stop_all(harness: Harness, *, quick: bool) -> None:
     (driver.quick_stop if quick else driver.stop)(harness.all)
 
 
-def turned(recording: Recording, before: FloatArray) -> list[str]:
+def turned(recording: MotionSamples, before: FloatArray) -> list[str]:
     """Axes that were stopped while they moved as ``before`` (n_axes,), and went the other way."""
     ahead = recording.velocity_command * np.sign(before)
     back = np.where(ahead[0] > 0.0, -ahead.min(0), 0.0)

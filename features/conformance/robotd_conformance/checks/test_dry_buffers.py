@@ -10,7 +10,7 @@ import pytest
 from robotd.api import FloatArray, LateSetpoint, ProcessImage, RobotdError
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.recorded_motion import judge, ramped, record_stream
-from robotd_conformance.checks.recording import Recording
+from robotd_conformance.checks.recording import MotionSamples
 
 RAMP_S, CRUISE_S = 0.3, 0.1
 STALL_S, MIN_STALL_PERIODS = 0.03, 5  # without setpoints, after the time of those that are held
@@ -138,7 +138,7 @@ class StalledStream:
         return self._start + self.velocity * way_s, self.velocity * share
 
 
-def leaps(harness: Harness, recording: Recording, velocity: FloatArray) -> list[str]:
+def leaps(harness: Harness, recording: MotionSamples, velocity: FloatArray) -> list[str]:
     """Axes whose commands move faster than ``LEAP`` times ``velocity``."""
     span_s = LEAP_PERIODS * harness.feedback_s
     _, speeds = recording.slope(recording.position_command, span_s, commanded=True)

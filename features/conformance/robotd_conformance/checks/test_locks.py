@@ -37,7 +37,7 @@ BEGUN_S = 0.001  # after which a thread that was about to call a driver is in th
 
 
 @dataclass
-class Loop:
+class LoopCalls:
     """Calls of the control loop: when each began and ended, and how long it took of its own."""
 
     spans: list[tuple[float, float, float]] = field(default_factory=list)
@@ -63,9 +63,9 @@ class Loop:
 
 
 @contextmanager
-def watched_loop(harness: Harness) -> Iterator[Loop]:
+def watched_loop(harness: Harness) -> Iterator[LoopCalls]:
     """Note every ``read`` and ``stream`` in the block; the first axis streams where it can."""
-    axes, loop = harness.drivers.axes, Loop()
+    axes, loop = harness.drivers.axes, LoopCalls()
     read, stream = axes.read, axes.stream
     axes.read = loop.watch(read)  # type: ignore[method-assign]
     axes.stream = loop.watch(stream)  # type: ignore[method-assign]

@@ -12,7 +12,7 @@ from robotd.api import AxisDriver, Capability, FloatArray, Profile
 from robotd.api.robots import Outcome
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.recorded_motion import jog, judge
-from robotd_conformance.checks.recording import Recording
+from robotd_conformance.checks.recording import MotionSamples
 from robotd_conformance.checks.stopwatch import timed
 
 SPAN_S = 0.02  # over which ramps are measured
@@ -39,7 +39,7 @@ def uneven(harness: Harness, axis: int, gentle: str) -> Profile:
 
 
 def ramp_problems(
-    recording: Recording,
+    recording: MotionSamples,
     profiles: Sequence[Profile],
     *,
     rising: bool = True,

@@ -12,7 +12,7 @@ from robotd.api import Capability, FloatArray, Operation, ProcessImage, RobotdEr
 from robotd_conformance.checks.harness import Harness
 from robotd_conformance.checks.inconclusive import UNDECIDED
 from robotd_conformance.checks.recorded_motion import jog, judge, ramped
-from robotd_conformance.checks.recording import Recording
+from robotd_conformance.checks.recording import MotionSamples
 
 RAMP_S, CRUISE_S, LOOK_S = 0.2, 0.05, 0.1
 STALE_SHARE, LONGEST_S = 0.7, 0.1  # of the age at which values are stale: the device is not lost
@@ -157,7 +157,7 @@ def streaming(
     harness.rest()
 
 
-def silent_for(harness: Harness, seconds: float) -> Recording:
+def silent_for(harness: Harness, seconds: float) -> MotionSamples:
     """Let no value arrive for a time; return what was seen after that.
 
     A device that was lost meanwhile skips the check: then nothing continues.

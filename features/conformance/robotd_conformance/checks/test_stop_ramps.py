@@ -21,7 +21,7 @@ from robotd_conformance.checks.different_ramps import (
 )
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.recorded_motion import jog, judge, ramped, there_and_back
-from robotd_conformance.checks.recording import Recording
+from robotd_conformance.checks.recording import MotionSamples
 from robotd_conformance.checks.test_ramps import LESS, ramp_problems
 from robotd_conformance.checks.test_stopping import MORE, REACTION_S
 from robotd_conformance.checks.test_stops_of_some_axes import EARLY_S, STOPS, Stop
@@ -236,7 +236,7 @@ def test_a_quick_stop_is_no_gentler_than_the_hardest_stop(harness: Harness) -> N
     judge(harness, recording, problems)
 
 
-def sped_up(recording: Recording, before: int, ramps: Sequence[float]) -> list[str]:
+def sped_up(recording: MotionSamples, before: int, ramps: Sequence[float]) -> list[str]:
     """Axes that went on to speed up with ``ramps[axis]``, after a stop at sample ``before``."""
     speed = np.abs(recording.velocity_command)
     rise = speed[before:].max(0) - speed[before]
@@ -247,7 +247,7 @@ def sped_up(recording: Recording, before: int, ramps: Sequence[float]) -> list[s
     ]
 
 
-def jumps(recording: Recording, held_s: float) -> list[str]:
+def jumps(recording: MotionSamples, held_s: float) -> list[str]:
     """Axes whose position command jumps: it is not where its velocity command leads.
 
     ``held_s``: a command may be that much newer than the time of the values beside it.

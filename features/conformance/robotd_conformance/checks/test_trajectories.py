@@ -11,7 +11,7 @@ from robotd.api import ProcessImage
 from robotd.api.robots import Outcome
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.recorded_motion import judge, sample_span_s
-from robotd_conformance.checks.recording import Recording
+from robotd_conformance.checks.recording import MotionSamples
 
 LAG_S = 0.03  # granted between the path and the measured position
 MORE = 1.15  # what a value may be above its limit
@@ -22,7 +22,7 @@ STOP_MORE, STOP_REACTION_S = 2.0, 0.15  # a stop may brake more gently where its
 MORE_IN_REAL_TIME = 1.5  # setpoints then come a fraction of a period early or late
 
 
-def check_smooth(harness: Harness, recording: Recording) -> None:
+def check_smooth(harness: Harness, recording: MotionSamples) -> None:
     """Commands and measured values change no faster than the limits of each joint allow."""
     limits, found = harness.robot.follower.limits, []
     more = MORE if harness.stepped else MORE_IN_REAL_TIME

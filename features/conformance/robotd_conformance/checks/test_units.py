@@ -17,7 +17,7 @@ from robotd_conformance.checks.recorded_motion import (
     record_move,
     record_stream,
 )
-from robotd_conformance.checks.recording import Recording
+from robotd_conformance.checks.recording import MotionSamples
 
 SPAN_S = 0.02  # over which speeds are measured
 LAG_S = 0.03  # granted between a commanded and a measured value
@@ -96,7 +96,7 @@ def test_the_velocity_is_the_slope_of_the_position(harness: Harness, back: bool)
     judge(harness, recording, problems)
 
 
-def slope_problems(harness: Harness, recording: Recording, way: str, speed: str) -> list[str]:
+def slope_problems(harness: Harness, recording: MotionSamples, way: str, speed: str) -> list[str]:
     """Axes whose ``speed`` is not the rate of change of their ``way``."""
     # Where values are slow they are often coarse, too: a few steps of an encoder show no speed.
     slow = harness.drivers.axes.feedback_period_s
@@ -220,7 +220,7 @@ def stream_ramp(
     end: np.ndarray,
     seconds: float,
     axes: Sequence[int] | None = None,
-) -> Recording:
+) -> MotionSamples:
     """Stream a smooth path from ``start`` to ``end`` for all axes; ``axes`` (all) follow it."""
     began_ns = harness.clock.now_ns()
 

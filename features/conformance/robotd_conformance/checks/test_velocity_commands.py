@@ -17,7 +17,7 @@ from robotd_conformance.checks.recorded_motion import (
     ramped,
     steep_ramps,
 )
-from robotd_conformance.checks.recording import Recording
+from robotd_conformance.checks.recording import MotionSamples
 from robotd_conformance.checks.test_profiles import MORE, SPAN_S
 
 pytestmark = pytest.mark.needs(Capability.VELOCITY_MODE)
@@ -123,7 +123,7 @@ def test_changing_the_mode_moves_nothing(fresh: Harness) -> None:
     assert fresh.image.servo_on.all()
 
 
-def end_problems(harness: Harness, recording: Recording, speeds: FloatArray) -> list[str]:
+def end_problems(harness: Harness, recording: MotionSamples, speeds: FloatArray) -> list[str]:
     """Axes that come to rest late, or harder than their limits allow."""
     span_s = 2 * harness.period_s if harness.stepped else SPAN_S
     _, ramps = recording.slope(recording.velocity_command, span_s, commanded=True)
