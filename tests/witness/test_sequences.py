@@ -48,6 +48,10 @@ FAILED = [
     # and that a move brakes harder where it would run past its target.
     ("dobot", 14),
     ("dobot", 52),
+    # A profile that was a third of a period late made its step as much longer.
+    ("dobot", 2002),
+    # A stop was over by what had been sent, while the cable was cut: the rest of its ramp followed.
+    ("dobot", 2477),
 ]
 
 

@@ -23,7 +23,7 @@ from robotd.motion.profile import (
     profile_to_velocity,
 )
 
-MAX_STEP_PERIODS = 2  # periods; in a longer pause axes come to rest at their last target
+MAX_PAUSE_PERIODS = 2  # between two targets; in a longer one axes come to rest at the last
 FEEDBACK_TIMEOUT_S = 0.2
 Plan = Callable[[float, float], list[Segment]]  # from position and velocity
 _TAKES_MOVES = (Operation.IDLE, Operation.POSITION, Operation.VELOCITY)
@@ -39,7 +39,9 @@ class ProfiledAxes(AxisDriver):
     While the control loop pauses, axes hold their last target; from there profiles begin anew, and
     streamed velocities are approached by ``stop_deceleration``. The same holds for an axis that
     ``ProcessImage.silent`` names. Axes that moved when values were lost hold where they are found:
-    nobody knows which targets arrived.
+    nobody knows which targets arrived. A profile advances by one period with each set of targets,
+    however late it is, and has ended when values have come that were measured after its last target
+    was sent.
 
     Args:
         axes: number of axes.
@@ -112,9 +114,7 @@ class ProfiledAxes(AxisDriver):
         self.read_feedback(image)
         now_ns = self.clock.now_ns()
         with self._lock:
-            step_s = (now_ns - self._read_ns) / NANOSECONDS
-            if self._note_pause(now_ns):
-                step_s = min(step_s, self._period_s)
+            self._note_pause(now_ns)
             lost = now_ns - image.fresh_ns > self._feedback_lost_s * NANOSECONDS
             self._read_ns = now_ns
             for axis, motion in enumerate(self._motions):
@@ -126,6 +126,7 @@ class ProfiledAxes(AxisDriver):
                     motion.end_guiding()
                 if motion.guided:
                     continue
+                motion.end_profile(image.fresh_ns)
                 motion.track(float(image.position[axis]), enabled=enabled, lost=lost)
                 if motion.operation is Operation.STREAM and not self._streamed:
                     self._hold(motion)  # a setpoint is late: its target is held
@@ -134,7 +135,7 @@ class ProfiledAxes(AxisDriver):
                 if image.silent[axis]:
                     self._hold(motion)  # until its drive answers it keeps the command that it has
                 else:
-                    motion.advance(step_s)
+                    motion.advance(self._period_s, now_ns)
                 self._show(axis, motion, image)
         streams = (image.operation == STREAMING).any() and self._streamed
         self._streamed = False
@@ -245,13 +246,11 @@ class ProfiledAxes(AxisDriver):
         self._sent_ns = now_ns
         self.send_targets(self._targets)
 
-    def _note_pause(self, now_ns: int) -> bool:
-        """Return True after a pause, in which axes have come to rest. Lock held."""
-        paused = now_ns - self._sent_ns > MAX_STEP_PERIODS * self._period_s * NANOSECONDS
-        if paused:
+    def _note_pause(self, now_ns: int) -> None:
+        """Hold all axes after a pause, in which they have come to rest. Lock held."""
+        if now_ns - self._sent_ns > MAX_PAUSE_PERIODS * self._period_s * NANOSECONDS:
             for motion in self._motions:
                 self._hold(motion)
-        return paused
 
     def _hold(self, motion: _AxisMotion) -> None:
         """The axis has come to rest at its last target. Lock held."""
@@ -302,6 +301,7 @@ class _AxisMotion:
         self._plan: Plan | None = None
         self._segments: list[Segment] = []
         self._elapsed_s = 0.0
+        self._ended_ns = 0  # when its last target was sent; 0: it goes on, or there is none
 
     @property
     def rolls(self) -> bool:
@@ -314,7 +314,7 @@ class _AxisMotion:
         self.operation, self.complete = operation, False
         self.deceleration, self._plan = deceleration, plan
         self._segments = plan(self.position, self.velocity) if plan else []
-        self._elapsed_s = 0.0
+        self._elapsed_s, self._ended_ns = 0.0, 0
 
     def end_guiding(self) -> None:
         """The axis is held where it is by now, or off: its command begins at the position."""
@@ -363,15 +363,20 @@ class _AxisMotion:
             plan = partial(profile_to_rest, deceleration=deceleration)
             self.begin(Operation.STOPPING, plan, deceleration)
 
-    def advance(self, step_s: float) -> None:
-        """Continue the profile by ``step_s``."""
-        if not self._segments:
+    def advance(self, step_s: float, now_ns: int) -> None:
+        """Continue the profile by ``step_s``; its target is sent at ``now_ns``."""
+        if not self._segments or self._ended_ns:
             return
         self._elapsed_s += step_s
         while len(self._segments) > 1 and self._segments[1].start_s <= self._elapsed_s:
             del self._segments[0]
         self.position, self.velocity = self._segments[0].at(self._elapsed_s)
         if len(self._segments) == 1 and self.velocity == 0.0 and not self._segments[0].acceleration:
+            self._ended_ns = now_ns
+
+    def end_profile(self, fresh_ns: int) -> None:
+        """Become idle if values measured at ``fresh_ns`` show what the last target has led to."""
+        if self._ended_ns and fresh_ns > self._ended_ns:
             arrived = self.operation is Operation.POSITION
             self.begin(Operation.IDLE)
             self.complete = arrived

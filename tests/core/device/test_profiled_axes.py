@@ -226,9 +226,42 @@ def test_motion_ends_when_the_feedback_stays_away() -> None:
     arm.move(0, 9.0, PROFILE)
     arm.period(300)
     arm.frozen = True
-    arm.period(150)
-    assert arm.image.operation[0] in (Operation.STOPPING, Operation.IDLE)
-    arm.until_idle()
+    arm.period(400)
+    assert arm.image.velocity_command[0] == 0.0
+    assert arm.image.operation[0] == Operation.STOPPING  # nothing shows that it is at rest
+    arm.frozen = False
+    arm.period()
+    assert arm.image.operation[0] == Operation.IDLE
+
+
+@pytest.mark.parametrize("stops", [False, True])
+def test_a_motion_has_ended_when_values_are_newer_than_its_last_target(stops: bool) -> None:
+    arm = Arm()
+    arm.move(0, 1.5, PROFILE)
+    arm.period(300)
+    if stops:
+        arm.stop([0])
+    while arm.image.velocity_command[0]:
+        arm.period()
+        arm.frozen = abs(arm.image.velocity_command[0]) < 0.02  # a cable is cut, not for long
+    arm.period(50)
+    moving = Operation.STOPPING if stops else Operation.POSITION
+    assert (arm.image.operation[0], arm.image.motion_complete[0]) == (moving, False)
+    arm.frozen = False
+    arm.period()
+    assert (arm.image.operation[0], arm.image.motion_complete[0]) == (Operation.IDLE, not stops)
+
+
+def test_a_target_that_is_late_is_no_further_away() -> None:
+    arm = Arm()
+    arm.jog(0, PROFILE)
+    arm.period(300)
+    arm.sent.clear()
+    for late in (0.0, 0.4, 0.9, 0.0):
+        arm.fake.advance(late * PERIOD_S)
+        arm.period()
+    steps = np.diff(np.array(arm.sent)[:, 0])
+    assert steps == pytest.approx(np.full(3, PROFILE.velocity * PERIOD_S))
 
 
 @pytest.mark.parametrize("reconnect", [False, True])
