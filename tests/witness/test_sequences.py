@@ -9,11 +9,20 @@ from __future__ import annotations
 import pytest
 from tests.witness.backends import run_seed
 
-SEEDS = [
-    *[("sim", 23), ("arm", 30), ("mujoco", 5), ("dobot", 20)],
-    *[("canopen", 6), ("keeping", 4), ("ethercat", 6)],
-    *[("sim-base", 12), ("canopen-base", 4), ("keeping-base", 4), ("ethercat-base", 5)],
-]
+SEEDS = 100  # of each backend
+DAILY = {
+    "sim": 23,
+    "arm": 30,
+    "mujoco": 5,
+    "dobot": 20,
+    "canopen": 6,
+    "keeping": 4,
+    "ethercat": 6,
+    "sim-base": 12,
+    "canopen-base": 4,
+    "keeping-base": 4,
+    "ethercat-base": 5,
+}
 FAILED = [
     # Servos stayed on after a shutdown with stale values, and would have obeyed.
     ("arm", 9),
@@ -56,7 +65,12 @@ FAILED = [
 
 
 @pytest.mark.parametrize(
-    ("backend", "seed"), [(name, seed) for name, count in SEEDS for seed in range(count)]
+    ("backend", "seed"),
+    [
+        pytest.param(name, seed, marks=[] if seed < daily else [pytest.mark.long])
+        for name, daily in DAILY.items()
+        for seed in range(SEEDS)
+    ],
 )
 def test_no_drive_is_commanded_by_surprise(backend: str, seed: int) -> None:
     found = run_seed(backend, seed)

@@ -6,7 +6,7 @@ import struct
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 if TYPE_CHECKING:
     from tests.plugins.independent.canopen_device import CanopenDevice
@@ -144,15 +144,14 @@ class ObjectDictionary:
         self.writes: Counter[str] = Counter()  # SDO downloads, e.g. "6040:0"
 
     def __getitem__(self, key: int | tuple[int, int]) -> int:
-        value = self.objects[(key, 0) if isinstance(key, int) else key].value
-        assert isinstance(value, int)
-        return value
+        return cast("int", self.objects[key if key.__class__ is tuple else (key, 0)].value)
 
     def __setitem__(self, key: int | tuple[int, int], value: float) -> None:
-        self.objects[(key, 0) if isinstance(key, int) else key].value = round(value)
+        self.objects[key if key.__class__ is tuple else (key, 0)].value = round(value)
 
     def get(self, index: int, sub: int = 0, default: int = 0) -> int:
-        return self[index, sub] if (index, sub) in self.objects else default
+        entry = self.objects.get((index, sub))
+        return default if entry is None else cast("int", entry.value)
 
     def add(self, index: int, name: str, *entries: Entry, subs: tuple[int, ...] = ()) -> None:
         """Add a variable (one entry without ``subs``) or a record with its sub-index 0."""
