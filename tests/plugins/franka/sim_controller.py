@@ -1,0 +1,192 @@
+"""franky-sim with what it lacks: modes of the arm, rejected motions, silence, and a hand.
+
+Runs in the Python of the environment that has ``franky-sim``, which imports nothing of robotd:
+
+    python sim_controller.py 127.0.0.1
+
+Reads commands as lines of JSON and answers each by one:
+
+    {"mode": "reflex", "errors": [31]}   the arm ends its motion and stays in the mode
+    {"mode": "idle"}                     the person at the arm has released it
+    {"silent_s": 0.2}                    no states are sent, and nothing is read, for so long
+    {"push": [axis, torque]}             a hand at one joint, N·m; 0: it lets go
+    {}                                   true positions, torques that were sent, motions, recoveries
+
+A reflex is ended by the client's recovery; user stop and guiding are not.
+"""
+
+from __future__ import annotations
+
+import json
+import queue
+import sys
+import threading
+import time
+from typing import Any
+
+import franky_sim
+from franky_sim import franka_robot_protocol as protocol
+from franky_sim.franka_robot_server import FrankaRobotServer
+from franky_sim.mujoco_simulator import MujocoSimulator
+
+MODES = {
+    "other": 0,
+    "idle": 1,
+    "guiding": 3,
+    "reflex": 4,
+    "user_stopped": 5,
+    "recovery": 6,
+}
+IDLE, REFLEX = MODES["idle"], MODES["reflex"]
+ANSWER_S = (
+    0.05  # for one period of the arm's time; far below the 1 s after which libfranka gives up
+)
+
+
+class Arm(FrankaRobotServer):
+    """The server of one robot, whose mode can be set.
+
+    Attributes:
+        mode: the mode that is reported; None: that of franky-sim, idle or move.
+        motions, recoveries: numbers of those that were begun.
+    """
+
+    def __init__(self, *arguments: Any) -> None:
+        self.mode: int | None = None
+        self.errors = (False,) * 41
+        self.motions = self.recoveries = 0
+        self._sent_s = 0.0
+        self._answered = True
+        super().__init__(*arguments)
+
+    @property
+    def waits(self) -> bool:
+        """The client has not answered the last state of a motion yet.
+
+        Time waits for it: on a busy computer franky-sim would execute old torques meanwhile, and
+        the arm swing. A real arm stops by a reflex.
+        """
+        late = time.monotonic() - self._sent_s > ANSWER_S
+        return bool(self.current_motion_id) and not self._answered and not late
+
+    def send_state(self) -> None:
+        super().send_state()
+        self._sent_s, self._answered = time.monotonic(), False
+
+    def _handle_udp_command(self, command_data: bytes) -> None:
+        self._answered = True
+        super()._handle_udp_command(command_data)
+
+    def enter(self, mode: int, errors: tuple[int, ...]) -> None:
+        self.errors = tuple(number in errors for number in range(41))
+        self.mode = None if mode == IDLE else mode
+        if self.mode is not None and self.current_motion_id:
+            motion = self.current_motion_id
+            self.stop_motion(send_preemption_signal=False)
+            status = protocol.MoveStatus.kReflexAborted
+            if mode == MODES["user_stopped"]:
+                status = protocol.MoveStatus.kPreemptedDueToActivatedSafetyFunctions
+            protocol.BaseCommand.send_response(
+                self._tcp_socket, protocol.RobotCommand.kMove, motion, status
+            )
+            self.reset_current_motion_id()
+
+    def start_motion(self, *arguments: Any) -> None:
+        if self.mode is not None:
+            raise ValueError("the arm is in a mode that takes no motion")
+        self.motions += 1
+        self._answered = True  # the client waits for the first state of the motion
+        super().start_motion(*arguments)
+
+    def recover(self) -> bool:
+        self.recoveries += 1
+        if self.mode == REFLEX:
+            self.mode, self.errors = None, (False,) * 41
+        return self.mode is None
+
+    @property
+    def _tcp_socket(self) -> Any:
+        return self._FrankaServer__tcp_socket
+
+    @property
+    def robot_state(self) -> Any:
+        state = super().robot_state
+        if self.mode is None:
+            return state
+        return state.replace(
+            robot_mode=protocol.RobotMode(self.mode), errors=self.errors, reflex_reason=self.errors
+        )
+
+
+def recover(command: Any, server: Arm) -> None:
+    """Answer ``AutomaticErrorRecovery``."""
+    status = protocol.AutomaticErrorRecoveryStatus
+    command.reply(status.kSuccess if server.recover() else status.kCommandNotPossibleRejected)
+
+
+def main() -> None:
+    protocol.AutomaticErrorRecoveryCommand.handle = recover
+    franky_sim.simulation_server.FrankaRobotServer = Arm
+    commands: queue.Queue[dict[str, Any]] = queue.Queue()
+
+    def listen() -> None:
+        for line in sys.stdin:
+            commands.put(json.loads(line))
+        commands.put({"end": True})
+
+    with MujocoSimulator() as simulator:
+        robot = simulator.add_robot()
+        with franky_sim.SimulationServer(simulator, [sys.argv[1]]) as server:
+            arm = server.robot_servers[0]
+            threading.Thread(target=listen, daemon=True).start()
+            answer({})
+            serve(server, arm, robot, commands)
+
+
+def answer(content: dict[str, Any]) -> None:
+    sys.stdout.write(json.dumps(content) + "\n")
+    sys.stdout.flush()
+
+
+def serve(server: Any, arm: Arm, robot: Any, commands: queue.Queue[dict[str, Any]]) -> None:
+    """Run periods of 1 ms, a late one at once, as a controller does."""
+    speaks_s, push = 0.0, (0, 0.0)
+    due_s = time.monotonic()
+    while True:
+        while not commands.empty():
+            command = commands.get()
+            if command.get("end"):
+                return
+            if "mode" in command:
+                arm.enter(MODES[command["mode"]], tuple(command.get("errors", ())))
+            if "silent_s" in command:
+                speaks_s = time.monotonic() + command["silent_s"]
+            push = tuple(command.get("push", push))
+            state = {
+                "position": list(robot.inner_state.q),
+                "torque": list(robot.inner_state.tau_j),
+                "motions": arm.motions,
+                "recoveries": arm.recoveries,
+            }
+            answer(state)
+        if time.monotonic() > speaks_s:
+            arm.process_commands()
+            if arm.waits:
+                time.sleep(0.0001)
+                continue
+            period(server, arm, robot, push)
+        due_s = max(due_s + 0.001, time.monotonic() - 0.005)
+        time.sleep(max(0.0, due_s - time.monotonic()))
+
+
+def period(server: Any, arm: Arm, robot: Any, push: tuple[int, float]) -> None:
+    """Step by 1 ms, with the hand's torque on top of the motor's, and send the state."""
+    axis, torque = push
+    if torque:
+        robot.data.qfrc_applied[robot._dof_addrs[axis]] += torque
+    server.sim.step()
+    arm.send_state()
+
+
+if __name__ == "__main__":
+    main()
