@@ -85,7 +85,7 @@ coverage: $(tools) ## run the unit and contract tests and report their coverage
 
 backends: $(tools) ## run the conformance checks and the tests of CANopen, EtherCAT and WMX
 	@$(say) 'pytest, the conformance kit and the tests on buses'
-	.venv/bin/python -m pytest tests/features/conformance/runs tests/plugins/{canopen/bus,independent,ethercat/bus,feetech,dynamixel} $(ARGS)
+	.venv/bin/python -m pytest tests/features/conformance/runs tests/plugins/{canopen/bus,independent,ethercat/bus,feetech,dynamixel,dobot} $(ARGS)
 	$(MAKE) --no-print-directory -C plugins/wmx test
 
 conform: $(tools) ## run the conformance checks of BACKEND on ROBOT, on from where a run was stopped

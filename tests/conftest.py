@@ -38,6 +38,7 @@ SLOWEST = (
     "plugins/canopen/bus/test_conformance.py",
     "plugins/feetech/test_conformance.py",
     "plugins/dynamixel/test_conformance.py",
+    "plugins/dobot/test_conformance.py",
     "features/page/server/test_layout_in_browser.py",
     "ros/test_cut_link.py",
     "features/conformance/runs/test_new_backend.py",

@@ -61,6 +61,7 @@ NOT_RUN = {  # pages
     "docs/how-to/ethercat.md": "needs root and a port; tests/plugins/ethercat",
     "docs/how-to/install.md": "installs; tests/tools/test_install_tool.py, make dist",
     "docs/how-to/isaac-sim.md": "needs Isaac Sim; its export is in tests/contract/test_export.py",
+    "docs/how-to/dobot.md": "needs an arm at a network; tests/plugins/dobot",
     "docs/how-to/guiding.md": "needs a hand; tests/ros/test_guiding.py",
     "docs/how-to/launch.md": f"{ROS}; tests/ros/test_lifecycle.py",
     "docs/how-to/mujoco.md": "needs an extra; tests/ros/test_mujoco.py",
@@ -68,7 +69,7 @@ NOT_RUN = {  # pages
     "docs/how-to/service.md": "needs root and systemd; tests/features/service",
     "docs/how-to/several-computers.md": "needs computers; tests/ros/test_discovery_server.py",
     "docs/how-to/serial-arms.md": "needs an arm at a serial port",
-    "docs/how-to/whole-arm.md": "installs an example; tests/contract/test_example_robots.py",
+    "docs/how-to/whole-arm.md": "of an arm at a network; tests/plugins/dobot",
     "docs/how-to/wmx.md": "needs the vendor's engine",
 }
 SAVED = {  # the first block of the language that the suffix names

@@ -1,37 +1,30 @@
-"""The example of a whole-arm controller on its fake controller, in simulated time."""
+"""The backend of a whole-arm controller on the stand-in of its controller, in simulated time."""
 
 from __future__ import annotations
 
 import socket
-import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import patch
 
 import numpy as np
+from tests.plugins.dobot.arm import Arm
+from tests.plugins.dobot.controller import Controller
 from tests.witness.bench import OVERCURRENT, Bench
 from tests.witness.judge import Command
 from tests.witness.tcp_line import TcpLine
 
+import robotd_dobot
 from robotd.descriptor import load_robot_descriptor, parse_override
 from robotd.device.capabilities import Capability
 from robotd.plugin.manager import Backend, PluginOrigin
 from robotd.robot import Robot
 
-SOURCES = Path(__file__).parents[2] / "examples" / "dobot_tcp" / "src"
-if str(SOURCES) not in sys.path:
-    sys.path.append(str(SOURCES))
-
-import robotd_dobot_tcp  # noqa: E402 - an example, which is not installed
-from dobot_tcp_fake.arm import Arm  # noqa: E402
-from dobot_tcp_fake.controller import Controller  # noqa: E402
-
 JOINTS = 6
 ADDRESS = "127.0.0.1"
-TARGET_AGE_PERIODS = 5  # `max_target_age_s` of the example, at the rate of the bench
+TARGET_AGE_PERIODS = 5  # `max_target_age_s` of the backend, at the rate of the bench
 QUICK_STOP_RAD_S2, QUICK_STOP_S = 20.0, 0.3  # of the driver
 EPSILON_S = 1e-9
 
@@ -42,7 +35,7 @@ class DobotBench(Bench):
     The judge is at the arm of the controller: each target that it executes.
 
     Args:
-        max_target_age_s: option of the backend; None: that of the example, in periods.
+        max_target_age_s: option of the backend; None: that of the backend, in periods.
     """
 
     def __init__(self, rate_hz: float = 100.0, max_target_age_s: float | None = None) -> None:
@@ -55,27 +48,26 @@ class DobotBench(Bench):
         self._report_s = 0.0
         keys = {
             "cycle.rate_hz": rate_hz,
-            "backends.dobot_tcp.address": ADDRESS,
-            "backends.dobot_tcp.target_period_s": 1.0 / rate_hz,
-            "backends.dobot_tcp.max_target_age_s": max_target_age_s or TARGET_AGE_PERIODS / rate_hz,
+            "backends.dobot.address": ADDRESS,
+            "backends.dobot.target_period_s": 1.0 / rate_hz,
+            "backends.dobot.max_target_age_s": max_target_age_s or TARGET_AGE_PERIODS / rate_hz,
             "engine.open_tries": 1,
         }
-        robot = SOURCES / "robotd_dobot_tcp" / "robots" / "dobot_cr3a" / "robot.yaml"
         overrides = [parse_override(f"{key}={value}") for key, value in keys.items()]
-        self._descriptor = load_robot_descriptor(str(robot), overrides=overrides)
+        self._descriptor = load_robot_descriptor("cr3a", overrides=overrides)
         for judge, joint in zip(self.judges, self._descriptor.joints, strict=True):
             judge.velocity, judge.acceleration = joint.velocity, joint.acceleration
             judge.lower, judge.upper = joint.lower, joint.upper
             judge.max_age_periods = TARGET_AGE_PERIODS + 1
         self._patches = ExitStack()
         sockets = SimpleNamespace(**vars(socket) | {"create_connection": self.line.connect})
-        self._patches.enter_context(patch("robotd_dobot_tcp.link.socket", sockets))
+        self._patches.enter_context(patch("robotd_dobot.link.socket", sockets))
         self.clock.advanced = self.settle
         self.robot = self.make_robot()
 
     def make_robot(self) -> Robot:
-        origin = PluginOrigin("dobot_tcp", "robotd_dobot_tcp", "dobot_tcp", "1.0")
-        backend = Backend(origin, robotd_dobot_tcp)
+        origin = PluginOrigin("dobot", "robotd_dobot", "dobot", "1.0")
+        backend = Backend(origin, robotd_dobot)
         backend.capabilities |= {Capability.SIMULATED}  # here: the controller uses this clock
         return Robot(self._descriptor, backend, self.clock)
 
@@ -91,7 +83,7 @@ class DobotBench(Bench):
     def _obey(self, text: str) -> str:
         replies: list[bytes] = []
         writer: Any = SimpleNamespace(write=replies.append)
-        self.controller._obey(text, writer)
+        self.controller.obey(text, writer)
         self._power()
         return b"".join(replies).decode()
 
@@ -115,7 +107,7 @@ class DobotBench(Bench):
         self.line.advance()
         if self.now_s >= self._report_s - EPSILON_S:
             self._report_s = self.now_s + self.controller.period_s
-            self.line.report(self.controller._packet())
+            self.line.report(self.controller.packet())
         self._power()
 
     def silence(self, seconds: float, axes: Sequence[int] = (), how: str = "both") -> None:

@@ -1,4 +1,4 @@
-"""TCP connections in simulated time between ``examples/dobot_tcp`` and its fake controller.
+"""TCP connections in simulated time between backend ``dobot`` and the stand-in of a controller.
 
 Bytes are in order and are not lost: while the cable is cut they wait, and arrive when it is healed,
 as TCP sends them again. A client that closes its connection discards what has not arrived.
@@ -23,7 +23,7 @@ class TcpLine:
 
     Attributes:
         cut_s: the cable is cut until then.
-        busy_s: the controller reads no target until then.
+        busy_s: the controller reads no command until then.
         mute_s: it sends no feedback until then.
         sent_s: when the target that is executed now was sent.
     """
@@ -38,7 +38,7 @@ class TcpLine:
         return self.now_s() < self.cut_s
 
     def connect(self, address: tuple[str, int], timeout_s: float) -> Connection:
-        """As ``socket.create_connection``; ports are those of the example's defaults."""
+        """As ``socket.create_connection``; ports are those of the backend's defaults."""
         if self.is_cut:
             raise TimeoutError("timed out")
         connection = Connection(self, ROLES[address[1]])
@@ -68,7 +68,7 @@ class TcpLine:
 
 
 class Connection:
-    """The client's end, with the methods of a socket that the example uses."""
+    """The client's end, with the methods of a socket that the backend uses."""
 
     def __init__(self, line: TcpLine, role: str) -> None:
         self.line, self.role = line, role
@@ -91,9 +91,6 @@ class Connection:
             self.deliver()
         return len(data)
 
-    def sendall(self, data: bytes) -> None:
-        self.send(data)
-
     def recv(self, size: int) -> bytes:
         with self._changed:
             if self.role == "feedback":
@@ -107,9 +104,7 @@ class Connection:
                 return taken
             if self._ended:
                 return b""
-        if self.role == "motion":
-            raise BlockingIOError
-        raise TimeoutError("timed out")  # the dashboard: what was not answered now is not
+        raise BlockingIOError
 
     def shutdown(self, _: int) -> None:
         self.end()
@@ -127,7 +122,7 @@ class Connection:
 
     def deliver(self) -> None:
         """Carry what waits to its end, unless the cable or the controller does not take it."""
-        if self.line.is_cut or (self.role == "motion" and self.line.now_s() < self.line.busy_s):
+        if self.line.is_cut or (self.role == "commands" and self.line.now_s() < self.line.busy_s):
             return
         while self.waiting:
             self.line.sent_s, data = self.waiting.popleft()
@@ -142,4 +137,4 @@ class Connection:
                 )
 
 
-ROLES = {29999: "dashboard", 30003: "motion", 30004: "feedback"}
+ROLES = {29999: "commands", 30004: "feedback"}

@@ -378,7 +378,7 @@ class AxisDriver(ABC):
 
         Each is in ``Operation.GUIDING`` until something stops it. It gets no targets, and its
         command is its measured position. A drive that has to be off for it is shown as off. Where
-        one of them cannot be guided, none is.
+        one of them cannot be guided, none is; axes of a servo group are guided together or not.
 
         ``stop`` and ``quick_stop`` end it: the axis is held where it comes to rest, enabled. One
         that cannot be held is off, with the reason in ``ProcessImage.reason``. Servo off ends it,

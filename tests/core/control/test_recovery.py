@@ -54,6 +54,23 @@ def test_an_alarm_is_named_cleared_and_the_servo_switched_on(harness: Harness) -
         assert harness.end(execution).outcome is Outcome.SUCCEEDED
 
 
+def test_a_controllers_alarm_has_the_remedy_of_its_number(
+    harness: Harness, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(harness.robot._problems, "_advise", lambda code: f"Turn {code}")
+    harness.image.set_controller_alarm(17, "stuck")
+    (problem,) = harness.robot.find_problems()
+    assert problem.text == "controller alarm 17 (stuck)"
+    assert (problem.code, problem.remedy) == (17, "Turn 17, then: robotd recover")
+
+
+def test_servos_that_are_off_for_a_reason_say_it(harness: Harness) -> None:
+    harness.robot.axes.servo(0, False)
+    harness.robot.axes.servo(2, False)
+    harness.image.reason[2] = "held by its button"
+    assert harness.robot.problems == ["joint1: servo off", "joint3: servo off (held by its button)"]
+
+
 def test_servos_that_are_off_are_switched_on(harness: Harness) -> None:
     harness.robot.axes.servo(2, False)
     assert harness.robot.problems == ["joint3: servo off"]

@@ -54,7 +54,7 @@ class Problem:
         kind: see ``ProblemKind``.
         reason: one line for people, without the axes.
         axes: names of the axes that it is about; empty: it is about all of them.
-        code: of the drive's alarm; 0 for other kinds.
+        code: of the alarm, the drive's or the controller's; 0 for other kinds.
         remedy: what to do about it, one line; "" where nothing helps, or ``reason`` says it.
         since_ns: time at which it was first seen, on the robot's clock.
     """

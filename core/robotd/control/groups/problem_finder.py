@@ -90,7 +90,8 @@ class Problems:
     def _of_drives(self) -> Iterator[Problem]:
         image, names = self._axes.image.copy(), self._axes.names
         if image.controller_fault:
-            yield Problem(ProblemKind.CONTROLLER, image.controller_fault)
+            code = image.controller_alarm
+            yield Problem(ProblemKind.CONTROLLER, image.controller_fault, code=code)
             return
         faulty = [axis for axis in range(len(names)) if image.amp_alarm[axis]]
         faulty += [axis for axis in self._used if image.offline[axis] and axis not in faulty]
@@ -100,8 +101,10 @@ class Problems:
             yield Problem(kind, image.fault(axis), (names[axis],), code)
         on = image.servo_on | (image.operation == GUIDING)
         off = [axis for axis in self._used if not on[axis] and axis not in faulty]
-        if off:
-            yield Problem(ProblemKind.SERVO_OFF, "servo off", tuple(names[axis] for axis in off))
+        for reason in dict.fromkeys(image.reason[axis] for axis in off):
+            text = f"servo off ({reason})" if reason else "servo off"
+            alike = tuple(names[axis] for axis in off if image.reason[axis] == reason)
+            yield Problem(ProblemKind.SERVO_OFF, text, alike)
 
     def _lasting(self) -> Iterator[Problem]:
         """Yield those that no recovery removes."""
@@ -123,6 +126,6 @@ class Problems:
             yield Problem(ProblemKind.SOURCE, text)
 
     def _remedy(self, problem: Problem) -> str:
-        if problem.kind is ProblemKind.ALARM and (advice := self._advise(problem.code)):
+        if problem.code and (advice := self._advise(problem.code)):
             return f"{advice}, then: robotd recover"
         return REMEDIES.get(problem.kind, "")

@@ -83,6 +83,8 @@ def test_axes_are_held_where_a_hand_has_left_them(
 def test_one_guided_axis_leaves_the_others_to_their_commands(
     harness: Harness, injector: FaultInjector
 ) -> None:
+    if len(harness.servo_group(0)) > 1:
+        pytest.skip("no axis is guided alone")
     for axis in harness.all:
         harness.rest()
         others = [other for other in harness.all if other != axis]
@@ -105,6 +107,18 @@ def test_one_guided_axis_leaves_the_others_to_their_commands(
         require_guided(harness, [axis])
         harness.drivers.axes.stop([axis])
         require_held(harness)
+
+
+@pytest.mark.clause("AxisDriver.begin_guiding/all")
+def test_axes_that_are_guided_together_are_not_guided_alone(harness: Harness) -> None:
+    if len(harness.servo_group(0)) == 1:
+        pytest.skip("each axis is guided alone")
+    with pytest.raises(RobotdError):
+        harness.drivers.axes.begin_guiding([0], 5.0)
+    harness.periods(5)
+    guided = np.flatnonzero(harness.image.operation == Operation.GUIDING).tolist()
+    assert guided == [], f"axes {guided} are guided, though all were not asked for"
+    assert harness.image.servo_on.all()
 
 
 @pytest.mark.clause("AxisDriver.begin_guiding/all", "AxisDriver.begin_guiding/guides")

@@ -8,9 +8,10 @@ from collections.abc import Callable
 import numpy as np
 
 JOINTS = 6
-VELOCITY_DEG_S = 180.0
+VELOCITY_DEG_S, REST_DEG_S = 180.0, 1e-3
 RANGES_DEG = np.array([360.0, 360.0, 155.0, 360.0, 360.0, 360.0])
-EMERGENCY_STOP, OUT_OF_RANGE = 900, 901
+EMERGENCY_STOP, POSITIVE_LIMIT, NEGATIVE_LIMIT = 116, 64, 65  # of joint 1; others by steps of 2
+FAILED, IN_ALARM, PRESSED, NO_POWER = -1, -2, -3, -4
 
 Clock = Callable[[], float]
 
@@ -19,9 +20,13 @@ class Arm:
     """State of the arm at any time, degrees and seconds; one thread.
 
     Attributes:
+        powered: the arm has power.
         enabled: the servos are on, all of them.
+        dragged: it is in drag mode: a hand moves it, no target does.
         alarm: number of the alarm; 0: none.
+        drive_alarm: joint, from 1, and number of an alarm of its drive.
         pressed: the emergency stop is pressed.
+        payload: mass, and its centre in mm.
         offset: (6,) error of the encoders.
         blocked: (6,) joints that do not move.
         inputs, outputs: digital levels, bit 0 is terminal 1.
@@ -30,14 +35,25 @@ class Arm:
 
     def __init__(self, clock: Clock = time.monotonic) -> None:
         self._clock = clock
-        self.enabled = self.pressed = False
+        self.powered = True
+        self.enabled = self.pressed = self.dragged = False
         self.alarm = self.inputs = self.outputs = 0
+        self.drive_alarm = (0, 0)
+        self.payload = (0.0, 0.0, 0.0, 0.0)
         self.stuck: dict[int, bool] = {}
         self.offset = np.zeros(JOINTS)
         self.blocked = np.zeros(JOINTS, bool)
         self._start = self._target = np.zeros(JOINTS)
         self._began_s, self._time_s = clock(), 1.0
         self._measured, self._measured_s = np.zeros(JOINTS), clock()
+
+    @property
+    def in_alarm(self) -> bool:
+        return bool(self.alarm or self.drive_alarm[0])
+
+    @property
+    def moves(self) -> bool:
+        return bool((np.abs(self.state()[1]) > REST_DEG_S).any())
 
     def state(self) -> tuple[np.ndarray, np.ndarray]:
         """Return true position and velocity, (6,) each."""
@@ -56,11 +72,13 @@ class Arm:
 
     def servo(self, target: np.ndarray, time_s: float) -> int:
         """Move to ``target`` within ``time_s``, no faster than the limit; return the error code."""
-        if self.alarm or not self.enabled:
-            return -2 if self.alarm else -1
-        if (np.abs(target) > RANGES_DEG).any():
-            self.trip(OUT_OF_RANGE)
-            return -2
+        if self.in_alarm or not self.enabled or self.dragged:
+            return IN_ALARM if self.in_alarm else FAILED
+        beyond = np.flatnonzero(np.abs(target) > RANGES_DEG)
+        if beyond.size:
+            joint = int(beyond[0])
+            self.trip(2 * joint + (POSITIVE_LIMIT if target[joint] > 0 else NEGATIVE_LIMIT))
+            return IN_ALARM
         position, _ = self.state()
         fastest = np.abs(target - position).max() / VELOCITY_DEG_S
         self._move(position, target, max(time_s, fastest))
@@ -73,29 +91,50 @@ class Arm:
 
     def switch(self, on: bool) -> int:
         """Switch all servos; return the error code."""
-        if on and self.alarm:
-            return -3 if self.pressed else -2
+        if on and not self.powered:
+            return NO_POWER
+        if on and self.in_alarm:
+            return PRESSED if self.pressed else IN_ALARM
         self.hold()
-        self.enabled = on
+        self.enabled, self.dragged = on, False
         return 0
 
-    def trip(self, code: int) -> None:
-        """Raise an alarm: the arm stops and its servos go off."""
-        self.alarm = self.alarm or code
+    def drag(self, on: bool) -> int:
+        """Begin or end drag mode; return the error code."""
+        if on and (self.in_alarm or not self.enabled or self.moves):
+            return IN_ALARM if self.in_alarm else FAILED
         self.hold()
-        self.enabled = False
+        self.dragged = on
+        return 0
 
-    def press(self, pressed: bool) -> None:
-        """Press or release the emergency stop."""
+    def power(self, on: bool) -> int:
+        """Switch the power of the arm; return the error code."""
+        if not on:
+            self.switch(False)
+        self.powered = on
+        return 0
+
+    def trip(self, code: int, joint: int = 0) -> None:
+        """Raise an alarm, of the drive of ``joint`` from 1: the arm stops, its servos go off."""
+        if joint:
+            self.drive_alarm = joint, code
+        else:
+            self.alarm = self.alarm or code
+        self.hold()
+        self.enabled = self.dragged = False
+
+    def press(self, pressed: bool) -> int:
+        """Press or release the emergency stop; return the error code."""
         self.pressed = pressed
         if pressed:
             self.trip(EMERGENCY_STOP)
+        return 0
 
     def clear(self) -> int:
         """Clear the alarm; return the error code."""
         if self.pressed:
-            return -3
-        self.alarm = 0
+            return PRESSED
+        self.alarm, self.drive_alarm = 0, (0, 0)
         return 0
 
     def turn(self, joint: int, angle: float) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from robotd.api import IoDriver
-from robotd_dobot_tcp.device import DobotDevice
+from robotd_dobot.device import DobotDevice
 
 BYTES = 2
 
@@ -36,4 +36,5 @@ class DobotIo(IoDriver):
                 self.write_output_bit(index, bit, bool(value >> bit & 1))
 
     def write_output_bit(self, byte: int, bit: int, value: bool) -> None:
-        self._device.link.command("DOExecute", 8 * byte + bit + 1, value)
+        link = self._device.link
+        link.command(link.dialect.set_output, 8 * byte + bit + 1, value)

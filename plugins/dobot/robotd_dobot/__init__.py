@@ -1,7 +1,7 @@
-"""The dobot_tcp backend: a Dobot CR controller, which moves all joints of its arm, over TCP.
+"""Backend ``dobot``: a Dobot CR, Nova or E6 arm on its own controller, over TCP.
 
-Read in this order: ``protocol`` (messages), ``link`` (connections), ``device`` (life cycle),
-``axes`` (what a whole-arm controller is for robotd), ``io``.
+Read in this order: ``protocol`` (messages), ``command_port`` and ``link`` (connections),
+``device`` (life cycle), ``axes`` (what a whole-arm controller is for robotd), ``io``.
 """
 
 from __future__ import annotations
@@ -15,21 +15,22 @@ from robotd.api import (
     IoDriver,
     hookimpl,
 )
-from robotd_dobot_tcp.axes import DobotAxes
-from robotd_dobot_tcp.device import DobotDevice
-from robotd_dobot_tcp.io import DobotIo
-from robotd_dobot_tcp.options import DobotOptions
+from robotd_dobot.axes import DobotAxes
+from robotd_dobot.device import DobotDevice
+from robotd_dobot.io import DobotIo
+from robotd_dobot.options import DobotOptions
 
 
 @hookimpl
 def robotd_backend() -> BackendInfo:
-    """Called right after the import: must not touch hardware."""
+    """Axes and digital terminals."""
     return BackendInfo(
-        summary="Dobot CR controllers over TCP",
+        summary="Dobot CR, Nova and E6 arms on their own controller, over TCP",
         api_version=1,
         capabilities=frozenset(
             {
                 Capability.VELOCITY_MODE,  # by ProfiledAxes
+                Capability.HAND_GUIDING,  # the controller's drag mode
                 Capability.CONTROLLER_ALARM,
                 Capability.DEVICE_WATCHDOG,  # the arm stops at the last target
             }

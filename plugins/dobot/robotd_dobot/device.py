@@ -14,11 +14,10 @@ from robotd.api import (
     get_logger,
     wait_until,
 )
-from robotd_dobot_tcp.link import Feedback, Link
-from robotd_dobot_tcp.options import DobotOptions
-from robotd_dobot_tcp.protocol import MODES
+from robotd_dobot.link import SWITCH_OFF, ControllerLink, Feedback, switch_off
+from robotd_dobot.options import DobotOptions
 
-log = get_logger("dobot_tcp")
+log = get_logger("dobot")
 
 CLOSE_S = 1.0  # for the servos to go off
 
@@ -33,14 +32,20 @@ class DobotDevice(DeviceDriver):
     def __init__(self, options: DobotOptions, clock: Clock) -> None:
         self.communicating = False
         self.options, self.clock = options, clock
-        self._link: Link | None = None
+        self._link: ControllerLink | None = None
 
     @property
-    def link(self) -> Link:
+    def link(self) -> ControllerLink:
         """The connections. Raises NotReady while they are not there."""
         if self._link is None or self._link.failure:
             raise NotReady(self.fault() or "the controller is not connected")
         return self._link
+
+    @property
+    def exchanging(self) -> ControllerLink | None:
+        """The connections while values and targets count; else None."""
+        link = self._link
+        return link if link and self.communicating and not link.failure else None
 
     @property
     def feedback(self) -> Feedback | None:
@@ -51,7 +56,7 @@ class DobotDevice(DeviceDriver):
         if self.state() is ConnectionState.IDLE:
             self._disconnect()  # what is left of lost connections
             options = self.options.model_copy(update={"address": path} if path else {})
-            self._link = Link(options, self.clock)
+            self._link = ControllerLink(options, self.clock)
 
     def close(self) -> None:
         self.stop_communication(CLOSE_S)
@@ -59,8 +64,8 @@ class DobotDevice(DeviceDriver):
 
     def start_communication(self, timeout_s: float) -> None:
         began_ns = self.clock.now_ns()
+        self.link.take_control()
         self.wait_for(lambda values: values.time_ns > began_ns, timeout_s, "feedback")
-        self.link.command("SpeedFactor", 100)
         self.communicating = True
 
     def stop_communication(self, timeout_s: float) -> None:
@@ -68,8 +73,7 @@ class DobotDevice(DeviceDriver):
             return
         self.communicating = False
         try:
-            self.link.command("DisableRobot")
-            self.wait_for(lambda values: not values.enabled, timeout_s, "the servos to be off")
+            self.switch_off(timeout_s)
         except RobotdError as error:
             log.warning("servos may be on: the controller does not answer", reason=str(error))
 
@@ -82,8 +86,29 @@ class DobotDevice(DeviceDriver):
         return self._link.silence if self._link else ""
 
     def scan_network(self) -> str:
-        mode = int(self.link.command("RobotMode"))
-        return f"controller at {self.options.address}, {MODES.get(mode, f'mode {mode}')}"
+        link = self.link
+        values = link.feedback
+        if values is None:
+            return f"controller {link.dialect.name} at {self.options.address}: no feedback"
+        model = values.model or "arm"
+        mode = link.dialect.mode_text(values.mode)
+        return f"{model} on a controller {link.dialect.name} at {self.options.address}: {mode}"
+
+    def switch_off(self, timeout_s: float) -> None:
+        """Switch the servos off, also where the connections are lost.
+
+        Raises RobotdError: the controller has not confirmed it.
+        """
+        if self._link is not None and not self._link.failure:
+            try:
+                self._link.command(SWITCH_OFF, timeout_s=timeout_s)
+                self.wait_for(lambda values: not values.enabled, timeout_s, "the servos to be off")
+            except NotReady:
+                if not self._link.failure:
+                    raise
+            else:
+                return
+        switch_off(self.options, self.clock, timeout_s)
 
     def wait_for(self, condition: Callable[[Feedback], bool], timeout_s: float, what: str) -> None:
         """Wait for feedback for which ``condition`` is true.

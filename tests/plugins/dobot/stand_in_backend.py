@@ -1,17 +1,17 @@
-"""The dobot_tcp_fake backend: the drivers of dobot_tcp, and a stand-in that they start."""
+"""The backend dobot and a stand-in of the controller that it starts, for the conformance kit."""
 
 from __future__ import annotations
 
 import math
+import os
 import socket
 import subprocess
 import sys
 from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 
-import robotd_dobot_tcp
-from robotd_dobot_tcp import DobotDevice, DobotOptions, robotd_axes, robotd_io
-
+import robotd_dobot
 from robotd.api import (
     BackendInfo,
     Capability,
@@ -22,24 +22,28 @@ from robotd.api import (
     FaultInjector,
     hookimpl,
 )
+from robotd_dobot import DobotDevice, DobotOptions, robotd_axes, robotd_io
 
-__all__ = ["robotd_axes", "robotd_io"]  # hooks of dobot_tcp: these are the drivers to be tested
+__all__ = ["robotd_axes", "robotd_io"]  # hooks of dobot: these are the drivers to be tested
 
+ROOT = Path(__file__).parents[3]
 END_S = 2.0
 
 
-class FakeOptions(DobotOptions):
-    """As ``backends.dobot_tcp``; the ports are chosen when the stand-in is started."""
+class StandInOptions(DobotOptions):
+    """As ``backends.dobot``; the ports are chosen when the stand-in is started."""
 
     address: str = "127.0.0.1"
+    generation: str = "v4"
     max_target_age_s: float = 0.5  # it shares the processor with everything
 
 
-class FakeDevice(DobotDevice):
+class StandInDevice(DobotDevice):
     """Starts the stand-in when it is opened, and ends it when it is closed."""
 
-    def __init__(self, options: DobotOptions, clock: Clock) -> None:
+    def __init__(self, options: StandInOptions, clock: Clock) -> None:
         super().__init__(options, clock)
+        self.generation = options.generation
         self.process: subprocess.Popen[str] | None = None
         self.fault_port = 0
 
@@ -64,33 +68,31 @@ class FakeDevice(DobotDevice):
     def _start(self) -> None:
         self._end()
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "dobot_tcp_fake", *["0"] * 4],
+            [sys.executable, "-m", "tests.plugins.dobot.serve", self.generation, *["0"] * 4],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
             start_new_session=True,  # Ctrl-C is for robotd, which stops the arm first
+            cwd=ROOT,
+            env=os.environ | {"PYTHONPATH": str(ROOT)},
         )
         line = self.process.stdout.readline() if self.process.stdout else ""
         if not line:
-            raise ConnectError("the stand-in ended", {"dobot_tcp_fake": "no ports"})
-        dashboard, motion, feedback, self.fault_port = map(int, line.split())
+            raise ConnectError("the stand-in ended", {"dobot_stand_in": "no ports"})
+        command, motion, feedback, self.fault_port = map(int, line.split())
         self.options = self.options.model_copy(
-            update={
-                "dashboard_port": dashboard,
-                "motion_port": motion,
-                "feedback_port": feedback,
-            }
+            update={"command_port": command, "motion_port": motion, "feedback_port": feedback}
         )
 
 
-class FakeFaultInjector(FaultInjector):
+class StandInFaults(FaultInjector):
     """Faults by a port of the stand-in.
 
     Attributes:
         device: with the stand-in's process.
     """
 
-    def __init__(self, device: FakeDevice) -> None:
+    def __init__(self, device: StandInDevice) -> None:
         self.device = device
 
     def send(self, name: str, *values: float) -> float:
@@ -138,23 +140,20 @@ class FakeFaultInjector(FaultInjector):
 
 @hookimpl
 def robotd_backend() -> BackendInfo:
-    """The backend dobot_tcp, and nothing real moves."""
-    info: BackendInfo = robotd_dobot_tcp.robotd_backend()
+    info: BackendInfo = robotd_dobot.robotd_backend()
     return replace(
         info,
-        summary="a stand-in for a Dobot CR controller, for tests",
+        summary="dobot on a stand-in of its controller, for tests",
         capabilities=info.capabilities | {Capability.SIMULATED},
-        options=FakeOptions,
+        options=StandInOptions,
     )
 
 
 @hookimpl
-def robotd_open_device(context: DeviceContext[FakeOptions]) -> DeviceDriver:
-    """Make the device; the stand-in is started when it is opened."""
-    return FakeDevice(context.options, context.clock)
+def robotd_open_device(context: DeviceContext[StandInOptions]) -> DeviceDriver:
+    return StandInDevice(context.options, context.clock)
 
 
 @hookimpl
-def robotd_fault_injector(device: FakeDevice) -> FaultInjector:
-    """Make the handle by which the checks inject faults."""
-    return FakeFaultInjector(device)
+def robotd_fault_injector(device: StandInDevice) -> FaultInjector:
+    return StandInFaults(device)
