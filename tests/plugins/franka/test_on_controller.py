@@ -199,3 +199,27 @@ def test_an_arm_that_does_not_answer_is_named(tmp_path: Path) -> None:
     absent = arm(tmp_path, "127.255.255.1")
     with pytest.raises(RobotdError, match=r"FCI at 127\.255\.255\.1"):
         absent.__enter__()
+
+
+def test_a_hand_leads_the_arm_which_is_held_where_it_lets_go(
+    robot: Robot, unit: Controller
+) -> None:
+    start = np.array(unit.command().position)
+    unit.command(push=[0, 4.0])
+    wait_until(lambda: abs(unit.command().position[0] - start[0]) > 0.003, "the arm gives way")
+    assert unit.command().position[0] == pytest.approx(start[0], abs=0.03)  # stiffness holds it
+    unit.command(push=[0, 0.0])
+
+    robot.axes.begin_guiding(range(7))
+    unit.command(push=[0, 4.0])
+    wait_until(lambda: abs(unit.command().position[0] - start[0]) > 0.1, "the arm is led")
+    assert unit.command().position[1:] == pytest.approx(start[1:], abs=0.1)  # it carries itself
+    unit.command(push=[0, 0.0])
+    robot.stop()
+    wait_until(lambda: not robot.image.copy().operation.any(), "the end of guiding")
+    robot.reset()
+    rest = np.array(unit.command().position)
+    assert abs(rest[0] - start[0]) > 0.09
+    assert robot.image.copy().servo_on.all()
+    assert robot.image.copy().position_command == pytest.approx(rest, abs=0.02)
+    assert "goal reached" in go(robot, start)
