@@ -55,6 +55,7 @@ SKIPPED = {  # commands of the pages that are run
     r"(ROBOTS=8 )?docker |yq ": "needs a program that no test environment has",
 }
 NOT_RUN = {  # pages
+    "docs/how-to/paths.md": "records until Ctrl-C; tests/ros/test_paths.py",
     "docs/how-to/canopen.md": "needs an adapter; simulated in tests/ros/test_canopen.py",
     "docs/how-to/ci.md": "of another project; examples/project is run by test_example_project.py",
     "docs/how-to/commission.md": "asks a person; tests/features/commissioning",

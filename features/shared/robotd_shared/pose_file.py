@@ -33,8 +33,13 @@ def file_of(descriptor: RobotDescriptor) -> Path:
     chosen = descriptor.settings(TeachKeys).poses
     if chosen is not None:
         return beside(descriptor.path, chosen) if descriptor.path else Path(chosen).absolute()
+    return state_folder() / "poses" / f"{descriptor.name}.yaml"
+
+
+def state_folder() -> Path:
+    """Return robotd's folder for what it was taught, of robots whose file names none."""
     state = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
-    return Path(state) / "robotd" / "poses" / f"{descriptor.name}.yaml"
+    return Path(state) / "robotd"
 
 
 def read_poses(path: Path) -> dict[str, dict[str, float]]:
@@ -52,14 +57,19 @@ def write_poses(path: Path, poses: Poses) -> None:
         for name, joints in poses.items()
     }
     text = HEAD + yaml.safe_dump({"poses": rounded}, sort_keys=False, default_flow_style=None)
+    write_whole(path, text)
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a file, whole or not at all, and the folders that it needs. Raises OSError."""
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f"{path.name}.part")
     part.write_text(text, encoding="utf-8")
     os.replace(part, path)  # noqa: PTH105 - atomic, which is its purpose
 
 
-def check_name(name: str) -> None:
-    """Raise InvalidArgument for what is no name of a pose."""
+def check_name(name: str, kind: str = "pose") -> None:
+    """Raise InvalidArgument for what is no name of a pose, or of another ``kind``."""
     if not NAME.fullmatch(name):
         text = "a letter, then at most 62 letters, digits, _ and -"
-        raise InvalidArgument(f"{name!r} is no name of a pose: {text}")
+        raise InvalidArgument(f"{name!r} is no name of a {kind}: {text}")

@@ -16,5 +16,6 @@ class TeachKeys(Section):
     poses: str | None = Field(
         None,
         description="File of the poses that `robotd pose` saves, relative to the robot's file;"
-        " null: `robotd/poses/NAME.yaml` in `$XDG_STATE_HOME`, by default `~/.local/state`.",
+        " null: `robotd/poses/NAME.yaml` in `$XDG_STATE_HOME`, by default `~/.local/state`."
+        " `robotd path` has its folder `paths` beside it; null: `robotd/paths/NAME`.",
     )

@@ -13,7 +13,7 @@ if TYPE_CHECKING:  # every command that reads a robot's file imports this module
     from robotd.api.features import FeatureHost
 
 FEATURE = Feature(
-    summary="poses of a robot by name, programs of steps, hand guiding",
+    summary="poses and paths of a robot by name, programs of steps, hand guiding",
     settings=TeachKeys,
     open="robotd_teach.feature:open_teach",
     nodes="robotd_teach.teach_nodes:add_teach_nodes",

@@ -7,17 +7,22 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from robotd.api import InvalidArgument, NotReady, OperationError, unknown_name, wait_until
-from robotd.api.robots import JointGroup, Outcome, Robot, TrajectoryRequest
+from robotd.api import InvalidArgument, unknown_name
+from robotd.api.robots import Robot, TrajectoryRequest
 from robotd_shared.pose_file import check_name, file_of, read_poses, write_poses
-from robotd_teach.joint_groups import joint_group
+from robotd_teach.joint_groups import (
+    beyond_limits,
+    follow,
+    group_of,
+    joint_group,
+    measured_positions,
+)
 
 SPEED = 0.2  # of the joints' limits
 SLOWEST = 0.01
 SHORTEST_S = 0.1
 # Peaks of speed and acceleration of a cubic from rest to rest, in way by time and by its square.
 CUBIC_VELOCITY, CUBIC_ACCELERATION = 1.5, 6.0
-POLL_S = 0.01
 
 
 class Poses:
@@ -55,11 +60,9 @@ class Poses:
             DescriptorError: the file is wrong. OSError: it cannot be written.
         """
         check_name(name)
-        joints, image = joint_group(self._robot, group), self._robot.image.copy()
+        joints = joint_group(self._robot, group)
         self._robot.connection.require_ready()
-        positions = image.position[list(joints.joint_axes)]
-        if not np.isfinite(positions).all():
-            raise NotReady("the positions of the joints are not known")
+        positions = measured_positions(self._robot, joints)
         with self._lock:
             poses = read_poses(self.path)
             if name in poses and not replace:
@@ -95,18 +98,11 @@ class Poses:
     def problem(self, joints: Mapping[str, float]) -> str:
         """Return why a pose cannot be gone to; "": nothing is known against it."""
         try:
-            group = self._group_of(joints)
+            group = group_of(self._robot, joints)
         except InvalidArgument as error:
             return str(error)
-        limits = group.follower.limits
-        for index, joint in enumerate(group.joint_names):
-            low, high = float(limits.lower[index]), float(limits.upper[index])
-            if not low <= joints[joint] <= high:
-                text = (
-                    f"{joint} would be at {joints[joint]:.4f}, its limits are {low:g} to {high:g}"
-                )
-                return f"{text} {limits.units[index]}"
-        return ""
+        positions = np.array([joints[joint] for joint in group.joint_names])
+        return beyond_limits(group.follower.limits, positions)
 
     def duration_s(self, joints: Mapping[str, float], speed: float = SPEED) -> float:
         """Return how long the joints take from where they are, at a part of their limits.
@@ -118,11 +114,9 @@ class Poses:
             raise InvalidArgument(f"speed is {speed:g}, must be {SLOWEST:g} to 1")
         if problem := self.problem(joints):
             raise InvalidArgument(problem)
-        group = self._group_of(joints)
+        group = group_of(self._robot, joints)
         limits, target = group.follower.limits, [joints[joint] for joint in group.joint_names]
-        way = np.abs(target - self._robot.image.copy().position[list(group.joint_axes)])
-        if not np.isfinite(way).all():
-            raise NotReady("the positions of the joints are not known")
+        way = np.abs(target - measured_positions(self._robot, group))
         fast = CUBIC_VELOCITY * way / (speed * limits.velocity)
         hard = np.sqrt(CUBIC_ACCELERATION * way / (speed * limits.acceleration))
         return float(max(*fast, *hard, SHORTEST_S))
@@ -140,17 +134,10 @@ class Poses:
             OperationError: the motion ended elsewhere, with the reason.
         """
         joints = self.known(name)
-        seconds, group = self.duration_s(joints, speed), self._group_of(joints)
+        seconds, group = self.duration_s(joints, speed), group_of(self._robot, joints)
         target = np.array([[joints[joint] for joint in group.joint_names]])
         request = TrajectoryRequest(group.joint_names, np.array([seconds]), target)
-        with group.follower.follow(request) as execution:
-            while not wait_until(
-                lambda: execution.outcome is not None, 60.0, self._robot.clock, POLL_S
-            ):
-                pass
-            outcome, message = execution.outcome, execution.message
-        if outcome is not Outcome.SUCCEEDED:
-            raise OperationError(f"the motion to {name} ended early: {message}")
+        follow(self._robot, group, request, f"to {name}")
 
     def _known(self, name: str) -> dict[str, dict[str, float]]:
         """Return all poses. Raises InvalidArgument: none is called ``name``."""
@@ -158,14 +145,3 @@ class Poses:
         if name not in poses:
             raise InvalidArgument(unknown_name("pose", name, poses))
         return poses
-
-    def _group_of(self, joints: Mapping[str, float]) -> JointGroup:
-        """Return the group that has exactly ``joints``. Raises InvalidArgument: none has."""
-        found = list(self._robot.groups.values())
-        for group in found:
-            if group.joint_names and set(group.joint_names) == joints.keys():
-                return group
-        own = {joint for group in found for joint in group.joint_names}
-        if unknown := [joint for joint in joints if joint not in own]:
-            raise InvalidArgument(f"the robot has no joint {', '.join(unknown)}")
-        raise InvalidArgument(f"{', '.join(joints)} are not all joints of one group")

@@ -151,7 +151,7 @@ class ProgramCheck:
     def _check_names(self, do: Do) -> None:
         """Check what a step names, wherever the arm is."""
         step, keys = do.step, do.keys
-        if is_motion(step) and step.move is None:
+        if step.needs_tool:
             self._try(keys, self._planner.need_tool)
         if step.tool is not None:
             name = step.tool

@@ -110,6 +110,12 @@ class Program:
         """Number of steps; those of blocks count where they are called."""
         return sum(isinstance(instruction, Do) for instruction in self.instructions)
 
+    @property
+    def paths(self) -> set[str]:
+        """Names of the recorded paths that it plays."""
+        steps = [code.step.path for code in self.instructions if isinstance(code, Do)]
+        return {path.name for path in steps if path is not None and path.name is not None}
+
     def problem(self, keys: Keys, text: str) -> DescriptorError:
         """Return an error of a key, with file and line."""
         return problem(self.tree, keys, text)

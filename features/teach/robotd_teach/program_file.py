@@ -10,6 +10,8 @@ from pydantic import BeforeValidator, Field
 
 from robotd.api.features import Name, NotNegative, Section, SectionProblem
 from robotd.api.models import YamlNode, parse_yaml, validate
+from robotd_teach.path_motion import PathTiming
+from robotd_teach.paths import Playback
 
 DEFAULT_SPEED = 0.2
 MAX_TIME_S = 86_400.0
@@ -85,11 +87,41 @@ class Arc(Section):
 
 
 class Path_(Section):  # noqa: N801 - beside that of pathlib
-    """Straight lines of the tool through several targets, each from the one before."""
+    """Straight lines of the tool through targets, or a recorded path: exactly one of both.
 
-    through: Annotated[list[Target], Field(min_length=1)]
-    blend_m: NotNegative = 0.0
+    Attributes:
+        through: targets, each seen from the one before.
+        blend_m: rounds the corners of ``through``.
+        name: of a recorded path; the keys below belong to it.
+        timing: what ``speed`` is a part of.
+        reverse: from its end to its start.
+        begin: part of its time that is left out first.
+        approach: the joints go to where it begins first; otherwise they have to be there.
+    """
+
+    through: Annotated[list[Target], Field(min_length=1)] | None = None
+    blend_m: NotNegative | None = None
+    name: str | None = None
+    timing: Literal["recorded", "limits"] | None = None
+    reverse: bool | None = None
+    begin: Annotated[float, Field(ge=0.0, lt=1.0)] | None = Field(None, alias="from")
+    approach: bool | None = None
     speed: Speed | None = None
+
+    def problems(self) -> Iterator[SectionProblem]:
+        yield from _one_of(self, ("through", "name"))
+        if self.name is not None and self.blend_m is not None:
+            yield ("blend_m",), "belongs to `through`", self.blend_m
+        for key, value in _given(self, ("timing", "reverse", "begin", "approach")):
+            if self.name is None:
+                yield (key,), "belongs to `name`", value
+
+    def playback(self, speed: float) -> Playback:
+        """Return how a recorded path is played; ``speed``: of the program."""
+        timing = PathTiming(self.timing or PathTiming.RECORDED)
+        of_limits = speed if timing is PathTiming.LIMITS else None
+        chosen = of_limits if self.speed is None else self.speed
+        return Playback(chosen, timing, bool(self.reverse), self.begin or 0.0)
 
 
 class SetGripper(Section):
@@ -182,6 +214,12 @@ class Step(Section):
 
     def problems(self) -> Iterator[SectionProblem]:
         yield from _one_of(self, tuple(type(self).model_fields))
+
+    @property
+    def needs_tool(self) -> bool:
+        """It moves the tool on a way of its own, not the joints on theirs."""
+        is_recorded = self.path is not None and self.path.name is not None
+        return self.kind in ("line", "arc", "path") and not is_recorded
 
     @property
     def kind(self) -> str:

@@ -12,13 +12,16 @@ from robotd.api import (
     FloatArray,
     InvalidArgument,
     NotReady,
-    Operation,
     Unsupported,
     unknown_name,
 )
 from robotd.api.robots import Robot
-from robotd_teach.joint_groups import joint_group
-from robotd_teach.program_file import ProgramFile, Step, Target
+from robotd_teach.joint_groups import beyond_limits, commands_at_rest, joint_group
+from robotd_teach.path_curve import PathCurve
+from robotd_teach.path_file import PathFile
+from robotd_teach.path_motion import require_at_start
+from robotd_teach.paths import Paths
+from robotd_teach.program_file import Path_, ProgramFile, Step, Target
 from robotd_tool_space.arcs import arc_poses
 from robotd_tool_space.joint_path import solve_at_once, trace_path
 from robotd_tool_space.kinematics import Kinematics
@@ -34,7 +37,6 @@ from robotd_tool_space.tool_motion import (
 )
 from robotd_tool_space.tool_path import ToolPath
 
-BY_DEVICE = (Operation.POSITION, Operation.VELOCITY, Operation.HOMING)
 SAMPLE_RAD = 0.02  # between two positions of a move that are checked for collisions, rad or m
 
 JointsByName = Mapping[str, float]
@@ -62,6 +64,7 @@ class StepPlanner:
         robot: that moves.
         file: the program's.
         taught: poses of the robot by name.
+        paths: recorded ones by name, as far as the program plays them.
 
     Attributes:
         group: joint group that moves.
@@ -70,8 +73,14 @@ class StepPlanner:
     Raises InvalidArgument: no such joint group, or several and none is named.
     """
 
-    def __init__(self, robot: Robot, file: ProgramFile, taught: Mapping[str, JointsByName]) -> None:
-        self._robot, self._file, self._taught = robot, file, taught
+    def __init__(
+        self,
+        robot: Robot,
+        file: ProgramFile,
+        taught: Mapping[str, JointsByName],
+        paths: Mapping[str, PathFile],
+    ) -> None:
+        self._robot, self._file, self._taught, self._paths = robot, file, taught, paths
         self.group = joint_group(robot, file.group)
         self.tool: RobotTool | None = None
         self.reason = ""
@@ -82,13 +91,7 @@ class StepPlanner:
 
     def here(self) -> Place:
         """Return where the arm rests. Raises NotReady: it moves, or that is not known."""
-        group, image = self.group, self._robot.image.copy()
-        operations = image.operation.tolist()
-        if group.motion.moving or any(operations[axis] in BY_DEVICE for axis in group.joint_axes):
-            raise NotReady("the joints move")
-        positions = group.motion.command()
-        if not np.isfinite(positions).all():
-            raise NotReady("the positions of the joints are not known")
+        positions = commands_at_rest(self._robot, self.group)
         if self.tool is None:
             return Place(positions)
         return Place(positions, self.tool.tool_name, self.tool.work_frame_name)
@@ -98,6 +101,9 @@ class StepPlanner:
         start, limits = self._start(place), self.group.follower.limits
         if step.move is not None:
             return plan_fast_motion(limits, start, self._goal(step.move, place), self._speed(step))
+        if step.path is not None and step.path.name is not None:
+            curve = self._recorded(step.path, step.path.name, start)
+            return step.path.playback(self._file.speed).plan(curve, limits, start).motion
         kinematics, poses, blend_m = self._lines(step, place)
         speed = self.need_tool().speed.scaled(self._speed(step))
         return plan_lines(kinematics, limits, start, poses, speed, blend_m, solve_at_once)
@@ -105,7 +111,7 @@ class StepPlanner:
     def rest(self, step: Step, place: Place, motion: ToolMotion, time_s: float) -> ToolMotion:
         """Return what is left of the motion of a step from ``time_s`` on, from rest."""
         limits = self.group.follower.limits
-        if step.move is not None:
+        if not step.needs_tool:
             return rest_of(motion, limits, time_s)
         tool = self.need_tool()
         speed = tool.speed.scaled(self._speed(step))
@@ -116,11 +122,13 @@ class StepPlanner:
 
         Raises InvalidArgument, Unsupported: the reason why it cannot be executed.
         """
-        start, limits = self._start(place), self.group.follower.limits
+        start = self._start(place)
         if step.move is not None:
             goal = self._goal(step.move, place)
-            count = int(np.ceil(np.abs(goal - start).max() / SAMPLE_RAD)) + 1
-            return np.linspace(start, goal, count + 1)
+            return _straight(start, goal)
+        if step.path is not None and step.path.name is not None:
+            places = self._recorded(step.path, step.path.name, start).positions
+            return np.vstack([_straight(start, places[0]), places])
         kinematics, poses, blend_m = self._lines(step, place)
         speed = self.need_tool().speed.scaled(self._speed(step))
         first = kinematics.forward(start)
@@ -130,7 +138,7 @@ class StepPlanner:
         if not path.pieces:
             return start[None]
         found = trace_path(kinematics, path, start)
-        self._require_within(found[-1], limits.lower, limits.upper)
+        self._require_within(found[-1])
         return found
 
     def need_tool(self) -> RobotTool:
@@ -158,6 +166,19 @@ class StepPlanner:
             raise InvalidArgument(f"{text} (joints of the group: {', '.join(own)})")
         return np.array([float(joints[name]) for name in own])
 
+    def _recorded(self, step: Path_, name: str, start: FloatArray) -> PathCurve:
+        """Return the curve of a recorded path. Raises InvalidArgument: it cannot be played here."""
+        if name not in self._paths:
+            raise InvalidArgument(unknown_name("path", name, self._robot.feature(Paths).all()))
+        path, limits = self._paths[name], self.group.follower.limits
+        if problem := self._robot.feature(Paths).problem(path):
+            raise InvalidArgument(f"path {name} cannot be played: {problem}")
+        self.checked_pose(f"path {name}", dict.fromkeys(path.joints, 0.0))
+        curve = step.playback(self._file.speed).curve(path, limits)
+        if not step.approach:
+            require_at_start(limits, start, curve.positions[0])
+        return curve
+
     def _start(self, place: Place) -> FloatArray:
         if place.positions is None:
             raise NotReady("the positions of the joints are not known")
@@ -169,13 +190,13 @@ class StepPlanner:
 
     def _goal(self, target: Target, place: Place) -> FloatArray:
         """Return the positions (n,) of a target."""
-        limits, start = self.group.follower.limits, self._start(place)
+        start = self._start(place)
         goal = self._joint_goal(target, start)
         if goal is None:
             kinematics = self.need_tool().kinematics_of(place.tool)
             pose = self._pose(target, kinematics.forward(start), kinematics, place)
             goal = kinematics.inverse(pose, start)
-        self._require_within(goal, limits.lower, limits.upper)
+        self._require_within(goal)
         return goal
 
     def _joint_goal(self, target: Target, start: FloatArray) -> FloatArray | None:
@@ -191,13 +212,9 @@ class StepPlanner:
             goal[names.index(name)] = position
         return goal
 
-    def _require_within(self, goal: FloatArray, lower: FloatArray, upper: FloatArray) -> None:
-        outside = np.flatnonzero((goal < lower) | (goal > upper)).tolist()
-        if outside:
-            (joint, *_), units = outside, self.group.follower.limits.units
-            name, limits = self.group.joint_names[joint], f"{lower[joint]:g} to {upper[joint]:g}"
-            at = f"{name} would be at {goal[joint]:.4f}"
-            raise InvalidArgument(f"{at}, its limits are {limits} {units[joint]}")
+    def _require_within(self, goal: FloatArray) -> None:
+        if text := beyond_limits(self.group.follower.limits, goal):
+            raise InvalidArgument(text)
 
     def _lines(self, step: Step, place: Place) -> tuple[Kinematics, Sequence[FloatArray], float]:
         """Return the poses in the base that the tool goes through, and how far they are rounded."""
@@ -209,12 +226,12 @@ class StepPlanner:
             via = self._pose(step.arc.via, first, kinematics, place)
             end = self._pose(step.arc.to, first, kinematics, place)
             return kinematics, *arc_poses(first, via, end)
-        if step.path is None:
+        if step.path is None or step.path.through is None:
             raise InvalidArgument(f"{step.kind} is no motion")
         poses = [first]
         for target in step.path.through:
             poses.append(self._pose(target, poses[-1], kinematics, place))
-        return kinematics, poses[1:], step.path.blend_m
+        return kinematics, poses[1:], step.path.blend_m or 0.0
 
     def _pose(
         self, target: Target, before: FloatArray, kinematics: Kinematics, place: Place
@@ -236,6 +253,12 @@ class StepPlanner:
         moved[:3, :3] = way[:3, :3] @ pose[:3, :3]
         moved[:3, 3] = pose[:3, 3] + way[:3, 3]
         return work_frame @ moved
+
+
+def _straight(start: FloatArray, goal: FloatArray) -> FloatArray:
+    """Return positions (k, n) from one place to another."""
+    count = int(np.ceil(np.abs(goal - start).max() / SAMPLE_RAD)) + 1
+    return np.linspace(start, goal, count + 1)
 
 
 def _pose_of(values: Mapping[str, float]) -> FloatArray:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from robotd.api import NotReady, OperationError
 from robotd.api.robots import Robot
 from robotd_shared.pose_file import read_poses
+from robotd_teach.paths import Paths
 from robotd_teach.poses import Poses
 from robotd_teach.program_check import ProgramCheck
 from robotd_teach.program_code import Program
@@ -60,7 +61,8 @@ class Programs:
 
     def __init__(self, robot: Robot) -> None:
         self.on_change: Callable[[], None] = lambda: None
-        self._robot, self._poses = robot, robot.feature(Poses)
+        self._robot = robot
+        self._poses, self._paths = robot.feature(Poses), robot.feature(Paths)
         self._run: ProgramRun | None = None
         self._busy = threading.Lock()  # held while a program is checked and executed
         self._active: ProgramRun | None = None  # in execution
@@ -214,9 +216,10 @@ class Programs:
     def _checked(self, program: Program, wait: Callable[[], None]) -> StepPlanner:
         """Return the planner of a program that has passed its check."""
         taught = read_poses(self._poses.path)
-        planner = StepPlanner(self._robot, program.file, taught)
+        paths = self._paths.read(program.paths)
+        planner = StepPlanner(self._robot, program.file, taught, paths)
         place = planner.here()
-        subject = program.path, program.text, taught, _numbers(place)
+        subject = program.path, program.text, taught, paths, _numbers(place)
         if subject != self._passed:
             ProgramCheck(self._robot, program, planner, wait).run(place)
             self._passed = subject

@@ -16,8 +16,10 @@ behind a corner as the moving average reaches, so that they hold for the average
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 
@@ -30,6 +32,21 @@ ACROSS, ALONG = 0.8, 0.6  # parts of the tool's acceleration in a corner: 0.8² 
 MIN_SPEED = 1e-9
 NO_BEND = 1e-9
 MAX_DURATION_S = 3600.0
+
+
+class Curve(Protocol):
+    """Joint positions over a parameter, as samples and between them; see ``JointPath``."""
+
+    @property
+    def at_s(self) -> FloatArray: ...
+
+    @property
+    def positions(self) -> FloatArray: ...
+
+    @property
+    def slopes(self) -> FloatArray: ...
+
+    def exact(self, at_s: FloatArray) -> tuple[FloatArray, FloatArray]: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,31 +92,81 @@ def time_path(
     stops = [int(np.abs(at_s - edges[piece + 1]).argmin()) for piece in joints.path.stops]
     rests = np.array([0, *sorted(stops), len(at_s) - 1])
     slope = np.hstack([joints.slopes, np.ones((len(at_s), 1))])
-    bend = np.hstack([_bends(joints, rests), np.zeros((len(at_s), 1))])
+    bend = np.hstack([_bends(at_s, joints.slopes, rests), np.zeros((len(at_s), 1))])
     caps, near = _corner_caps(joints, speed, smooth_s)
     along = speed.acceleration_s * np.where(near, ALONG, 1.0)
     limit = np.hstack([np.tile(acceleration, (len(at_s), 1)), along[:, None]])
-    speeds = np.append(velocity, 1.0)
-    highest = np.minimum(_highest(slope, bend, speeds, limit), caps)
+    highest = np.minimum(_highest(slope, bend, np.append(velocity, 1.0), limit), caps)
+    return _fastest(at_s, rests, slope, bend, highest, limit, smooth_s)
+
+
+def time_curve(
+    curve: Curve,
+    stops: Sequence[int],
+    velocity: FloatArray,
+    acceleration: FloatArray,
+    caps: FloatArray,
+    smooth_s: float,
+) -> Timing:
+    """Return the fastest timing of a curve of the joints that starts and ends at rest.
+
+    Args:
+        curve: equidistant samples nearly; its slopes at a stop are those behind it.
+        stops: inner samples at which it rests, increasing.
+        velocity, acceleration: (n,) limits of the joints.
+        caps: (k,) highest speeds of the parameter.
+        smooth_s: duration of the moving average.
+
+    Raises InvalidArgument: it takes more than an hour.
+    """
+    at_s, slope = curve.at_s, curve.slopes
+    rests = np.array([0, *stops, len(at_s) - 1])
+    bend = _bends(at_s, slope, rests)
+    limit = np.tile(acceleration, (len(at_s), 1))
+    highest = np.minimum(_highest(slope, bend, velocity, limit), caps**2)
+    return _fastest(at_s, rests, slope, bend, _widened(at_s, highest, smooth_s), limit, smooth_s)
+
+
+def _fastest(
+    at_s: FloatArray,
+    rests: IntArray,
+    slope: FloatArray,
+    bend: FloatArray,
+    highest: FloatArray,
+    limit: FloatArray,
+    smooth_s: float,
+) -> Timing:
+    """Return the fastest timing below the squared speeds ``highest`` (k,)."""
     highest[rests] = 0.0
     rates = np.sqrt(_passes(at_s, slope, bend, highest, limit))
     seconds = np.diff(at_s) / np.maximum(0.5 * (rates[1:] + rates[:-1]), MIN_SPEED)
     if (total_s := seconds.sum()) > MAX_DURATION_S:  # before the memory for it is asked for
-        raise InvalidArgument(f"the line takes {total_s:.0f} s, at most {MAX_DURATION_S:g} s")
+        raise InvalidArgument(f"the motion takes {total_s:.0f} s, at most {MAX_DURATION_S:g} s")
     parts = [slice(first, last + 1) for first, last in pairwise(rests.tolist())]
     return _joined([_smoothed(at_s[part], rates[part], smooth_s) for part in parts])
 
 
-def _bends(joints: JointPath, rests: IntArray) -> FloatArray:
+def _widened(at_s: FloatArray, highest: FloatArray, smooth_s: float) -> FloatArray:
+    """Return squared speeds whose minima hold as far around them as the moving average reaches."""
+    inner = (highest[1:-1] <= highest[:-2]) & (highest[1:-1] <= highest[2:])
+    result = highest.copy()
+    for index in (np.flatnonzero(inner) + 1).tolist():
+        reach = smooth_s * np.sqrt(highest[index])
+        first, last = np.searchsorted(at_s, [at_s[index] - reach, at_s[index] + reach])
+        np.minimum(result[first:last], highest[index], out=result[first:last])
+    return result
+
+
+def _bends(at_s: FloatArray, slopes: FloatArray, rests: IntArray) -> FloatArray:
     """Return the second derivatives (k, n) of the positions by the parameter.
 
     The slope at a stop is that behind it: it does not count for the part before.
     """
-    bends = np.empty_like(joints.slopes)
+    bends = np.empty_like(slopes)
     edges = rests.copy()
     edges[-1] += 1
     for first, last in pairwise(edges.tolist()):
-        bends[first:last] = np.gradient(joints.slopes[first:last], joints.at_s[first:last], axis=0)
+        bends[first:last] = np.gradient(slopes[first:last], at_s[first:last], axis=0)
     return bends
 
 

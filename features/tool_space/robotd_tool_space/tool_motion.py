@@ -13,7 +13,7 @@ from robotd.api.robots import JointLimits, RateBounds, TrajectoryRequest
 from robotd_tool_space.joint_path import JointPath, hermite, solve_path
 from robotd_tool_space.kinematics import Kinematics, Obstacle, Unreachable
 from robotd_tool_space.rotations import pose_differences
-from robotd_tool_space.timing import Timing, time_path
+from robotd_tool_space.timing import Curve, Timing, time_path
 from robotd_tool_space.tool_path import ToolPath, ToolSpeed
 
 KNOT_S = 0.05  # between points of the trajectory
@@ -112,7 +112,7 @@ def plan_lines(
     )
     knot_s = max(KNOT_S, timing.times_s[-1] / MAX_KNOTS)
     while True:
-        motion = _within_limits(_knots(joints, timing, knot_s), limits)
+        motion = within_limits(knots(joints, timing, knot_s), limits)
         times_s, tool = _tool_poses(kinematics, motion)
         off_m, off_rad = _deviation(joints, timing, times_s, tool)
         if off_m <= PLANNED_SHARE * LINE_TOLERANCE_M and (
@@ -199,7 +199,7 @@ def _in_time(
     motion = ToolMotion(
         duration_s * parts, start + place[:, None] * way, rate[:, None] * way, path_s=duration_s
     )
-    return _within_limits(motion, limits)
+    return within_limits(motion, limits)
 
 
 def _quintic(parts: FloatArray) -> FloatArray:
@@ -232,7 +232,7 @@ def rest_of(motion: ToolMotion, limits: JointLimits, time_s: float) -> ToolMotio
     if end_s - time_s < FINEST_KNOT_S:
         return ToolMotion(
             np.array([0.0, KNOT_S]),
-            np.stack([_sampled(motion, np.array([time_s]))[0][0], motion.positions[-1]]),
+            np.stack([sampled(motion, np.array([time_s]))[0][0], motion.positions[-1]]),
             np.zeros((2, motion.positions.shape[1])),
         )
     # The path's own time passes from 0 to its rate linearly; the area below is half of the ramp.
@@ -245,12 +245,12 @@ def rest_of(motion: ToolMotion, limits: JointLimits, time_s: float) -> ToolMotio
     times_s = np.concatenate([since_s, later - passed_s[-1] + since_s[-1]])
     passed_s = np.concatenate([passed_s, later])
     rates = np.concatenate([rates, np.ones(len(later))])
-    positions, velocities = _sampled(motion, passed_s)
+    positions, velocities = sampled(motion, passed_s)
     velocities *= rates[:, None]
     if not len(later):
         positions[-1] = motion.positions[-1]
     velocities[-1] = 0.0
-    return _within_limits(ToolMotion(times_s, positions, velocities, path_s=times_s[-1]), limits)
+    return within_limits(ToolMotion(times_s, positions, velocities, path_s=times_s[-1]), limits)
 
 
 def place_on(motion: ToolMotion, positions: FloatArray, time_s: float, reach_s: float) -> float:
@@ -261,18 +261,18 @@ def place_on(motion: ToolMotion, positions: FloatArray, time_s: float, reach_s: 
     for step_s in (CHECK_S, 0.01 * CHECK_S):
         first_s, last_s = max(time_s - reach_s, 0.0), min(time_s + reach_s, motion.duration_s)
         times_s = np.linspace(first_s, last_s, max(int((last_s - first_s) / step_s), 1) + 1)
-        away = np.abs(_sampled(motion, times_s)[0] - positions).max(axis=1)
+        away = np.abs(sampled(motion, times_s)[0] - positions).max(axis=1)
         time_s, reach_s = float(times_s[away.argmin()]), CHECK_S
     return time_s
 
 
 def positions_at(motion: ToolMotion, time_s: float) -> FloatArray:
     """Return the positions (n,) of a motion at one time."""
-    found: FloatArray = _sampled(motion, np.array([time_s]))[0][0]
+    found: FloatArray = sampled(motion, np.array([time_s]))[0][0]
     return found
 
 
-def _sampled(motion: ToolMotion, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+def sampled(motion: ToolMotion, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return positions and velocities, (k, n) each, at times (k,)."""
     index = np.clip(
         np.searchsorted(motion.times_s, times_s, "right") - 1, 0, len(motion.times_s) - 2
@@ -294,13 +294,23 @@ def _standing(start: FloatArray) -> ToolMotion:
     return ToolMotion(np.array([0.0, KNOT_S]), np.tile(start, (2, 1)), np.zeros((2, len(start))))
 
 
-def _knots(joints: JointPath, timing: Timing, knot_s: float) -> ToolMotion:
+def knots(joints: Curve, timing: Timing, knot_s: float) -> ToolMotion:
+    """Return points of a curve with a timing, at most ``knot_s`` apart."""
+    return knots_at(joints, timing, knot_times(timing, knot_s))
+
+
+def knot_times(timing: Timing, knot_s: float) -> FloatArray:
+    """Return times of points, at most ``knot_s`` apart, with one at each rest."""
     # A point at each stop: a cubic from before it to behind it would cut the corner.
     parts_s = []
     for begin_s, end_s in pairwise(timing.rests_s):
         count = max(int(np.ceil((end_s - begin_s) / knot_s)), 2)
         parts_s.append(np.linspace(begin_s, end_s, count + 1)[1:])
-    times_s = np.concatenate([[0.0], *parts_s])
+    return np.concatenate([[0.0], *parts_s])
+
+
+def knots_at(joints: Curve, timing: Timing, times_s: FloatArray) -> ToolMotion:
+    """Return points of a curve with a timing, at times (k,) from its begin to its end."""
     at_s, rate = timing.at(times_s)
     at_s[-1], rate[0], rate[-1] = joints.at_s[-1], 0.0, 0.0
     positions, slopes = joints.exact(at_s)
@@ -308,7 +318,7 @@ def _knots(joints: JointPath, timing: Timing, knot_s: float) -> ToolMotion:
     return ToolMotion(times_s, positions, slopes * rate[:, None])
 
 
-def _within_limits(motion: ToolMotion, limits: JointLimits) -> ToolMotion:
+def within_limits(motion: ToolMotion, limits: JointLimits) -> ToolMotion:
     """Return the motion, slower where the cubics between the points exceed a limit."""
     step = np.diff(motion.times_s)[:, None]
     chord = np.diff(motion.positions, axis=0) / step
@@ -336,7 +346,7 @@ def _tool_poses(kinematics: Kinematics, motion: ToolMotion) -> tuple[FloatArray,
     """Return times (k,), equidistant, and the poses (k, 4, 4) of the tool there."""
     count = int(min(max(motion.duration_s / CHECK_S, 50), MAX_CHECKS))
     times_s = np.linspace(0.0, motion.duration_s, count + 1)
-    return times_s, kinematics.forward(_sampled(motion, times_s)[0])
+    return times_s, kinematics.forward(sampled(motion, times_s)[0])
 
 
 def _deviation(

@@ -130,6 +130,27 @@ def move(
             canceled; the text says what came of that.
     """
     arm.check(targets)
+    positions = {**arm.positions, **targets}
+    points = {"joints": [*positions], "times_s": [time_s], "positions": [[*positions.values()]]}
+    return follow(client, arm, points, is_canceled, on_progress)
+
+
+def follow(
+    client: RosClient,
+    arm: Arm,
+    points: Mapping[str, Any],
+    is_canceled: Callable[[], bool],
+    on_progress: OnProgress,
+) -> tuple[Ending, str]:
+    """Move joints along a trajectory; return at standstill, with the robot's reason.
+
+    Args:
+        points: ``joints`` by name, ``times_s`` of each point, and ``positions`` and, where the
+            robot is to use them, ``velocities``, a row for each; rad or m.
+        is_canceled, on_progress: see ``move``.
+
+    Raises DeviceTimeout: see ``move``.
+    """
 
     def show(feedback: Any) -> None:
         passed = feedback.desired.time_from_start
@@ -138,7 +159,7 @@ def move(
         on_progress(passed_s, dict(zip(names, positions, strict=True)))
 
     run = GoalRun(client, FollowJointTrajectory, show, lambda result: str(result.error_string))
-    return run.run(arm.action, _goal({**arm.positions, **targets}, time_s), is_canceled)
+    return run.run(arm.action, _goal(points), is_canceled)
 
 
 class GoalRun:
@@ -218,15 +239,21 @@ class GoalRun:
         self._show(message.feedback)
 
 
-def _goal(positions: Positions, time_s: float) -> Any:
-    total_ns = round(time_s * NANOSECONDS)
-    point = JointTrajectoryPoint(
-        positions=list(positions.values()),
-        time_from_start=Duration(sec=total_ns // NANOSECONDS, nanosec=total_ns % NANOSECONDS),
-    )
+def _goal(points: Mapping[str, Any]) -> Any:
     goal = FollowJointTrajectory.Goal()
-    goal.trajectory.joint_names = list(positions)
-    goal.trajectory.points = [point]
+    goal.trajectory.joint_names = list(points["joints"])
+    positions = points["positions"]
+    rows = zip(
+        points["times_s"], positions, points.get("velocities", [[]] * len(positions)), strict=True
+    )
+    for time_s, position, velocity in rows:
+        seconds, nanoseconds = divmod(round(time_s * NANOSECONDS), NANOSECONDS)
+        time_from_start = Duration(sec=seconds, nanosec=nanoseconds)
+        goal.trajectory.points.append(
+            JointTrajectoryPoint(
+                positions=position, velocities=velocity, time_from_start=time_from_start
+            )
+        )
     return goal
 
 

@@ -205,7 +205,7 @@ def test_a_line_of_years_is_rejected_before_it_fills_the_memory() -> None:
     arm = Arm("cr3a")
     slow = ToolSpeed(1e-9, 1.0, 1.0)
     target = arm.moved([0.0, 0.0, -0.05])
-    with pytest.raises(InvalidArgument, match=r"the line takes 5\d{7} s, at most 3600 s"):
+    with pytest.raises(InvalidArgument, match=r"the motion takes 5\d{7} s, at most 3600 s"):
         plan_lines(arm.kinematics, arm.limits, arm.start, [target], slow)
 
 
