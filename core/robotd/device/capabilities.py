@@ -21,6 +21,7 @@ class Capability(StrEnum):
     - TORQUE_MODE: torque setpoints (``AxisDriver.stream_torque``), in a mode of their own
       (``set_command_mode``).
     - HAND_GUIDING: a person can move the axes by hand (``AxisDriver.begin_guiding``).
+    - FALLS_WHEN_GUIDED: with HAND_GUIDING: nothing carries guided axes, somebody has to hold them.
     - HOMING: the present position can become zero (``home``).
     - SCALING: gear ratio and polarity change at run time (``set_gear_ratio``, ``set_polarity``).
     - PARAMETERS_FILE: the device takes a parameter file (``DeviceDriver.load_parameters``,
@@ -47,6 +48,7 @@ class Capability(StrEnum):
     VELOCITY_MODE = "velocity_mode"
     TORQUE_MODE = "torque_mode"
     HAND_GUIDING = "hand_guiding"
+    FALLS_WHEN_GUIDED = "falls_when_guided"
     HOMING = "homing"
     PARAMETERS_FILE = "parameters_file"
     SCALING = "scaling"

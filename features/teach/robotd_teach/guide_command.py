@@ -19,6 +19,7 @@ from robotd_teach.status_line import StatusLine
 
 @click.command("guide", epilog=ROS_EPILOG)
 @click.option("--group", default="", metavar="NAME", help="Joint group, where there are several.")
+@click.option("--held", is_flag=True, help="Somebody holds the arm, which may have no torque.")
 @click.option(
     "--max-speed",
     type=NumberRange(0.1, 10.0),
@@ -46,16 +47,17 @@ from robotd_teach.status_line import StatusLine
 )
 @client_options
 def guide(
-    timeout_s: float, *, group: str, max_speed: float, for_s: float, lease_s: float
+    timeout_s: float, *, group: str, held: bool, max_speed: float, for_s: float, lease_s: float
 ) -> ExitCode:
     """Let the joints be moved by hand, until Ctrl-C.
 
-    An arm with serial servos has no torque meanwhile: hold it before you begin. At the end the
-    joints are held where they are. A stop, a pause, a fault, a joint that is moved too fast, the
-    end of the time, and the loss of this command or of the robot end it, too.
+    An arm with serial servos has no torque meanwhile: hold it before you begin, and say so with
+    --held. At the end the joints are held where they are. A stop, a pause, a fault, a joint that
+    is moved too fast, the end of the time, and the loss of this command or of the robot end it,
+    too.
     """
     client_module = import_ros("robotd_teach.guide_client")
-    values = {"group": group, "max_speed": max_speed, "timeout_s": for_s}
+    values = {"group": group, "held": held, "max_speed": max_speed, "timeout_s": for_s}
     with robot_client(timeout_s) as client:
         require_one_robot(client)
         show = _Positions()

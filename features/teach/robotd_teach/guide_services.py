@@ -25,6 +25,7 @@ def add_guide_services(context: NodeContext, guiding: HandGuiding) -> None:
     def begin(request: Any, response: Any) -> str:
         return guiding.begin(
             request.group,
+            held=request.held,
             max_speed=request.max_speed or MAX_SPEED,
             timeout_s=request.timeout_s or TIMEOUT_S,
             lease_s=request.lease_s or LEASE_S,

@@ -12,6 +12,7 @@ import numpy as np
 
 from robotd.api import (
     NANOSECONDS,
+    Capability,
     FloatArray,
     InvalidArgument,
     NotReady,
@@ -31,6 +32,7 @@ SHORTEST_WINDOW_S = 0.04  # of positions that show a speed
 REST_TIMEOUT_S = 5.0  # of joints that are to be held
 OPERATOR = "by the operator"
 GUIDING = int(Operation.GUIDING)
+NOT_HELD = "the arm has no torque while it is guided, and falls: hold it, and say so (--held)"
 log = get_logger("guiding")
 
 
@@ -67,6 +69,7 @@ class HandGuiding:
         self,
         group: str = "",
         *,
+        held: bool = False,
         max_speed: float = MAX_SPEED,
         timeout_s: float = TIMEOUT_S,
         lease_s: float | None = None,
@@ -75,6 +78,7 @@ class HandGuiding:
 
         Args:
             group: joint group; "": the only one.
+            held: somebody holds the arm; without effect where something carries it.
             max_speed: of each joint, rad/s or m/s, 0.1 to 10, and at most its velocity limit.
             timeout_s: after which it ends, 1 to 3600.
             lease_s: time without ``keep`` after which it ends, 0.2 to 60; None: none is needed.
@@ -82,13 +86,15 @@ class HandGuiding:
         Raises:
             InvalidArgument: no such group, or a value out of its range.
             Unsupported: the backend has no hand guiding.
-            NotReady: a joint cannot be guided now, or moves.
+            NotReady: a joint cannot be guided now, or moves; nobody holds an arm that would fall.
         """
         _require("max_speed", max_speed, 0.1, 10.0)
         _require("timeout_s", timeout_s, 1.0, 3600.0)
         if lease_s is not None:
             _require("lease_s", lease_s, 0.2, 60.0)
         joints = joint_group(self._robot, group)
+        if Capability.FALLS_WHEN_GUIDED in self._robot.capabilities and not held:
+            raise NotReady(NOT_HELD)
         with self._lock:
             if self._session is not None and not self._session.reason:
                 raise NotReady("joints are guided by hand already: end that first")
@@ -146,10 +152,15 @@ class HandGuiding:
 
     @contextmanager
     def guided(
-        self, group: str = "", *, max_speed: float = MAX_SPEED, timeout_s: float = TIMEOUT_S
+        self,
+        group: str = "",
+        *,
+        held: bool = False,
+        max_speed: float = MAX_SPEED,
+        timeout_s: float = TIMEOUT_S,
     ) -> Iterator[None]:
         """Guide in the block, and hold the joints after it; see ``begin`` and ``end``."""
-        self.begin(group, max_speed=max_speed, timeout_s=timeout_s)
+        self.begin(group, held=held, max_speed=max_speed, timeout_s=timeout_s)
         try:
             yield
         finally:

@@ -35,6 +35,7 @@ def robotd_backend() -> BackendInfo:
             {
                 Capability.VELOCITY_MODE,  # by ProfiledAxes
                 Capability.HAND_GUIDING,  # with torque off
+                Capability.FALLS_WHEN_GUIDED,
                 Capability.STATISTICS,
                 Capability.DEVICE_WATCHDOG,  # a servo stops at its last goal, which is near
             }

@@ -215,6 +215,20 @@ def test_one_arm_of_two_is_guided_while_the_other_works() -> None:
         assert robot.image.position[first.joint_axes[0]] == pytest.approx(0.1, abs=2e-3)
 
 
+def test_an_arm_that_falls_is_guided_only_if_somebody_holds_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    falls = robotd_sim.CAPABILITIES | {Capability.FALLS_WHEN_GUIDED}
+    monkeypatch.setattr(robotd_sim, "CAPABILITIES", falls)
+    with open_robot("cr3a", "sim", clock=SteppedClock()) as robot:
+        guiding = robot.feature(HandGuiding)
+        with pytest.raises(NotReady, match=r"falls: hold it, and say so \(--held\)$"):
+            guiding.begin()
+        assert operations(robot) == {Operation.IDLE}
+        with guiding.guided(held=True):
+            assert operations(robot) == {Operation.GUIDING}
+
+
 def test_a_backend_without_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     without = robotd_sim.CAPABILITIES - {Capability.HAND_GUIDING}
     monkeypatch.setattr(robotd_sim, "CAPABILITIES", without)
