@@ -61,9 +61,7 @@ class CanopenBench(Bench):
         name = f"witness-{next(_numbers)}"
         self.line = Line(name, lambda: self.clock.now_ns() / NANOSECONDS)
         self._interface = "keeping" if keeps else "witness"
-        if keeps:
-            for judge in self.judges:
-                judge.may_wait = LATE_SETPOINTS
+        self._let_wait()
         self.numbers: Sequence[int] = range(FIRST_NODE, FIRST_NODE + len(self.judges))
         self.drives: list[TappedDrive] = []
         for axis, node in enumerate(self.numbers):
@@ -108,8 +106,15 @@ class CanopenBench(Bench):
         nodes = [self.numbers[axis] for axis in axes]
         self.line.cut(seconds, nodes, deaf=how != "answers", mute=how != "commands")
 
+    def _let_wait(self) -> None:
+        for judge in self.judges:
+            judge.may_wait = LATE_SETPOINTS if self._interface == "keeping" else 0
+
     def delay(self, seconds: float, delay_s: float, axes: Sequence[int] = ()) -> None:
         self.line.delay(seconds, delay_s, [self.numbers[axis] for axis in axes])
+        if self._interface == "keeping":  # late answers count as those of SYNCs that wait
+            for judge in self.judges:
+                judge.may_wait = LATE_SETPOINTS + round(delay_s / judge.period_s)
 
     def block(self, seconds: float) -> None:
         self.line.block(seconds)
@@ -129,6 +134,7 @@ class CanopenBench(Bench):
 
     def heal(self) -> None:
         self.line.heal()
+        self._let_wait()
         for drive in self.drives:
             drive.knobs.sdo_missing = 0
 

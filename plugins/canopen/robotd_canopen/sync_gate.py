@@ -17,7 +17,8 @@ class SyncGate:
     A frame that is received after a time without any begins the probes anew, at once.
 
     With the two SYNCs, three setpoints of each axis can wait at most: that of the second SYNC was
-    sent before the first was due to be answered, and one more before the second was.
+    sent before the first was due to be answered, and one more before the second was. A drive whose
+    answers are late seems to answer SYNCs that wait: for each period of its delay one more can.
 
     Args:
         period_s: of SYNC.
