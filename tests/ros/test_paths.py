@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import subprocess
@@ -10,12 +9,12 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
-from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.parameter import Parameter
+from robotd_msgs.msg import SavedPaths
+from robotd_msgs.srv import BeginPath, DeletePath, KeepPath, PlanPath, RenamePath
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from tests.ros.robot_process import LATCHED, Client, RobotProcess, connected, wait_until
 from tests.ros.test_client_commands import WAIT_S, positions, robotd
@@ -81,9 +80,9 @@ def wipe(arm: RobotProcess, client: Client) -> None:
 def test_a_recorded_jog_is_played_reversed_and_stopped_in_the_middle(
     arm: RobotProcess, client: Client, wipe: None
 ) -> None:
-    told = client.listen(String, "/robotd/paths", LATCHED)
-    wait_until(lambda: told and list(json.loads(told[-1].data)) == ["wipe"], "the path")
-    assert json.loads(told[-1].data)["wipe"]["problem"] == ""
+    told = client.listen(SavedPaths, "/robotd/paths", LATCHED)
+    wait_until(lambda: told and [path.name for path in told[-1].paths] == ["wipe"], "the path")
+    assert (told[-1].paths[0].problem, told[-1].paths[0].joints[0]) == ("", "joint1")
     code, output, error = robotd(arm.domain, "path", "play", "wipe", "--reverse", *PATIENT)
     assert code == 0, error
     assert "goal reached after " in output
@@ -126,35 +125,37 @@ def test_what_cannot_be_is_named(arm: RobotProcess, wipe: None) -> None:
 
 
 def test_services_record_and_say_what_is_wrong(arm: RobotProcess, client: Client) -> None:
-    def call(service: str, **values: object) -> tuple[bool, str]:
-        parameters = [
-            Parameter(key.rstrip("_"), value=value).to_parameter_msg()
-            for key, value in values.items()
-        ]
-        service = f"/robotd/paths/{service}"
-        result = client.call(SetParametersAtomically, service, parameters=parameters).result
-        return result.successful, result.reason
+    def call(service_type: Any, service: str, **values: object) -> Any:
+        return client.call(service_type, f"/robotd/paths/{service}", **values)
 
-    assert call("begin", name="raise")[0]
-    assert call("begin", name="other")[1].startswith("raise is being recorded")
-    state = json.loads(client.call(Trigger, "/robotd/paths/keep").message)
-    assert (state["name"], state["reason"]) == ("raise", "")
+    assert not call(KeepPath, "keep").success
+    assert call(BeginPath, "begin", name="raise").success
+    other = call(BeginPath, "begin", name="other")
+    assert (other.success, other.message.split(",")[0]) == (False, "raise is being recorded")
+    state = call(KeepPath, "keep")
+    assert (state.success, state.name, state.reason) == (True, "raise", "")
+    assert len(state.joints) == len(state.positions) == 6
     assert robotd(arm.domain, "move", "joint2=0.1")[0] == 0
-    assert client.call(Trigger, "/robotd/paths/end").message.startswith("raise: ")
-    done, answer = call("plan", name="raise", reverse=True, timing="limits", speed=0.5)
-    assert done, answer
-    plan = json.loads(answer)
-    assert plan["times_s"][0] == 0.0
-    assert len(plan["positions"]) == len(plan["velocities"]) == len(plan["times_s"])
+    assert call(Trigger, "end").message.startswith("raise: ")
+    plan = call(
+        PlanPath, "plan", name="raise", reverse=True, timing=PlanPath.Request.LIMITS, speed=0.5
+    )
+    assert plan.success, plan.message
+    first, last = plan.trajectory.points[0], plan.trajectory.points[-1]
+    second = plan.trajectory.joint_names.index("joint2")
+    assert (first.time_from_start.sec, first.time_from_start.nanosec) == (0, 0)
+    assert first.positions[second] == pytest.approx(0.1, abs=3e-3)
+    assert last.positions[second] < 0.05
+    assert [*last.velocities] == [0.0] * 6
+    assert (len(plan.parts), plan.parts[-1]) == (len(plan.trajectory.points), 1.0)
     for values, reason in (
-        ({}, "name: wrong or missing"),
-        ({"timing": "slow"}, "timing is 'slow', must be recorded or limits"),
-        ({"from_": 1.5}, "from is 1.5, must be 0 to less than 1"),
-        ({"sped": 1.0}, "sped: wrong or missing; expected"),
+        ({"name": ""}, "unknown path ''"),
+        ({"timing": 7}, "timing is 7, must be 0 (RECORDED) or 1 (LIMITS)"),
+        ({"begin": 1.5}, "begin is 1.5, must be 0 to less than 1"),
+        ({"speed": float("nan")}, "speed is nan, must be 0.01 to 1"),
     ):
-        name = {"name": "raise"} if values else {}
-        done, answer = call("plan", **name, **values)
-        assert not done
-        assert reason in answer
-    assert call("rename", name="raise", new="lift")[0]
-    assert call("delete", name="lift") == (True, "lift is deleted")
+        answer = call(PlanPath, "plan", **{"name": "raise", **values})
+        assert not answer.success
+        assert reason in answer.message
+    assert call(RenamePath, "rename", name="raise", new_name="lift").success
+    assert call(DeletePath, "delete", name="lift").message == "lift is deleted"

@@ -6,7 +6,7 @@ import json
 from bisect import bisect_right
 from collections.abc import Mapping
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -27,11 +27,7 @@ from robotd_ros.commands.robot_client import (
 )
 from robotd_teach.status_line import StatusLine
 
-if TYPE_CHECKING:  # it needs rclpy
-    from robotd_ros.client.ros_client import RosClient
-
-SERVICES = "robotd/paths"
-PLAN_TIMEOUT_S = 30.0  # of a long path, on a slow computer
+CLIENT = "robotd_teach.path_client"
 
 
 @click.group("path")
@@ -50,7 +46,7 @@ def record(timeout_s: float, *, name: str, group: str, replace: bool) -> None:
     Move the arm meanwhile, by 'robotd guide', the page or any command. Standing still at both ends
     is left out. Where this command is lost the recording goes on: 'robotd path end' saves it.
     """
-    record_path = import_ros("robotd_teach.path_client").record
+    record_path = import_ros(CLIENT).record
     values = {"name": name, "group": group, "replace": replace}
     show = _Recording()
     with robot_client(timeout_s) as client:
@@ -70,7 +66,7 @@ def end(timeout_s: float) -> None:
     """End the recording under way and save its path, as Ctrl-C in 'record' does."""
     with robot_client(timeout_s) as client:
         require_one_robot(client)
-        click.echo(client.trigger(f"{SERVICES}/end"))
+        click.echo(import_ros(CLIENT).end(client))
 
 
 @path.command("list", epilog=ROS_EPILOG)
@@ -78,7 +74,7 @@ def end(timeout_s: float) -> None:
 @client_options
 def list_paths(timeout_s: float, *, as_json: bool) -> None:
     """List the paths, and what is wrong with one."""
-    paths_of = import_ros("robotd_teach.path_client").paths_of
+    paths_of = import_ros(CLIENT).paths_of
     with robot_client(timeout_s) as client:
         require_one_robot(client, prints=False)
         found = paths_of(client)
@@ -88,7 +84,7 @@ def list_paths(timeout_s: float, *, as_json: bool) -> None:
     if not found:
         click.echo("no paths: robotd path record NAME records how the joints are moved")
     rows = [
-        [name, f"{told['seconds']:.1f} s", f"{told['points']} points", ", ".join(told["joints"])]
+        [name, f"{told['duration_s']:.1f} s", f"{told['points']} points", ", ".join(told["joints"])]
         for name, told in found.items()
     ]
     for line in columns(rows):
@@ -135,12 +131,13 @@ def show_path(timeout_s: float, *, name: str, **playback: Any) -> None:
     """Show how a path would be played from where the arm is. Nothing moves."""
     with robot_client(timeout_s) as client:
         require_one_robot(client)
-        plan = _plan(client, name, approach=True, **playback)
-    click.echo(escaped(plan["text"]))
-    ends = plan["positions"][plan["parts"].count(plan["parts"][0]) - 1], plan["positions"][-1]
+        plan = import_ros(CLIENT).plan(client, name, approach=True, **playback)
+    click.echo(plan.message)
+    points = plan.trajectory.points
+    ends = points[plan.parts.count(plan.parts[0]) - 1].positions, points[-1].positions
     rows = [
         [joint, *(f"{end[index]:+z.3f}" for end in ends)]
-        for index, joint in enumerate(plan["joints"])
+        for index, joint in enumerate(plan.trajectory.joint_names)
     ]
     for line in columns([["joint", "begin", "end"], *rows]):
         click.echo(line)
@@ -161,15 +158,15 @@ def play(timeout_s: float, *, name: str, approach: bool, **playback: Any) -> Exi
     """
     with robot_client(timeout_s) as client:
         require_one_robot(client)
-        plan = _plan(client, name, approach=approach, **playback)
-        click.echo(escaped(plan["text"]))
+        plan = import_ros(CLIENT).plan(client, name, approach=approach, **playback)
+        click.echo(plan.message)
         motion = import_ros("robotd_ros.client.motion_client")
-        arm = motion.find_arm(client, plan["joints"])
+        arm = motion.find_arm(client, plan.trajectory.joint_names)
         import_ros("robotd_ros.client.operator_client").require_motion(client, arm.namespace)
         progress = _Progress(name, plan, playback["reverse"])
         with Interrupt() as interrupt:
             ending, reason = motion.follow(
-                client, arm, plan, lambda: interrupt.happened, progress.show
+                client, arm, plan.trajectory, lambda: interrupt.happened, progress.show
             )
         progress.end()
     if ending.value != "reached" and progress.passed_s:
@@ -186,7 +183,7 @@ def rename(timeout_s: float, *, name: str, new: str) -> None:
     """Give a path another name."""
     with robot_client(timeout_s) as client:
         require_one_robot(client)
-        click.echo(client.call_named(f"{SERVICES}/rename", {"name": name, "new": new}))
+        click.echo(import_ros(CLIENT).rename(client, name, new))
 
 
 @path.command("delete", epilog=ROS_EPILOG)
@@ -196,27 +193,7 @@ def delete(timeout_s: float, *, name: str) -> None:
     """Delete a path."""
     with robot_client(timeout_s) as client:
         require_one_robot(client)
-        click.echo(client.call_named(f"{SERVICES}/delete", {"name": name}))
-
-
-def _plan(
-    client: RosClient,
-    name: str,
-    *,
-    approach: bool,
-    speed: float | None,
-    timing: str,
-    reverse: bool,
-    begin: float,
-) -> dict[str, Any]:
-    values = {"name": name, "timing": timing, "reverse": reverse, "from": begin}
-    if speed is not None:
-        values["speed"] = speed
-    own_s, client.timeout_s = client.timeout_s, max(client.timeout_s, PLAN_TIMEOUT_S)
-    answer = client.call_named(f"{SERVICES}/plan", {**values, "approach": approach})
-    client.timeout_s = own_s  # of the feedback of a goal
-    plan: dict[str, Any] = json.loads(answer)
-    return plan
+        click.echo(import_ros(CLIENT).delete(client, name))
 
 
 class _Recording(StatusLine):
@@ -224,23 +201,26 @@ class _Recording(StatusLine):
 
     ended = _begun = False
 
-    def __call__(self, state: dict[str, Any]) -> None:
+    def __call__(self, state: Any) -> None:
         if not self._begun:
             self._begun = True
-            self.keep(f"{', '.join(state['joints'])} are recorded; move them, Ctrl-C ends it")
-        positions = " ".join(f"{position:+z.3f}" for position in state["joints"].values())
-        self.replace(f"{state['seconds']:.1f} s  {positions}")
-        if state["reason"]:
+            self.keep(f"{', '.join(state.joints)} are recorded; move them, Ctrl-C ends it")
+        positions = " ".join(f"{position:+z.3f}" for position in state.positions)
+        self.replace(f"{state.duration_s:.1f} s  {positions}")
+        if state.reason:
             self.ended = True
-            self.keep(f"the recording has ended: {state['reason']}")
+            self.keep(f"the recording has ended: {state.reason}")
 
 
 class _Progress(ProgressLine):
     """Shows how far a path was played."""
 
-    def __init__(self, name: str, plan: dict[str, Any], is_reverse: bool) -> None:
-        super().__init__(plan["joints"], plan["times_s"][-1])
-        self._name, self._plan, self._options = name, plan, "--reverse " if is_reverse else ""
+    def __init__(self, name: str, plan: Any, is_reverse: bool) -> None:
+        seconds = import_ros("robotd_ros.trajectory_messages").duration_s
+        self._times_s = [seconds(point.time_from_start) for point in plan.trajectory.points]
+        super().__init__(plan.trajectory.joint_names, self._times_s[-1])
+        self._name, self._parts = name, plan.parts
+        self._options = "--reverse " if is_reverse else ""
         self.passed_s = 0.0
 
     def show(self, passed_s: float, positions: Mapping[str, float]) -> None:
@@ -250,8 +230,8 @@ class _Progress(ProgressLine):
     @property
     def way_on(self) -> str:
         """Text about where a path that was ended early goes on."""
-        passed = bisect_right(self._plan["times_s"], self.passed_s) - 1
-        part = self._plan["parts"][passed]
+        passed = bisect_right(self._times_s, self.passed_s) - 1
+        part = self._parts[passed]
         options = f"{self._options}--from {part:.3f} --approach"
         return (
             f"ended at {part:.3f} of {self._name}; robotd path play {self._name} {options} goes on"

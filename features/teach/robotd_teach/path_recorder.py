@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -20,13 +21,13 @@ class RecordingState(NamedTuple):
 
     Attributes:
         name: of the path.
-        seconds: recorded.
-        joints: positions by joint, rad or m.
+        duration_s: recorded so far.
+        joints: positions by joint, rad or m; NaN before the first one is recorded.
         reason: why it has ended by itself; "" while it goes on.
     """
 
     name: str
-    seconds: float
+    duration_s: float
     joints: dict[str, float]
     reason: str
 
@@ -74,7 +75,8 @@ class PathRecording:
         """State of it."""
         count = len(self._stamps_ns)  # written after the row
         if not count:
-            return RecordingState(self.name, 0.0, {}, self.reason)
+            unknown = dict.fromkeys(self.group.joint_names, math.nan)
+            return RecordingState(self.name, 0.0, unknown, self.reason)
         seconds = (self._stamps_ns[count - 1] - self._stamps_ns[0]) / NANOSECONDS
         positions = self._rows[count - 1].tolist()
         joints = dict(zip(self.group.joint_names, positions, strict=True))

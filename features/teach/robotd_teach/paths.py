@@ -65,7 +65,7 @@ class Playback:
         if self.speed is not None and not SLOWEST <= self.speed <= 1.0:
             raise InvalidArgument(f"speed is {self.speed:g}, must be {SLOWEST:g} to 1")
         if not 0.0 <= self.begin < 1.0:
-            raise InvalidArgument(f"from is {self.begin:g}, must be 0 to less than 1")
+            raise InvalidArgument(f"begin is {self.begin:g}, must be 0 to less than 1")
 
     def curve(self, path: PathFile, limits: JointLimits) -> PathCurve:
         """Return the curve that is played. Raises InvalidArgument: nothing moves on it."""
@@ -90,7 +90,7 @@ class PathState(NamedTuple):
     """State of a path; ``problem``: why it cannot be played, "" where nothing is known."""
 
     joints: list[str]
-    seconds: float
+    duration_s: float
     points: int
     problem: str
 
@@ -152,7 +152,7 @@ class Paths:
         self._robot.connection.require_ready()
         with self._lock:
             if (current := self._recorder.current) is not None:
-                told = f"{current.name} is being recorded, {current.state.seconds:.0f} s of it"
+                told = f"{current.name} is being recorded, {current.state.duration_s:.0f} s of it"
                 raise NotReady(f"{told}: end that first (robotd path end)")
             self._require_free(name, replace=replace)
             self._recorder.current = PathRecording(name, joints, replace=replace)

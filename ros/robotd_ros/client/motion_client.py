@@ -12,20 +12,19 @@ from uuid import uuid4
 
 from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
-from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory
 from rclpy.action import ActionClient, get_action_server_names_and_types_by_node
 from rclpy.action.client import ClientGoalHandle
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectoryPoint
+from trajectory_msgs.msg import JointTrajectory
 from unique_identifier_msgs.msg import UUID
 
-from robotd.clock import NANOSECONDS
 from robotd.descriptor.group_parameters import ACTION_PARAMETER, GROUPS, JOINTS
 from robotd.errors import DeviceTimeout, InvalidArgument, OperationError, unknown_name
 from robotd_ros.client.operator_client import reason_of_silence
 from robotd_ros.client.ros_client import RosClient
+from robotd_ros.trajectory_messages import duration_s, trajectory_of
 
 JOINT_STATES = "joint_states"
 MAY_MOVE = "the arm may be moving, robotd stop stops it"
@@ -131,35 +130,34 @@ def move(
     """
     arm.check(targets)
     positions = {**arm.positions, **targets}
-    points = {"joints": [*positions], "times_s": [time_s], "positions": [[*positions.values()]]}
-    return follow(client, arm, points, is_canceled, on_progress)
+    trajectory = trajectory_of([*positions], [time_s], [[*positions.values()]])
+    return follow(client, arm, trajectory, is_canceled, on_progress)
 
 
 def follow(
     client: RosClient,
     arm: Arm,
-    points: Mapping[str, Any],
+    trajectory: JointTrajectory,
     is_canceled: Callable[[], bool],
     on_progress: OnProgress,
 ) -> tuple[Ending, str]:
     """Move joints along a trajectory; return at standstill, with the robot's reason.
 
     Args:
-        points: ``joints`` by name, ``times_s`` of each point, and ``positions`` and, where the
-            robot is to use them, ``velocities``, a row for each; rad or m.
+        trajectory: of the joints of the arm; see ``trajectory_of``.
         is_canceled, on_progress: see ``move``.
 
     Raises DeviceTimeout: see ``move``.
     """
 
     def show(feedback: Any) -> None:
-        passed = feedback.desired.time_from_start
         names, positions = feedback.joint_names, feedback.actual.positions
-        passed_s = passed.sec + passed.nanosec / NANOSECONDS
+        passed_s = duration_s(feedback.desired.time_from_start)
         on_progress(passed_s, dict(zip(names, positions, strict=True)))
 
     run = GoalRun(client, FollowJointTrajectory, show, lambda result: str(result.error_string))
-    return run.run(arm.action, _goal(points), is_canceled)
+    goal = FollowJointTrajectory.Goal(trajectory=trajectory)
+    return run.run(arm.action, goal, is_canceled)
 
 
 class GoalRun:
@@ -237,24 +235,6 @@ class GoalRun:
     def _on_feedback(self, message: Any) -> None:
         self._feedback_s = time.monotonic()
         self._show(message.feedback)
-
-
-def _goal(points: Mapping[str, Any]) -> Any:
-    goal = FollowJointTrajectory.Goal()
-    goal.trajectory.joint_names = list(points["joints"])
-    positions = points["positions"]
-    rows = zip(
-        points["times_s"], positions, points.get("velocities", [[]] * len(positions)), strict=True
-    )
-    for time_s, position, velocity in rows:
-        seconds, nanoseconds = divmod(round(time_s * NANOSECONDS), NANOSECONDS)
-        time_from_start = Duration(sec=seconds, nanosec=nanoseconds)
-        goal.trajectory.points.append(
-            JointTrajectoryPoint(
-                positions=position, velocities=velocity, time_from_start=time_from_start
-            )
-        )
-    return goal
 
 
 def _find_action(client: RosClient, action: str | None) -> tuple[str, str]:

@@ -12,6 +12,7 @@ from robotd.clock import NANOSECONDS, Clock
 from robotd.control.sources.trajectory_execution import Progress
 from robotd.motion import JointTolerance, TrajectoryRequest
 from robotd.motion.rejection import reject
+from robotd_ros.trajectory_messages import duration_s
 
 CLOCK_READINGS = 3
 
@@ -36,11 +37,6 @@ def joint_tolerances(entries: Iterable[Any]) -> list[JointTolerance]:
         JointTolerance(entry.name, entry.position, entry.velocity, entry.acceleration)
         for entry in entries
     ]
-
-
-def duration_s(message: Any) -> float:
-    """Seconds of a builtin_interfaces/Duration."""
-    return float(message.sec + message.nanosec / NANOSECONDS)
 
 
 def stamp_ns(message: Any) -> int:

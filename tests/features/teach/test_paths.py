@@ -192,7 +192,7 @@ def test_a_recorded_path_is_played_forwards_backwards_and_from_its_middle(
     assert (state.problem, state.joints) == ("", list(LEFT))
     paths.play("wipe", Playback(reverse=True))
     assert positions(robot) == near(LEFT)
-    assert paths.plan("wipe").motion.motion.duration_s == pytest.approx(state.seconds, rel=0.3)
+    assert paths.plan("wipe").motion.motion.duration_s == pytest.approx(state.duration_s, rel=0.3)
     paths.play("wipe", Playback(1.0, PathTiming.LIMITS))
     assert positions(robot) == near(RIGHT)
     half = paths.plan("wipe", Playback(begin=0.5), approach=True).motion
@@ -240,7 +240,7 @@ def test_names_and_values_are_checked(robot: Robot, paths: Paths) -> None:
         paths.play("wip")
     with pytest.raises(InvalidArgument, match=r"speed is 2, must be 0\.01 to 1"):
         Playback(2.0)
-    with pytest.raises(InvalidArgument, match="from is 1, must be 0 to less than 1"):
+    with pytest.raises(InvalidArgument, match="begin is 1, must be 0 to less than 1"):
         Playback(begin=1.0)
     with pytest.raises(NotReady, match="no path is being recorded"):
         paths.end()

@@ -26,10 +26,10 @@ from robotd.motion.profile import Profile
 from robotd.motion.rejection import RejectionCode
 from robotd_ros.nodes import axis_conversions
 from robotd_ros.nodes.trajectory_conversions import (
-    duration_s,
     stamp_ns,
     trajectory_request,
 )
+from robotd_ros.trajectory_messages import duration_s
 
 
 def test_parameters_are_lines_under_the_number_of_their_axis() -> None:
