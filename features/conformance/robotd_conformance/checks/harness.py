@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from types import SimpleNamespace
@@ -46,6 +47,7 @@ from robotd_conformance.checks.start_pose import StartPose
 SPEED_RAD_S = 0.8
 SETTLED_RAD = 2e-3  # largest error of an axis at rest
 RAMP_RAD_S2 = 4.0
+REACHED_SHARE = 0.9  # of the speed at which two ramps make up a move
 STANDSTILL_RAD_S = 0.01
 SETTLE_S = 0.1  # granted to an axis to come from its command's end to rest
 UNDONE_BY: dict[str, tuple[str, int, tuple[Any, ...]]] = {
@@ -366,10 +368,14 @@ class Harness:
         return np.sign(self.travel()) * fastest
 
     def profile(self, axis: int, share: float = 1.0) -> Profile:
-        """A gentle profile within the limits of the axis, at ``share`` of its speed."""
+        """A gentle profile within the limits of the axis, at ``share`` of its speed.
+
+        On the way of ``travel`` the axis reaches that speed.
+        """
         limits = self.robot.axes.limits[axis]
-        speed = min(SPEED_RAD_S, 0.5 * limits.velocity) * share
         ramp = min(RAMP_RAD_S2, 0.5 * limits.acceleration)
+        reached = REACHED_SHARE * math.sqrt(ramp * abs(float(self.travel()[axis])))
+        speed = min(SPEED_RAD_S, 0.5 * limits.velocity, reached) * share
         return Profile(speed, ramp, ramp)
 
     def move(

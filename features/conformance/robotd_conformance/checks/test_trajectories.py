@@ -18,6 +18,7 @@ MORE = 1.15  # what a value may be above its limit
 STANDS_AFTER_S, STANDS_S = 0.5, 0.05
 LEAP = 3.0  # times the fastest of the path; what is made good within a period is faster
 GENTLE_S = 4.0
+ENDING = 1.1  # acceleration at the end of the path there and back, times step² / way
 STOP_MORE, STOP_REACTION_S = 2.0, 0.15  # a stop may brake more gently where its path turns
 MORE_IN_REAL_TIME = 1.5  # setpoints then come a fraction of a period early or late
 
@@ -51,9 +52,11 @@ def test_a_trajectory_arrives(harness: Harness, joints: list[int]) -> None:
 @pytest.mark.clause("AxisDriver.stream/position", "AxisDriver.follow/starts")
 def test_the_joints_are_on_the_path(harness: Harness, joints: list[int]) -> None:
     way = harness.travel()[joints]
+    accelerations = np.array([harness.robot.axes.limits[joint].acceleration for joint in joints])
+    step_s = max(0.25, float(np.sqrt(ENDING * np.abs(way) / accelerations).max()))
     phases = np.linspace(0.0, np.pi, 13)[1:]
     rows = [way * np.sin(phase) for phase in phases]
-    times_s = [0.25 * (index + 1) for index in range(len(rows))]
+    times_s = [step_s * (index + 1) for index in range(len(rows))]
     limits = SETTLED_RAD + 1.5 * LAG_S * np.abs(way) * np.pi / times_s[-1]
     with harness.recording() as recording:
         execution = harness.follow(times_s, rows, velocities=True)
