@@ -13,6 +13,7 @@ from robotd.api import (
     NANOSECONDS,
     Clock,
     ConnectError,
+    DeviceTimeout,
     FloatArray,
     NotReady,
     OperationError,
@@ -121,11 +122,15 @@ class ControllerLink:
     def command(self, name: str, *values: float, timeout_s: float = TIMEOUT_S) -> str:
         """Send a command and return the value of its reply.
 
-        Raises OperationError: it was rejected. NotReady: no reply came, or not in TCP mode.
+        A controller that does not reply for ``TIMEOUT_S`` is lost.
+        Raises OperationError: it was rejected. NotReady: lost, or not in TCP mode. DeviceTimeout:
+        no reply yet.
         """
         try:
             reply = self._commands.call(protocol.command(name, *values), timeout_s)
         except OSError as error:
+            if isinstance(error, TimeoutError) and timeout_s < TIMEOUT_S:
+                raise DeviceTimeout(f"{name} without a reply ({error})") from error
             raise NotReady(self._lose(f"{name} without a reply", error)) from error
         return protocol.parse_reply(reply, name)
 
@@ -274,12 +279,14 @@ def switch_off(options: DobotOptions, clock: Clock, timeout_s: float) -> None:
     """Switch the servos off by a connection of its own, where that of a ``ControllerLink`` is lost.
 
     A controller that does not read now gets the command when it does.
-    Raises ConnectError, NotReady, OperationError.
+    Raises ConnectError, NotReady, OperationError, DeviceTimeout.
     """
     (connection,) = _connect(options.address, command=options.command_port)
     port = CommandPort(connection, clock, discards=False)
     try:
         protocol.parse_reply(port.call(SWITCH_OFF + "()", timeout_s), SWITCH_OFF)
+    except TimeoutError as error:
+        raise DeviceTimeout(f"{SWITCH_OFF} without a reply ({error})") from error
     except OSError as error:
         raise NotReady(f"{SWITCH_OFF} without a reply ({error})") from error
     finally:

@@ -54,6 +54,7 @@ NOT_APPLICABLE = "|".join(
         "no confirmations are kept",
         r"stream_buffer_s is 0",
         "has no axis that is no joint",
+        "each axis is guided alone",
         # Of any device in real time and in this process.
         "judged in simulated time",
         "in real time",
