@@ -69,7 +69,7 @@ def check_recovered(process: RobotProcess) -> None:
     """The command names the cause and reports its steps; a second one finds nothing wrong."""
     status, output, error = robotd(process.domain, "recover")
     assert status == 0, error
-    assert error.startswith("robot: "), "which robot it was, and no warning"
+    assert not error or error.startswith("robot: "), "a warning"  # what is known by then
     assert len(error.splitlines()) == 1
     found, *steps = output.splitlines()
     assert found.startswith("found: engine is not ready (state Unknown): ")

@@ -63,6 +63,7 @@ NOT_RUN = {  # pages
     "docs/how-to/install.md": "installs; tests/tools/test_install_tool.py, make dist",
     "docs/how-to/isaac-sim.md": "needs Isaac Sim; its export is in tests/contract/test_export.py",
     "docs/how-to/dobot.md": "needs an arm at a network; tests/plugins/dobot",
+    "docs/how-to/franka.md": "needs an arm at a network; tests/plugins/franka",
     "docs/how-to/guiding.md": "needs a hand; tests/ros/test_guiding.py",
     "docs/how-to/launch.md": f"{ROS}; tests/ros/test_lifecycle.py",
     "docs/how-to/mujoco.md": "needs an extra; tests/ros/test_mujoco.py",
