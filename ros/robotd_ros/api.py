@@ -23,7 +23,7 @@ from robotd_ros.nodes.node_parameters import read_settings
 from robotd_ros.nodes.topic_stream import TopicStream
 from robotd_ros.qos import LATCHED, STREAM
 from robotd_ros.run_nodes import NodeContext
-from robotd_ros.services import add_service, add_subscription, named_values
+from robotd_ros.services import add_service, add_subscription
 
 __all__ = [
     "LATCHED",
@@ -44,7 +44,6 @@ __all__ = [
     "add_command_subscription",
     "add_service",
     "add_subscription",
-    "named_values",
     "no_parameters",
     "read_settings",
     "ticks",

@@ -21,7 +21,7 @@ from rclpy.subscription import Subscription
 
 from robotd.errors import RobotdError
 from robotd.log import get_logger
-from robotd_ros.answered_services import deferred, rejection, value_of
+from robotd_ros.answered_services import deferred, rejection
 from robotd_ros.host import RosHost
 from robotd_ros.middleware import NewestItems, RateLimit, ServiceResponses, with_message_info
 from robotd_ros.qos import SERVICE
@@ -98,19 +98,6 @@ def add_service(
 
     responses.defer(on_request)
     return service
-
-
-def named_values(handle: Callable[[dict[str, Any]], str]) -> ServiceHandler:
-    """Return a handler of SetParametersAtomically that calls ``handle`` with values by name.
-
-    Its text becomes the reason of the response.
-    """
-
-    def answer(request: Any, response: Any) -> None:
-        fields = {parameter.name: value_of(parameter) for parameter in request.parameters}
-        response.result.reason, response.result.successful = handle(fields), True
-
-    return answer
 
 
 def add_subscription(

@@ -21,6 +21,7 @@ from rclpy.action import get_action_server_names_and_types_by_node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from robotd_msgs.msg import AxisOwners
+from robotd_msgs.srv import InjectFault
 from std_msgs.msg import Bool
 from tests.ros.action_client import GoalClient
 
@@ -230,6 +231,11 @@ class Client:
             client = self._clients[name] = self.node.create_client(service_type, name)
             assert client.wait_for_service(WAIT_S), f"no service {name}"
         return wait_for(client.call_async(service_type.Request(**request)))
+
+    def inject(self, kind: str, **settings: Any) -> Any:
+        """The response to a fault of the simulation."""
+        messages = [Parameter(name, value=it).to_parameter_msg() for name, it in settings.items()]
+        return self.call(InjectFault, "/robotd_sim/inject", kind=kind, settings=messages)
 
     def listen(self, message_type: Any, topic: str, qos: Any = 10) -> list[Any]:
         """A list that every message of ``topic`` is appended to from now on."""

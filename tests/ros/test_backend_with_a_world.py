@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from robotd_msgs.msg import WorldObjects
+from robotd_msgs.srv import PlaceObject
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from tests.world_backend import START, CubeDevice, cube_backend
@@ -24,6 +25,7 @@ from robotd_ros.run_nodes import run_nodes, served_nodes
 from robotd_testing.domain import own_domain
 
 TIMEOUT_S = 20.0
+NAN = float("nan")
 
 
 @pytest.fixture(scope="module")
@@ -87,9 +89,16 @@ def test_objects_are_transforms_with_shapes(client: RosClient) -> None:
 
 def test_an_object_is_placed_and_put_back(client: RosClient, robot: Robot) -> None:
     device: CubeDevice = robot.device
-    text = client.call_named("robotd_world/place", {"name": "cube", "x": 0.3, "yaw": np.pi / 2})
-    assert text == "cube is at x=0.3 y=0 z=0.02"
-    assert device.cube == pytest.approx([0.3, 0.0, 0.02, 0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)])
+    turned = [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]
+    for fields, text, pose in (
+        ({"position": [0.3, NAN, NAN]}, "x=0.3 y=0 z=0.02", [0.3, 0.0, 0.02, *START[3:]]),
+        ({"rpy": [0.0, 0.0, np.pi / 2]}, "x=0.3 y=0 z=0.02", [0.3, 0.0, 0.02, *turned]),
+        ({"position": [0.4, 0.1, 0.5]}, "x=0.4 y=0.1 z=0.5", [0.4, 0.1, 0.5, *turned]),
+        ({}, "x=0.4 y=0.1 z=0.5", [0.4, 0.1, 0.5, *turned]),
+    ):
+        placed = client.call(PlaceObject, "robotd_world/place", **{"name": "cube", **fields})
+        assert placed.message == f"cube is at {text}"
+        assert device.cube == pytest.approx(pose)
     assert client.call(Trigger, "robotd_world/reset").success
     assert device.cube.tolist() == [*START]
 
@@ -98,16 +107,18 @@ def test_an_object_is_placed_and_put_back(client: RosClient, robot: Robot) -> No
     ("fields", "reason"),
     [
         ({"name": "ball"}, "'ball' is unknown .available: cube"),
-        ({"name": "cube", "w": 1.0}, "w is unknown"),
-        ({"name": "cube", "z": -1.0}, "z is -1, below the floor"),
-        ({"name": "cube", "x": 1e9}, "outside -100..100"),
+        ({"name": "cube", "position": [1.0]}, "position: has 1 numbers; 3 are needed, or none"),
+        ({"name": "cube", "position": [NAN, NAN, -1.0]}, "z is -1, below the floor"),
+        ({"name": "cube", "position": [1e9, NAN, NAN]}, "position: 1e.09 is outside -100..100"),
+        ({"name": "cube", "rpy": [0.0, NAN, np.inf]}, "rpy: inf is outside -100..100"),
+        ({"name": "cube", "rpy": [0.0, NAN, 0.0]}, "rpy: .* needs all three angles"),
     ],
 )
 def test_a_wrong_place_is_rejected(
     fields: dict[str, object], reason: str, client: RosClient, robot: Robot
 ) -> None:
     with pytest.raises(OperationError, match=reason):
-        client.call_named("robotd_world/place", fields)
+        client.call(PlaceObject, "robotd_world/place", **fields)
     assert robot.device.cube.tolist() == [*START]
 
 

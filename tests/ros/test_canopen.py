@@ -11,8 +11,7 @@ from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.parameter import Parameter
+from robotd_msgs.srv import ReadObject, WriteObject
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 from tests.plugins.canopen.bus.drives_process import DrivesProcess, write_robot
@@ -212,24 +211,23 @@ def test_a_lost_drive_and_the_way_back(
 
 
 def test_objects_of_a_drive_are_read_and_written(arm: RobotProcess, client: Client) -> None:
-    ramp = {"slave_id": 2, "index": 0x6083, "subindex": 0}
-    written = call_object(client, "write_object", **ramp, value=500_000)
-    assert written == (True, "20 a1 07 00 (0x0007A120, 500000)")
-    assert call_object(client, "read_object", **ramp) == written
+    ramp = {"node": 2, "index": 0x6083, "subindex": 0}
+    written = client.call(WriteObject, "/wmx/ecat/write_object", **ramp, value=500_000)
+    assert (written.success, written.message) == (True, "20 a1 07 00 (0x0007A120, 500000)")
+    assert int.from_bytes(written.data, "little") == 500_000
+    read = client.call(ReadObject, "/wmx/ecat/read_object", **ramp)
+    assert (read.success, read.message, read.data) == (True, written.message, written.data)
     code, output, error = robotd(arm.domain, "sdo", "read", "2", "0x6083")
-    assert (code, output) == (0, f"{written[1]}\n"), error
+    assert (code, output) == (0, f"{written.message}\n"), error
     for fields, reason in (
-        ({"slave_id": 2, "index": 0x5FFF, "subindex": 0}, "abort 0x06020000"),
-        ({"slave_id": 99, "index": 0x1000, "subindex": 0}, "node 99 is not on bus 0"),
-        ({"slave_id": 2}, "expected the whole numbers slave_id, index, subindex, [master_id]"),
+        ({"node": 2, "index": 0x5FFF}, "abort 0x06020000"),
+        ({"node": 99, "index": 0x1000}, "node 99 is not on bus 0"),
+        ({"node": 2, "index": 0x10000}, "index 65536 is outside 0..0xffff"),
+        ({"node": 2, "index": 0x1000, "subindex": -1}, "subindex -1 is outside 0..0xff"),
     ):
-        successful, text = call_object(client, "read_object", **fields)
-        assert (successful, reason in text) == (False, True), text
-
-
-def call_object(client: Client, name: str, **fields: int) -> tuple[bool, str]:
-    """Call one of the services of objects; return success and text."""
-    parameters = [Parameter(key, value=value).to_parameter_msg() for key, value in fields.items()]
-    service = f"/wmx/ecat/{name}"
-    result = client.call(SetParametersAtomically, service, parameters=parameters).result
-    return result.successful, result.reason
+        read = client.call(ReadObject, "/wmx/ecat/read_object", **fields)
+        assert (read.success, reason in read.message, [*read.data]) == (False, True, []), read
+    too_large = client.call(WriteObject, "/wmx/ecat/write_object", **ramp, value=1 << 40)
+    assert (too_large.success, too_large.message) == (
+        False, "value 1099511627776 does not fit in 4 bytes"
+    )  # fmt: skip

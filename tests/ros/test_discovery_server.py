@@ -54,7 +54,7 @@ def robot() -> Iterator[RobotProcess]:
         (("gripper", "close"), "gripper closes"),
         (("servo", "on"), "joint6: ok"),
         (("sim", "inject", "amp_alarm", "axis=5"), "amp_alarm"),
-        (("sim", "pause"), "time stands"),
+        (("sim", "pause"), "time paused"),
     ],
     ids=lambda value: value[0] if isinstance(value, tuple) else "",
 )

@@ -16,8 +16,6 @@ from builtin_interfaces.msg import Duration
 from control_msgs.msg import JointJog
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist
-from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.parameter import Parameter
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from tests.ros.robot_process import LATCHED, Client, RobotProcess, stamp_s, wait_until
@@ -131,9 +129,8 @@ class Arm:
         assert answer.success, answer.message
 
     def trip(self) -> None:
-        fault = Parameter("amp_alarm.axis", value=0).to_parameter_msg()
-        answer = self.client.call(SetParametersAtomically, "/robotd_sim/inject", parameters=[fault])
-        assert answer.result.successful, answer.result.reason
+        answer = self.client.inject("amp_alarm", axis=0)
+        assert answer.success, answer.message
         alarms = self.client.listen(DiagnosticArray, "/robotd/problems", LATCHED)
         wait_until(lambda: alarms and has_alarm(alarms[-1]), "the alarm")
 

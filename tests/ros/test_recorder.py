@@ -12,8 +12,6 @@ import numpy as np
 import pytest
 from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory
-from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 from tests.ros.robot_process import WAIT_S, Client, RobotProcess, connected, wait_until
 from tests.ros.test_client_commands import started
@@ -86,10 +84,8 @@ def test_a_recording_runs_from_start_to_stop(client: Client, folder: Path) -> No
 
 
 def test_an_alarm_is_recorded_without_a_request(client: Client, folder: Path) -> None:
-    fault = [Parameter("amp_alarm.axis", value=2), Parameter("amp_alarm.code", value=0x8611)]
-    parameters = [parameter.to_parameter_msg() for parameter in fault]
-    answer = client.call(SetParametersAtomically, "/robotd_sim/inject", parameters=parameters)
-    assert answer.result.successful, answer.result.reason
+    answer = client.inject("amp_alarm", axis=2, code=0x8611)
+    assert answer.success, answer.message
     (path,) = wait_until(lambda: [*folder.glob("*-fault.mcap")], "the recording of the fault")
     assert read_recording(path).info.cause.startswith("joint3: amplifier alarm")
 

@@ -16,8 +16,6 @@ import yaml
 from click.testing import CliRunner
 from control_msgs.action import FollowJointTrajectory
 from control_msgs.msg import JointTolerance
-from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 from tests.ros.robot_process import Client, RobotProcess, wait_until
@@ -164,12 +162,9 @@ def by_command(client: Client, case: Case) -> None:
 
 
 def by_service(client: Client, case: Case) -> None:
-    fields = {f"{case.kind}.{key}": value for key, value in case.keys.items()} or {case.kind: True}
-    fields |= {f"when.{key}": value for key, value in PLACE.items()}
-    parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in fields.items()]
-    service = "/robotd_sim/inject"
-    answer = client.call(SetParametersAtomically, service, parameters=parameters).result
-    assert answer.successful, answer.reason
+    where = {f"when.{key}": value for key, value in PLACE.items()}
+    answer = client.inject(case.kind, **case.keys, **where)
+    assert answer.success, answer.message
 
 
 def by_scenario(client: Client, case: Case) -> None:

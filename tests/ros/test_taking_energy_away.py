@@ -6,8 +6,6 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.parameter import Parameter
 from std_msgs.msg import Bool
 from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
 from tests.ros.test_client_commands import robotd
@@ -29,9 +27,8 @@ class Lost:
         self.ready = client.listen(Bool, "/wmx/engine/ready", LATCHED)
         wait_until(lambda: self.ready and self.ready[-1].data, "ready")
         assert self.set_axis("set_on", [1] * 6).success
-        loss = Parameter("packet_loss.count", value=LOST_FRAMES).to_parameter_msg()
-        answer = client.call(SetParametersAtomically, "/robotd_sim/inject", parameters=[loss])
-        assert answer.result.successful, answer.result.reason
+        answer = client.inject("packet_loss", count=LOST_FRAMES)
+        assert answer.success, answer.message
         wait_until(lambda: not self.ready[-1].data, "values are stale")
 
     def set_axis(self, name: str, data: list[int]) -> Any:

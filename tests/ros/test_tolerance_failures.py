@@ -12,8 +12,6 @@ from builtin_interfaces.msg import Duration
 from click.testing import CliRunner
 from control_msgs.action import FollowJointTrajectory
 from control_msgs.msg import JointTolerance
-from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.parameter import Parameter
 from tests.ros.robot_process import Client, RobotProcess, wait_until
 from trajectory_msgs.msg import JointTrajectoryPoint
 from wmx_ros2_message.msg import AxisState
@@ -41,13 +39,8 @@ class Arm:
         return float(state.actual_pos[AXIS]), float(state.pos_cmd[AXIS])
 
     def block(self, for_s: float) -> None:
-        fields = {"following_error.axis": AXIS, "following_error.for_s": for_s}
-        parameters = [
-            Parameter(key, value=value).to_parameter_msg() for key, value in fields.items()
-        ]
-        inject = "/robotd_sim/inject"
-        answer = self.client.call(SetParametersAtomically, inject, parameters=parameters).result
-        assert answer.successful, answer.reason
+        answer = self.client.inject("following_error", axis=AXIS, for_s=for_s)
+        assert answer.success, answer.message
 
     def send(self, target: float, seconds: int, tolerance: float) -> Any:
         goal = FollowJointTrajectory.Goal()

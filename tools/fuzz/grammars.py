@@ -108,22 +108,12 @@ def esi(random: Random) -> str:
 
 
 def words(random: Random) -> str:
-    keys = [
-        *FAULTS,
-        "axis",
-        "code",
-        "at_s",
-        "for_s",
-        "when.axis",
-        "when",
-        "amp_alarm.axis",
-        ".",
-        "",
-    ]
-    return "\n".join(
+    keys = ["axis", "code", "at_s", "for_s", "when.joint", "when.above_rad", "when", "when.", ""]
+    settings = [
         f"{random.choice(keys)}={random.choice(('true', 'x', _number(random)))}"
         for _ in range(random.randint(1, 4))
-    )
+    ]
+    return "\n".join([random.choice(FAULTS), *settings])
 
 
 _EDS_KEYS = [

@@ -26,7 +26,7 @@ from robotd_ethercat.esi_report import detail_lines, esi_sections
 from robotd_page.control_server import REQUEST
 from robotd_recording.recording_reader import read_recording
 from robotd_recording.recording_repair import recover
-from robotd_scenario import load_scenario, nested, validate_fault
+from robotd_scenario import load_scenario, requested_fault
 from robotd_scenario.sim_command import _value
 from robotd_wmx_parameters import read_wmx_parameters
 
@@ -99,8 +99,8 @@ def _urdf(path: Path) -> None:
 
 def _words(path: Path) -> object:
     """Parse words as ``robotd sim inject`` does."""
-    lines = path.read_bytes().decode(errors="surrogateescape").split("\n")
-    return validate_fault(nested(dict(_value(line) for line in lines)))
+    kind, *lines = path.read_bytes().decode(errors="surrogateescape").split("\n")
+    return requested_fault(kind, dict(_value(line) for line in lines))
 
 
 def _recording(path: Path) -> object:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from robotd.api import lazy_names
 
 if TYPE_CHECKING:
-    from robotd_scenario.fault_kinds import FAULTS, Fault, nested, validate_fault
+    from robotd_scenario.fault_kinds import FAULTS, Fault, requested_fault, validate_fault
     from robotd_scenario.fault_schedule import FaultSchedule
     from robotd_scenario.program import Scenario, load_scenario
     from robotd_scenario.scenario_run import Result, ScenarioRun
@@ -24,6 +24,6 @@ __all__ = [
     "Scenario",
     "ScenarioRun",
     "load_scenario",
-    "nested",
+    "requested_fault",
     "validate_fault",
 ]

@@ -282,23 +282,24 @@ def validate_fault(values: Any) -> Fault:
     return validate(Fault, values, None)
 
 
-def nested(fields: Mapping[str, Any]) -> dict[str, Any]:
-    """Nest dotted keys: ``{"amp_alarm.axis": 2}`` → ``{"amp_alarm": {"axis": 2}}``.
+def requested_fault(kind: str, settings: Mapping[str, Any]) -> Fault:
+    """Return the fault of a request.
 
-    A plain ``true`` becomes ``{}``.
-
-    Raises InvalidArgument when a name is both a value and the beginning of others.
+    ``settings`` are those of the kind by name, and ``at_s``, ``when.joint`` and so on, which every
+    fault has. Raises InvalidArgument: unknown kind; DescriptorError: wrong settings.
     """
-    values: dict[str, Any] = {}
-    for path, value in fields.items():
-        *parents, last = path.split(".")
-        below = values
-        for name in parents:
-            below = below.setdefault(name, {})
-            if not isinstance(below, dict):
-                raise InvalidArgument(f"{path}: {name} has a value already")
-        below[last] = {} if value is True and not parents else value
-    return values
+    if kind not in FAULTS:
+        raise InvalidArgument(unknown_name("fault", kind, FAULTS))
+    own: dict[str, Any] = {}
+    common: dict[str, Any] = {}
+    for name, value in settings.items():
+        if name == "at_s":
+            common[name] = value
+        elif name.startswith("when."):
+            common.setdefault("when", {})[name.removeprefix("when.")] = value
+        else:
+            own[name] = value
+    return validate_fault({**common, kind: own})
 
 
 FAULTS = tuple(name for name in Fault.model_fields if name not in ("at_s", "when"))

@@ -38,6 +38,9 @@ from robotd_scenario.feature import MAX_STEPS, SIMULATION_NODE, STEP_TIMEOUT_S
 if TYPE_CHECKING:  # it needs rclpy
     from robotd_ros.client.ros_client import RosClient
 
+COORDINATES = ("x", "y", "z")
+ANGLES = ("roll", "pitch", "yaw")
+
 
 @click.group("sim", epilog=ROS_EPILOG)
 def sim() -> None:
@@ -90,12 +93,13 @@ def inject(fault: str, values: Sequence[str], timeout_s: float) -> None:
     fields = _fields(values)
     if fault not in FAULTS:
         raise click.BadParameter(f"{fault!r} is none of {', '.join(FAULTS)}")
-    # What belongs to every fault, and what to this kind.
-    common = {key: fields.pop(key) for key in list(fields) if key.split(".")[0] in ("at_s", "when")}
-    own = {f"{fault}.{key}": value for key, value in fields.items()} or {fault: True}
     with robot_client(timeout_s) as client:
         require_one_robot(client)
-        click.echo(client.call_named(f"{SIMULATION_NODE}/inject", {**own, **common}))
+        parameter = import_ros("rclpy.parameter").Parameter
+        settings = [parameter(key, value=value).to_parameter_msg() for key, value in fields.items()]
+        service_type = import_ros("robotd_msgs.srv").InjectFault
+        name = f"{SIMULATION_NODE}/inject"
+        click.echo(client.call(service_type, name, kind=fault, settings=settings).message)
 
 
 @sim.command("step", epilog=ROS_EPILOG)
@@ -129,13 +133,23 @@ def resume(client: RosClient) -> object:
 def place(name: str, values: Sequence[str], timeout_s: float) -> None:
     """Move an object of the simulated world, such as: robotd sim place cube x=0.4 y=0.1.
 
-    Keys are x, y, z in m and roll, pitch, yaw in rad; others stay. The backend needs a world, as
-    mujoco has one.
+    Keys are x, y, z in m and roll, pitch, yaw in rad. Coordinates that are not given stay; of an
+    orientation those angles are 0. The backend needs a world, as mujoco has one.
     """
-    fields = {"name": name, **_fields(values)}
+    fields = _fields(values)
+    for key, value in fields.items():
+        if key not in (*COORDINATES, *ANGLES):
+            raise click.BadParameter(f"{key} is none of {', '.join((*COORDINATES, *ANGLES))}")
+        if isinstance(value, bool | str) or not math.isfinite(value):
+            raise click.BadParameter(f"{key}: {value!r} is not a number")
+    position = [float(fields.get(key, math.nan)) for key in COORDINATES]
+    is_turned = not fields.keys().isdisjoint(ANGLES)
+    rpy = [float(fields.get(key, 0.0)) for key in ANGLES] if is_turned else []
     with robot_client(timeout_s) as client:
         require_one_robot(client)
-        click.echo(client.call_named(f"{WORLD_NODE}/place", fields))
+        service_type = import_ros("robotd_msgs.srv").PlaceObject
+        request = {"name": name, "position": position, "rpy": rpy}
+        click.echo(client.call(service_type, f"{WORLD_NODE}/place", **request).message)
 
 
 @sim.command("reset", epilog=ROS_EPILOG)

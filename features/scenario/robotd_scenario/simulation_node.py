@@ -10,22 +10,22 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.clock import ClockType
 from rclpy.node import Node
 from rclpy.time import Time
 from rclpy.time_source import TimeSource
-from robotd_msgs.srv import StepTime
+from robotd_msgs.srv import InjectFault, StepTime
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
 from robotd.api import NANOSECONDS, InvalidArgument, ProcessImage
 from robotd.api.robots import PacedClock, Robot
+from robotd_ros.answered_services import value_of
 from robotd_ros.host import RosHost
 from robotd_ros.middleware import HotPublisher
 from robotd_ros.run_nodes import NodeContext
-from robotd_ros.services import add_service, named_values
-from robotd_scenario import FaultSchedule, nested, validate_fault
+from robotd_ros.services import add_service
+from robotd_scenario import FaultSchedule, requested_fault
 from robotd_scenario.feature import MAX_STEPS, SIMULATION_NODE, STEP_TIMEOUT_S
 
 CLOCK_RATE_HZ = 500.0  # in simulated time
@@ -52,12 +52,13 @@ class SimulationNode(Node):
     ) -> None:
         super().__init__(SIMULATION_NODE, context=host.context)
         self._faults = faults
-        add_service(self, host, SetParametersAtomically, "~/inject", named_values(self._inject))
+        add_service(self, host, InjectFault, "~/inject", self._inject)
         if isinstance(robot.clock, PacedClock):
             self._time = _TimeServices(self, robot, robot.clock, host, nodes)
 
-    def _inject(self, fields: dict[str, Any]) -> str:
-        fault = validate_fault(nested(fields))
+    def _inject(self, request: Any, response: Any) -> str:
+        settings = {setting.name: value_of(setting) for setting in request.settings}
+        fault = requested_fault(request.kind, settings)
         self._faults.add(fault)
         return str(fault)
 
@@ -99,7 +100,7 @@ class _TimeServices:
             self._time.pause()
         else:
             self._time.resume()
-        return "time stands" if request.data else "time passes"
+        return "time paused" if request.data else "time runs"
 
     def _step(self, request: Any, response: Any) -> str:
         periods = request.periods
@@ -108,4 +109,4 @@ class _TimeServices:
         if not self._time.step(periods * self._robot.control_loop.period_ns, STEP_TIMEOUT_S):
             raise InvalidArgument(f"periods: {periods} take longer than {STEP_TIMEOUT_S:g} s")
         response.time = self._now().to_msg()
-        return f"time stands at {self._time.now_ns() / NANOSECONDS:.6f} s"
+        return f"time paused at {self._time.now_ns() / NANOSECONDS:.6f} s"

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Self
 
 import rclpy
-from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from rcl_interfaces.srv import GetParameters
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -185,19 +185,6 @@ class RosClient:
     def switch(self, name: str, on: bool) -> str:
         """Call a SetBool service; return its message. Raises the errors of ``call``."""
         return str(self.call(SetBool, name, data=on).message)
-
-    def call_named(self, name: str, values: Mapping[str, Any]) -> str:
-        """Call service ``name`` with values by name; return its answer as text.
-
-        Raises the errors of ``call``; OperationError with the reason of a rejection.
-        """
-        parameters = [
-            Parameter(key, value=value).to_parameter_msg() for key, value in values.items()
-        ]
-        result = self.call(SetParametersAtomically, name, parameters=parameters).result
-        if not result.successful:
-            raise OperationError(result.reason)
-        return str(result.reason)
 
     def parameters(self, node: str, names: Sequence[str]) -> list[Any]:
         """Return the values of parameters of ``node``, None for one that is not set.

@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING
 
 import click
 
+from robotd.cli.preflight import import_ros
 from robotd.number_argument import IntegerRange, ObjectNumber
 from robotd_ros.commands.robot_client import ROS_EPILOG, asks_robot
 
 if TYPE_CHECKING:  # it needs rclpy
     from robotd_ros.client.ros_client import RosClient
 
-NUMBER = ObjectNumber(bits=64)  # of the request
+NUMBER = ObjectNumber(bits=32)  # fields of the requests
 
 bus_option = click.option("--bus", type=NUMBER, default=0, show_default=True, help="Fieldbus.")
 
@@ -30,15 +31,21 @@ def sdo() -> None:
 @asks_robot
 def read(client: RosClient, node: int, index: int, sub: int, bus: int) -> object:
     """Print object INDEX:SUB of NODE: raw bytes, as a number, and as text."""
-    where = {"master_id": bus, "slave_id": node, "index": index, "subindex": sub}
-    return client.call_named("wmx/ecat/read_object", where)
+    return client.call(
+        import_ros("robotd_msgs.srv").ReadObject,
+        "wmx/ecat/read_object",
+        bus=bus,
+        node=node,
+        index=index,
+        subindex=sub,
+    ).message
 
 
 @sdo.command("write", epilog=ROS_EPILOG, context_settings={"ignore_unknown_options": True})
 @click.argument("node", type=NUMBER)
 @click.argument("index", type=NUMBER)
 @click.argument("sub", type=NUMBER)
-@click.argument("value", type=NUMBER)
+@click.argument("value", type=ObjectNumber(bits=64))
 @click.option("--size", type=IntegerRange(1, 8), help="Bytes; by default as long as it reads.")
 @bus_option
 @asks_robot
@@ -49,6 +56,13 @@ def write(
 
     All axes have to be at rest. The drive obeys, whatever the limits of the robot are.
     """
-    where = {"master_id": bus, "slave_id": node, "index": index, "subindex": sub}
-    what = {"value": value, "size": size or 0}
-    return client.call_named("wmx/ecat/write_object", where | what)
+    return client.call(
+        import_ros("robotd_msgs.srv").WriteObject,
+        "wmx/ecat/write_object",
+        bus=bus,
+        node=node,
+        index=index,
+        subindex=sub,
+        value=value,
+        size=size or 0,
+    ).message

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Mapping
 from typing import Any
 
-from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.node import Node
+from robotd_msgs.srv import ReadObject, WriteObject
 from wmx_ros2_message.srv import (
     EcatGetNetworkState,
     EcatRegisterRead,
@@ -20,9 +19,8 @@ from robotd.device.fieldbus import object_bytes, object_text
 from robotd.errors import InvalidArgument
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
-from robotd_ros.services import add_service, named_values
+from robotd_ros.services import add_service
 
-OBJECT = ("slave_id", "index", "subindex")
 MAX_SIZE = 8
 
 AL_STATES = {
@@ -85,8 +83,8 @@ class WmxEthercatNode(Node):
             (EcatRegisterRead, "register_read", self._register_read),
             (EcatResetStatistics, "reset_statistics", self._reset_statistics),
             (EcatStartHotconnect, "start_hotconnect", self._start_hot_connect),
-            (SetParametersAtomically, "read_object", named_values(self._read_object)),
-            (SetParametersAtomically, "write_object", named_values(self._write_object)),
+            (ReadObject, "read_object", self._read_object),
+            (WriteObject, "write_object", self._write_object),
         ):
             add_service(self, host, service_type, f"wmx/ecat/{name}", handler)
 
@@ -108,35 +106,22 @@ class WmxEthercatNode(Node):
         self._fieldbus.start_hot_connect(request.master_id)
         return "hot connect started"
 
-    def _read_object(self, fields: dict[str, Any]) -> str:
-        numbers = whole_numbers(fields, OBJECT, {"master_id": 0})
-        return object_text(self._fieldbus.read_object(*address(numbers)))
+    def _read_object(self, request: Any, response: Any) -> str:
+        data = self._fieldbus.read_object(*_address(request))
+        response.data = array("B", data)
+        return object_text(data)
 
-    def _write_object(self, fields: dict[str, Any]) -> str:
-        numbers = whole_numbers(fields, (*OBJECT, "value"), {"master_id": 0, "size": 0})
-        where = address(numbers)
-        size = numbers["size"] or len(self._fieldbus.read_object(*where))
+    def _write_object(self, request: Any, response: Any) -> str:
+        address = _address(request)
+        size = request.size or len(self._fieldbus.read_object(*address))
         if not 1 <= size <= MAX_SIZE:
             raise InvalidArgument(f"size {size} is outside 1..{MAX_SIZE} bytes")
-        self._fieldbus.write_object(*where, object_bytes(numbers["value"], size))
-        return object_text(self._fieldbus.read_object(*where))
+        self._fieldbus.write_object(*address, object_bytes(request.value, size))
+        return self._read_object(request, response)
 
 
-def whole_numbers(
-    fields: Mapping[str, Any], required: tuple[str, ...], optional: Mapping[str, int]
-) -> dict[str, int]:
-    """Return the values of a request. Raises InvalidArgument for a missing or unknown one."""
-    numbers = {**optional, **fields}
-    known = {*required, *optional}
-    if known != numbers.keys() or any(type(number) is not int for number in numbers.values()):
-        wanted = ", ".join((*required, *(f"[{name}]" for name in optional)))
-        raise InvalidArgument(f"expected the whole numbers {wanted}; got {dict(fields)}")
-    return numbers
-
-
-def address(numbers: Mapping[str, int]) -> tuple[int, int, int, int]:
-    """Return bus, node, index and subindex of a request."""
-    return numbers["master_id"], numbers["slave_id"], numbers["index"], numbers["subindex"]
+def _address(request: Any) -> tuple[int, int, int, int]:
+    return request.bus, request.node, request.index, request.subindex
 
 
 def fill_network_state(response: Any, status: BusStatus) -> Any:

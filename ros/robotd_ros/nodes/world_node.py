@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import TransformStamped
-from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.node import Node
 from robotd_msgs.msg import WorldObject as ObjectMessage
 from robotd_msgs.msg import WorldObjects
+from robotd_msgs.srv import PlaceObject
 from std_msgs.msg import ColorRGBA
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
@@ -24,12 +25,11 @@ from robotd_ros.host import RosHost
 from robotd_ros.node_registry import WORLD_NODE
 from robotd_ros.nodes.hot_topics import HotTopics
 from robotd_ros.qos import LATCHED
-from robotd_ros.services import add_service, named_values
+from robotd_ros.services import add_service
 
 RATE_HZ = 25.0
 TF_DEPTH = 100
-PLACE_KEYS = ("x", "y", "z", "roll", "pitch", "yaw")
-MAX_DISTANCE_M = 100.0
+MAX_COORDINATE = 100.0  # m or rad
 
 
 class WorldNode(Node):
@@ -45,7 +45,7 @@ class WorldNode(Node):
         self._world = world
         objects = world.objects
         add_service(self, host, Trigger, "~/reset", self._reset)
-        add_service(self, host, SetParametersAtomically, "~/place", named_values(self._place))
+        add_service(self, host, PlaceObject, "~/place", self._place)
         self.create_publisher(WorldObjects, "~/objects", LATCHED).publish(
             WorldObjects(frame_id=world.frame, objects=[*map(_object_message, objects)])
         )
@@ -60,22 +60,18 @@ class WorldNode(Node):
         self._world.reset()
         return f"{len(self._world.objects)} objects are where they were at the start"
 
-    def _place(self, fields: dict[str, Any]) -> str:
-        """Move one object; coordinates that are not named stay as they are."""
-        name = fields.pop("name", None)
-        names = [item.name for item in self._world.objects]
+    def _place(self, request: Any, response: Any) -> str:
+        """Move one object; NaN coordinates, and empty fields, stay as they are."""
+        name, names = request.name, [item.name for item in self._world.objects]
         if name not in names:
             raise InvalidArgument(f"object {name!r} is unknown (available: {', '.join(names)})")
-        if unknown := [key for key in fields if key not in PLACE_KEYS]:
-            known = ", ".join(PLACE_KEYS)
-            raise InvalidArgument(f"{unknown[0]} is unknown (available: {known})")
-        values = {key: _coordinate(key, value) for key, value in fields.items()}
         pose = self._world.poses()[names.index(name)].copy()
-        for index, key in enumerate(("x", "y", "z")):
-            pose[index] = values.get(key, pose[index])
-        if any(key in values for key in PLACE_KEYS[3:]):
-            turned = frame(np.zeros(3), np.array([values.get(key, 0.0) for key in PLACE_KEYS[3:]]))
-            pose[3:] = transform_numbers(turned)[3:]
+        if position := _three_numbers("position", request.position):
+            pose[:3] = np.where(np.isnan(position), pose[:3], position)
+        if rpy := _three_numbers("rpy", request.rpy):
+            if np.isnan(rpy).any():
+                raise InvalidArgument(f"rpy: {rpy} needs all three angles")
+            pose[3:] = transform_numbers(frame(np.zeros(3), np.array(rpy)))[3:]
         self._world.place(name, pose)
         return f"{name} is at x={pose[0]:g} y={pose[1]:g} z={pose[2]:g}"
 
@@ -111,11 +107,12 @@ def _object_message(item: WorldObject) -> ObjectMessage:
     )
 
 
-def _coordinate(key: str, value: Any) -> float:
-    """Return a number of m or rad. Raises InvalidArgument."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InvalidArgument(f"{key}: {value!r} is not a number")
-    if not abs(value) <= MAX_DISTANCE_M:
-        limit = f"-{MAX_DISTANCE_M:g}..{MAX_DISTANCE_M:g}"
-        raise InvalidArgument(f"{key}: {value:g} is outside {limit}")
-    return float(value)
+def _three_numbers(field: str, values: Sequence[float]) -> list[float]:
+    """Return the numbers of a field, m or rad; none where it is empty. Raises InvalidArgument."""
+    if len(values) not in (0, 3):
+        raise InvalidArgument(f"{field}: has {len(values)} numbers; 3 are needed, or none")
+    for value in values:
+        if abs(value) > MAX_COORDINATE:
+            limit = f"-{MAX_COORDINATE:g}..{MAX_COORDINATE:g}"
+            raise InvalidArgument(f"{field}: {value:g} is outside {limit}")
+    return list(values)

@@ -9,7 +9,7 @@ from tests.core.control.harness import Harness
 from tests.features.scenario.harness import MOVE, run
 
 from robotd.errors import DescriptorError, InvalidArgument
-from robotd_scenario import FAULTS, FaultSchedule, nested, validate_fault
+from robotd_scenario import FAULTS, FaultSchedule, requested_fault, validate_fault
 
 BACK = {"move": {"to_rad": {"joint1": 0.0}, "time_s": 1.0}}
 SERVOS_ON = {"servos": "on"}
@@ -190,28 +190,32 @@ def test_a_fault_that_does_not_fit_the_robot_is_rejected(fault: dict[str, Any], 
 
 
 @pytest.mark.parametrize(
-    ("fields", "text"),
+    ("kind", "settings", "text"),
     [
-        ({}, "needs exactly one of amp_alarm"),
-        ({"amp_alarm.axis": 1, "engine_stopped": True}, "needs exactly one of"),
-        ({"amp_alarm.axs": 1}, "amp_alarm.axs: unknown key; did you mean 'axis'?"),
-        ({"amp_alarm.axis": 1, "amp_alarm.code": 0}, "amp_alarm.code: must be at least 1"),
-        ({"following_error.axis": 1, "following_error.for_s": 1e300}, "must be at most 1e\\+06"),
-        ({"encoder_jump.axis": 1, "encoder_jump.delta_rad": 1e300}, "must be at most 1e\\+06"),
-        ({"at_s": float("nan"), "engine_stopped": True}, "at_s: must be"),
-        ({"engine_stopped": True, "when.joint": "a"}, "one of above_rad and below_rad"),
+        ("", {}, "unknown fault ''"),
+        ("at_s", {"axis": 1}, "unknown fault 'at_s'"),
+        ("amp_alarmm", {"axis": 1}, "unknown fault 'amp_alarmm'; did you mean 'amp_alarm'?"),
+        ("amp_alarm", {"axs": 1}, "amp_alarm.axs: unknown key; did you mean 'axis'?"),
+        ("amp_alarm", {"axis": 1, "code": 0}, "amp_alarm.code: must be at least 1"),
+        ("following_error", {"axis": 1, "for_s": 1e300}, "must be at most 1e\\+06"),
+        ("encoder_jump", {"axis": 1, "delta_rad": 1e300}, "must be at most 1e\\+06"),
+        ("engine_stopped", {"at_s": float("nan")}, "at_s: must be"),
+        ("engine_stopped", {"when": 1.0}, "engine_stopped.when: unknown key"),
+        ("engine_stopped", {"when.joint": "a"}, "one of above_rad and below_rad"),
     ],
 )
-def test_fields_that_make_no_fault_are_told(fields: dict[str, Any], text: str) -> None:
-    with pytest.raises(DescriptorError, match=text.replace("?", r"\?")):
-        validate_fault(nested(fields))
+def test_a_request_that_is_no_fault_is_rejected(
+    kind: str, settings: dict[str, Any], text: str
+) -> None:
+    with pytest.raises((DescriptorError, InvalidArgument), match=text.replace("?", r"\?")):
+        requested_fault(kind, settings)
 
 
-def test_dotted_names_nest() -> None:
-    assert nested({"a.b": 1, "a.c": 2, "d": 3.0, "e": True}) == {
-        "a": {"b": 1, "c": 2}, "d": 3.0, "e": {}}  # fmt: skip
-    with pytest.raises(InvalidArgument, match="a has a value already"):
-        nested({"a": 1, "a.b": 2})
+def test_a_requested_fault_is_that_of_a_file() -> None:
+    settings = {"axis": 2, "at_s": 1.5, "when.joint": "a", "when.above_rad": 1.0}
+    when = {"joint": "a", "above_rad": 1.0}
+    written = {"at_s": 1.5, "when": when, "amp_alarm": {"axis": 2}}
+    assert requested_fault("amp_alarm", settings) == validate_fault(written)
 
 
 def bit(value: bool, at_s: float, for_s: float) -> dict[str, Any]:

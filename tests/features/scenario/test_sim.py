@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 from click.testing import Result
 
 from robotd.cli.exit_codes import ExitCode
+from robotd_ros.answered_services import value_of
 
 Robotd = Callable[..., Result]
 
@@ -76,11 +78,12 @@ def asked_of_robot(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Any]]:
     """Answer the calls of ``robotd sim`` with "done"; return where they are recorded."""
     asked: list[tuple[str, Any]] = []
 
-    def call(name: str, fields: Any) -> str:
-        asked.append((name, fields))
-        return "done"
+    def call(service_type: Any, name: str, /, **fields: Any) -> Any:
+        request = service_type.Request(**fields)
+        asked.append((name, request))
+        return SimpleNamespace(message="done")
 
-    client = SimpleNamespace(call_named=call)
+    client = SimpleNamespace(call=call)
     place = "robotd_scenario.sim_command"
     monkeypatch.setattr(f"{place}.require_one_robot", lambda client: None)
     monkeypatch.setattr(f"{place}.robot_client", lambda timeout_s: nullcontext(client))
@@ -91,10 +94,10 @@ def asked_of_robot(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Any]]:
     ("words", "fields"),
     [
         (["amp_alarm", "axis=2", "code=0x2310", "at_s=1.5"],
-         {"amp_alarm.axis": 2, "amp_alarm.code": 0x2310, "at_s": 1.5}),
+         {"axis": 2, "code": 0x2310, "at_s": 1.5}),
         (["engine_stopped", "when.joint=joint1", "when.above_rad=0.5"],
-         {"engine_stopped": True, "when.joint": "joint1", "when.above_rad": 0.5}),
-        (["stuck_gripper", "closed=true"], {"stuck_gripper.closed": True}),
+         {"when.joint": "joint1", "when.above_rad": 0.5}),
+        (["stuck_gripper", "closed=true"], {"closed": True}),
     ],
 )  # fmt: skip
 def test_words_become_fields(
@@ -104,7 +107,9 @@ def test_words_become_fields(
     result = robotd("sim", "inject", *words)
     assert result.exit_code == 0, result.output
     assert result.stdout == "done\n"
-    assert asked == [("robotd_sim/inject", fields)]
+    ((name, request),) = asked
+    assert (name, request.kind) == ("robotd_sim/inject", words[0])
+    assert {setting.name: value_of(setting) for setting in request.settings} == fields
 
 
 @pytest.mark.parametrize(
@@ -124,7 +129,27 @@ def test_words_that_say_nothing_are_usage_errors(robotd: Robotd, words: list[str
 
 def test_an_object_is_placed_by_its_name(robotd: Robotd, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = asked_of_robot(monkeypatch)
-    result = robotd("sim", "place", "cube", "x=0.4", "yaw=-1")
-    assert (result.exit_code, result.stdout) == (0, "done\n"), result.output
-    assert asked == [("robotd_world/place", {"name": "cube", "x": 0.4, "yaw": -1})]
-    assert robotd("sim", "place", "cube").exit_code == ExitCode.USAGE
+    for words in (["x=0.4", "yaw=-1"], ["y=-1"]):
+        result = robotd("sim", "place", "cube", *words)
+        assert (result.exit_code, result.stdout) == (0, "done\n"), result.output
+    assert [(name, request.name) for name, request in asked] == [("robotd_world/place", "cube")] * 2
+    turned, moved = (request for _, request in asked)
+    assert [*turned.position] == pytest.approx([0.4, math.nan, math.nan], nan_ok=True)
+    assert [*turned.rpy] == [0.0, 0.0, -1.0]
+    assert [*moved.position] == pytest.approx([math.nan, -1.0, math.nan], nan_ok=True)
+    assert [*moved.rpy] == []
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        ([], "Missing argument"),
+        (["w=1"], "w is none of x, y, z, roll, pitch, yaw"),
+        (["x=true"], "x: True is not a number"),
+        (["x=far"], "x: 'far' is not a number"),
+        (["x=nan"], "x: nan is not a number"),
+    ],
+)
+def test_a_wrong_place_is_a_usage_error(robotd: Robotd, words: list[str], reason: str) -> None:
+    result = robotd("sim", "place", "cube", *words)
+    assert (result.exit_code, reason in result.stderr) == (ExitCode.USAGE, True), result.stderr
