@@ -78,7 +78,7 @@ class MoveOnLine(Target):
     speed: Speed | None = None
 
 
-class Arc(Section):
+class MoveOnArc(Section):
     """Arc of a circle, through ``via`` to ``to``; both from where the tool is."""
 
     via: Target
@@ -200,7 +200,7 @@ class Step(Section):
 
     move: MoveToPose | None = None
     line: MoveOnLine | None = None
-    arc: Arc | None = None
+    arc: MoveOnArc | None = None
     path: Path_ | None = None
     gripper: Annotated[SetGripper | None, _short("to")] = None
     output: SetOutput | None = None

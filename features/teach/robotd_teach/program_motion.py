@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,20 +22,18 @@ from robotd_teach.path_file import PathFile
 from robotd_teach.path_motion import require_at_start
 from robotd_teach.paths import Paths
 from robotd_teach.program_file import Path_, ProgramFile, Step, Target
-from robotd_tool_space.arcs import arc_poses
-from robotd_tool_space.joint_path import solve_at_once, trace_path
 from robotd_tool_space.kinematics import Kinematics
 from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.rotations import COMPONENTS, inverse_pose, pose_of, rpy_of
+from robotd_tool_space.segments import Arc, Line, MotionSegment
+from robotd_tool_space.sequence_plan import plan_route, plan_sequence
 from robotd_tool_space.tool_groups import ToolGroups
 from robotd_tool_space.tool_motion import (
     ToolMotion,
     plan_fast_motion,
-    plan_lines,
     rest_of,
     rest_of_lines,
 )
-from robotd_tool_space.tool_path import ToolPath
 
 SAMPLE_RAD = 0.02  # between two positions of a move that are checked for collisions, rad or m
 
@@ -104,9 +102,8 @@ class StepPlanner:
         if step.path is not None and step.path.name is not None:
             curve = self._recorded(step.path, step.path.name, start)
             return step.path.playback(self._file.speed).plan(curve, limits, start).motion
-        kinematics, poses, blend_m = self._lines(step, place)
-        speed = self.need_tool().speed.scaled(self._speed(step))
-        return plan_lines(kinematics, limits, start, poses, speed, blend_m, solve_at_once)
+        kinematics, segments = self._segments(step, place)
+        return plan_sequence(kinematics, limits, start, segments, self.need_tool().speed)
 
     def rest(self, step: Step, place: Place, motion: ToolMotion, time_s: float) -> ToolMotion:
         """Return what is left of the motion of a step from ``time_s`` on, from rest."""
@@ -129,17 +126,13 @@ class StepPlanner:
         if step.path is not None and step.path.name is not None:
             places = self._recorded(step.path, step.path.name, start).positions
             return np.vstack([_straight(start, places[0]), places])
-        kinematics, poses, blend_m = self._lines(step, place)
-        speed = self.need_tool().speed.scaled(self._speed(step))
-        first = kinematics.forward(start)
-        for pose in poses:
-            kinematics.require_possible(first, pose)
-        path = ToolPath.through([first, *poses], speed, blend_m)
-        if not path.pieces:
+        kinematics, segments = self._segments(step, place)
+        limits, speed = self.group.follower.limits, self.need_tool().speed
+        route = plan_route(kinematics, limits, start, segments, speed)
+        if route is None:
             return start[None]
-        found = trace_path(kinematics, path, start)
-        self._require_within(found[-1])
-        return found
+        self._require_within(route.positions[-1])
+        return route.positions
 
     def need_tool(self) -> RobotTool:
         """Return the tool. Raises Unsupported: the group has none."""
@@ -216,22 +209,23 @@ class StepPlanner:
         if text := beyond_limits(self.group.follower.limits, goal):
             raise InvalidArgument(text)
 
-    def _lines(self, step: Step, place: Place) -> tuple[Kinematics, Sequence[FloatArray], float]:
-        """Return the poses in the base that the tool goes through, and how far they are rounded."""
-        kinematics = self.need_tool().kinematics_of(place.tool)
+    def _segments(self, step: Step, place: Place) -> tuple[Kinematics, list[MotionSegment]]:
+        """Return the curves of the tool that a step asks for, with poses in the base."""
+        kinematics, speed = self.need_tool().kinematics_of(place.tool), self._speed(step)
         first = kinematics.forward(self._start(place))
         if step.line is not None:
-            return kinematics, [self._pose(step.line, first, kinematics, place)], 0.0
+            return kinematics, [Line(self._pose(step.line, first, kinematics, place), speed=speed)]
         if step.arc is not None:
             via = self._pose(step.arc.via, first, kinematics, place)
             end = self._pose(step.arc.to, first, kinematics, place)
-            return kinematics, *arc_poses(first, via, end)
+            return kinematics, [Arc(via, end, speed=speed)]
         if step.path is None or step.path.through is None:
             raise InvalidArgument(f"{step.kind} is no motion")
-        poses = [first]
+        segments: list[MotionSegment] = []
         for target in step.path.through:
-            poses.append(self._pose(target, poses[-1], kinematics, place))
-        return kinematics, poses[1:], step.path.blend_m or 0.0
+            first = self._pose(target, first, kinematics, place)
+            segments.append(Line(first, speed=speed, blend_m=step.path.blend_m or 0.0))
+        return kinematics, segments
 
     def _pose(
         self, target: Target, before: FloatArray, kinematics: Kinematics, place: Place

@@ -23,16 +23,23 @@ if TYPE_CHECKING:
         rotation_vectors,
         rpy_of,
     )
+    from robotd_tool_space.segments import Arc, ArcAbout, JointMove, Line, MotionSegment, Spline
     from robotd_tool_space.tool_groups import ToolGroups
 else:  # commands that read a robot's file need the keys of the feature only
     __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
+    "Arc",
+    "ArcAbout",
     "Chain",
     "CollisionGuard",
+    "JointMove",
     "Kinematics",
+    "Line",
+    "MotionSegment",
     "Obstacle",
     "RobotTool",
+    "Spline",
     "Task",
     "ToolGroups",
     "Unreachable",

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotd.api import FloatArray, InvalidArgument
+from robotd.api import BoolArray, FloatArray, InvalidArgument
 from robotd_tool_space.kinematics import Kinematics, Obstacle, Unreachable
 from robotd_tool_space.rotations import pose_differences
 from robotd_tool_space.tool_path import ToolPath
@@ -42,6 +42,25 @@ class JointPath:
     at_s: FloatArray
     positions: FloatArray
     slopes: FloatArray
+
+    @property
+    def rests(self) -> list[int]:
+        """Inner samples at which the path stops."""
+        ends_s = (self.path.edges_s[piece + 1] for piece in sorted(self.path.stops))
+        return [int(np.abs(self.at_s - end_s).argmin()) for end_s in ends_s]
+
+    @property
+    def ends_s(self) -> tuple[float, ...]:
+        """Parameters at the ends of the curves of the path."""
+        return self.path.ends_s
+
+    def sampled(self, chosen: BoolArray) -> tuple[FloatArray, FloatArray]:
+        """Return positions and derivatives at the chosen samples, of a mask (k,)."""
+        return self.positions[chosen], self.slopes[chosen]
+
+    def poses(self, at_s: FloatArray) -> FloatArray:
+        """Return the poses (m, 4, 4) of the path."""
+        return self.path.poses(at_s)
 
     def exact(self, at_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return positions and derivatives by the parameter, (m, n) each, at (m,) parameters."""
@@ -110,12 +129,6 @@ def solve_at_once(kinematics: Kinematics, path: ToolPath, start: FloatArray) -> 
     if found is None:
         return solve_path(kinematics, path, start)
     return JointPath(kinematics, path, at_s, found, slopes(kinematics, path, at_s, found))
-
-
-def trace_path(kinematics: Kinematics, path: ToolPath, start: FloatArray) -> FloatArray:
-    """Return the joint positions (k, n) along a path. Raises the errors of ``solve_path``."""
-    found = _follow(kinematics, path, _samples(path), start)
-    return solve_path(kinematics, path, start).positions if found is None else found
 
 
 def _follow(
@@ -226,8 +239,7 @@ def _samples(path: ToolPath) -> FloatArray:
     """Return the parameters to compute joints at; each end of a piece is one."""
     at_s = [np.zeros(1)]
     for first, piece in zip(path.edges_s, path.pieces, strict=False):
-        way = np.abs(piece.way) + np.abs(piece.onward)
-        steps = max(np.linalg.norm(way[:3]) / STEP_M, np.linalg.norm(way[3:]) / STEP_RAD)
+        steps = float((piece.curve.rates * piece.length_s / (STEP_M, STEP_RAD)).max())
         count = int(min(max(np.ceil(steps), MIN_SAMPLES), MAX_SAMPLES))
         at_s.append(first + piece.length_s * np.arange(1, count + 1) / count)
     return np.concatenate(at_s)

@@ -27,14 +27,15 @@ from robotd_tool_space.rotations import (
     pose_of,
     rpy_of,
 )
+from robotd_tool_space.segments import Line, MotionSegment, check_speed
+from robotd_tool_space.sequence_plan import plan_sequence
+from robotd_tool_space.tool_curves import ToolSpeed
 from robotd_tool_space.tool_frames import ToolFrames
-from robotd_tool_space.tool_motion import ToolMotion, plan_joint_motion, plan_lines
-from robotd_tool_space.tool_path import ToolSpeed
+from robotd_tool_space.tool_motion import ToolMotion, plan_joint_motion
 from robotd_tool_space.tool_stream import ToolStream
 from robotd_tool_space.twist import TwistStage
 
 BASE, TOOL = "base", "tool"
-MIN_SPEED = 0.01
 POLL_S = 0.01
 
 
@@ -155,7 +156,7 @@ class RobotTool(ToolFrames):
 
         Raises Unreachable, InvalidArgument, NotReady.
         """
-        _check_speed(speed)
+        check_speed(speed)
         start = self.start()
         target = self.work_frame @ checked_pose(pose)
         goals = self._kinematics.solutions(target, start)
@@ -171,7 +172,7 @@ class RobotTool(ToolFrames):
 
         Raises InvalidArgument, NotReady; a goal beyond the limits is rejected when it is executed.
         """
-        _check_speed(speed)
+        check_speed(speed)
         return self._plan_joints(self.start(), goal, speed)
 
     def _plan_joints(self, start: FloatArray, goal: FloatArray, speed: float) -> ToolMotion:
@@ -191,15 +192,30 @@ class RobotTool(ToolFrames):
 
         Raises Unreachable: with the place; InvalidArgument, NotReady.
         """
-        _check_speed(speed)
         if not poses:
             raise InvalidArgument("a line needs a pose")
-        if not (np.isfinite(blend_m) and blend_m >= 0.0):
-            raise InvalidArgument(f"blend_m is {blend_m}, must be at least 0 and finite")
-        targets = [self.work_frame @ checked_pose(pose) for pose in poses]
-        limits, tool = self.group.follower.limits, self.speed.scaled(speed)
+        return self.plan_sequence([Line(pose, speed=speed, blend_m=blend_m) for pose in poses])
+
+    def plan_sequence(
+        self, segments: Sequence[MotionSegment], *, constant_speed: bool = False
+    ) -> ToolMotion:
+        """Return the motion along segments, planned whole.
+
+        Args:
+            segments: at least one; their poses are in the chosen work frame.
+            constant_speed: the tool keeps one speed between two stops, except at their ends: the
+                highest that is possible all the way, at most that of the slowest segment.
+
+        Raises Unreachable: with segment and place; InvalidArgument, NotReady.
+        """
+        if not segments:
+            raise InvalidArgument("a sequence needs a segment")
+        in_base = [segment.in_base(self.work_frame) for segment in segments]
+        kinematics, limits, start = self._kinematics, self.group.follower.limits, self.start()
         with self._noted():
-            return plan_lines(self._kinematics, limits, self.start(), targets, tool, blend_m)
+            return plan_sequence(
+                kinematics, limits, start, in_base, self.speed, constant_speed=constant_speed
+            )
 
     def move_to(self, pose: FloatArray, speed: float = 1.0) -> None:
         """Move to a pose, and return when the tool is there. Arguments: see ``plan_move``.
@@ -217,6 +233,14 @@ class RobotTool(ToolFrames):
         """
         arrival = self.arrive()
         self.execute(self.plan_lines(poses, speed, blend_m), arrival)
+
+    def move_sequence(self, *segments: MotionSegment, constant_speed: bool = False) -> None:
+        """Move along segments as one motion, and return when the tool is at their end.
+
+        Arguments: see ``plan_sequence``; errors: see ``move_to``.
+        """
+        arrival = self.arrive()
+        self.execute(self.plan_sequence(segments, constant_speed=constant_speed), arrival)
 
     def execute(self, motion: ToolMotion, arrival: Arrival | None = None) -> None:
         """Execute a planned motion as ``follow``. Raises OperationError: it ended elsewhere."""
@@ -277,8 +301,3 @@ class RobotTool(ToolFrames):
                 EventKind.GOAL, "tool", f"goal rejected: {error}", level=Level.WARNING, data=data
             )
             raise
-
-
-def _check_speed(speed: float) -> None:
-    if not MIN_SPEED <= speed <= 1.0:
-        raise InvalidArgument(f"speed is {speed:g}, must be {MIN_SPEED:g} to 1")

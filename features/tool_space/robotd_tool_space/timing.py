@@ -9,9 +9,9 @@ Robotics 34(3), 2018). The accelerations then have steps; a moving average over 
 them into ramps. The parts between two stops are averaged each by itself: an average across a stop
 would pass it with some speed.
 
-In a corner the tool's acceleration has a part across the path, c·x with the curvature c: it gets
-``ACROSS`` of the limit, which bounds x, and d²s/dt² the rest. Both bounds hold as far before and
-behind a corner as the moving average reaches, so that they hold for the average in it.
+Where the path bends the tool's acceleration has a part c·x with the second derivative c by s: it
+gets up to ``ACROSS`` of the limit, which bounds x, and d²s/dt² the rest, by Pythagoras. Both bounds
+hold as far before and behind as the moving average reaches, so that they hold for the average.
 """
 
 from __future__ import annotations
@@ -23,19 +23,21 @@ from typing import Protocol
 
 import numpy as np
 
-from robotd.api import BoolArray, FloatArray, IntArray, InvalidArgument
-from robotd_tool_space.joint_path import JointPath
-from robotd_tool_space.tool_path import ToolSpeed
+from robotd.api import FloatArray, IntArray, InvalidArgument
+from robotd_tool_space.joint_route import EvenRoute, Route
+from robotd_tool_space.kinematics import Kinematics
+from robotd_tool_space.tool_curves import ToolSpeed
 
 SAMPLE_S = 0.002  # of the moving average
-ACROSS, ALONG = 0.8, 0.6  # parts of the tool's acceleration in a corner: 0.8² + 0.6² = 1
+ACROSS = 0.8  # of the tool's acceleration, at most, where its path bends
+LEAST_ACROSS = 0.05  # that counts
 MIN_SPEED = 1e-9
 NO_BEND = 1e-9
 MAX_DURATION_S = 3600.0
 
 
 class Curve(Protocol):
-    """Joint positions over a parameter, as samples and between them; see ``JointPath``."""
+    """Joint positions over a parameter, as samples and between them; see ``Route``."""
 
     @property
     def at_s(self) -> FloatArray: ...
@@ -71,33 +73,60 @@ class Timing:
         return at_s, np.interp(times_s, self.times_s, self.speeds)
 
 
-def time_path(
-    joints: JointPath,
-    velocity: FloatArray,
-    acceleration: FloatArray,
+def time_route(
+    route: Route | EvenRoute,
+    kinematics: Kinematics,
+    limits: tuple[FloatArray, FloatArray],
     speed: ToolSpeed,
     smooth_s: float,
 ) -> Timing:
-    """Return the fastest timing of a path that starts and ends at rest.
+    """Return the fastest timing of a route that starts and ends at rest.
 
     Args:
-        joints: along the path.
-        velocity, acceleration: (n,) limits of the joints.
-        speed: limits of the tool.
+        route: whose parameter is the time at full speed. An ``EvenRoute`` gets one speed between
+            two rests, except where it speeds up and slows down.
+        kinematics: of the tool.
+        limits: (n,) velocities and (n,) accelerations of the joints.
+        speed: its accelerations are the limits of the tool.
         smooth_s: duration of the moving average.
 
     Raises InvalidArgument: it takes more than an hour.
     """
-    at_s, edges = joints.at_s, joints.path.edges_s
-    stops = [int(np.abs(at_s - edges[piece + 1]).argmin()) for piece in joints.path.stops]
-    rests = np.array([0, *sorted(stops), len(at_s) - 1])
-    slope = np.hstack([joints.slopes, np.ones((len(at_s), 1))])
-    bend = np.hstack([_bends(at_s, joints.slopes, rests), np.zeros((len(at_s), 1))])
-    caps, near = _corner_caps(joints, speed, smooth_s)
-    along = speed.acceleration_s * np.where(near, ALONG, 1.0)
-    limit = np.hstack([np.tile(acceleration, (len(at_s), 1)), along[:, None]])
-    highest = np.minimum(_highest(slope, bend, np.append(velocity, 1.0), limit), caps)
+    at_s, count = route.at_s, len(route.at_s)
+    rests = np.array([0, *route.rests, count - 1])
+    _, jacobian = kinematics.chain.forward_and_jacobian(route.positions)
+    twists = (jacobian @ route.slopes[..., None])[..., 0]
+    rates = np.linalg.norm(twists.reshape(-1, 2, 3), axis=2)
+    turns = np.linalg.norm(_bends(at_s, twists, rests).reshape(-1, 2, 3), axis=2)
+    turns = np.maximum(np.maximum(turns, np.roll(turns, 1, 0)), np.roll(turns, -1, 0))
+    slope = np.hstack([route.slopes, rates])
+    bend = np.hstack([_bends(at_s, route.slopes, rests), np.zeros((count, 2))])
+    limit = np.tile(np.append(limits[1], speed.accelerations), (count, 1))
+    fastest = np.append(limits[0], speed.velocities)
+    highest = np.minimum(_highest(slope, bend, fastest, limit), 1.0)
+    highest = np.minimum(highest, (ACROSS * speed.accelerations / (turns + NO_BEND)).min(axis=1))
+    if isinstance(route, EvenRoute):
+        for first, last in pairwise(rests.tolist()):
+            highest[first : last + 1] = highest[first : last + 1].min()
+    across = (turns * highest[:, None] / speed.accelerations).max(axis=1)
+    highest, across = _around(at_s, highest, across, smooth_s)
+    limit[:, -2:] *= np.sqrt(1.0 - np.minimum(across, ACROSS) ** 2)[:, None]
     return _fastest(at_s, rests, slope, bend, highest, limit, smooth_s)
+
+
+def _around(
+    at_s: FloatArray, highest: FloatArray, across: FloatArray, smooth_s: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return squared speeds and parts across that hold as far as the moving average reaches."""
+    capped, widest = highest.copy(), across.copy()
+    reaches = smooth_s * np.sqrt(highest)
+    firsts = np.searchsorted(at_s, at_s - reaches)
+    lasts = np.searchsorted(at_s, at_s + reaches, "right")
+    for index in np.flatnonzero(across > LEAST_ACROSS).tolist():
+        around = slice(firsts[index], lasts[index])
+        np.minimum(capped[around], highest[index], out=capped[around])
+        np.maximum(widest[around], across[index], out=widest[around])
+    return capped, widest
 
 
 def time_curve(
@@ -168,27 +197,6 @@ def _bends(at_s: FloatArray, slopes: FloatArray, rests: IntArray) -> FloatArray:
     for first, last in pairwise(edges.tolist()):
         bends[first:last] = np.gradient(slopes[first:last], at_s[first:last], axis=0)
     return bends
-
-
-def _corner_caps(
-    joints: JointPath, speed: ToolSpeed, smooth_s: float
-) -> tuple[FloatArray, BoolArray]:
-    """Return the highest squared speeds (k,) for the corners, and the samples that are near one."""
-    at_s, edges = joints.at_s, joints.path.edges_s
-    caps, near = np.full(len(at_s), np.inf), np.zeros(len(at_s), np.bool_)
-    for piece, first, last in zip(joints.path.pieces, edges, edges[1:], strict=False):
-        linear, angular = piece.bend
-        if linear == angular == 0.0:
-            continue
-        cap = ACROSS * min(
-            speed.acceleration / max(linear, NO_BEND),
-            speed.angular_acceleration / max(angular, NO_BEND),
-        )
-        reach = smooth_s * min(np.sqrt(cap), 1.0)
-        inside = (at_s >= first - reach) & (at_s <= last + reach)
-        caps[inside] = np.minimum(caps[inside], cap)
-        near |= inside
-    return caps, near
 
 
 def _highest(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -10,27 +9,22 @@ import numpy as np
 
 from robotd.api import FloatArray
 from robotd.api.robots import JointLimits, RateBounds, TrajectoryRequest
-from robotd_tool_space.joint_path import JointPath, hermite, solve_path
-from robotd_tool_space.kinematics import Kinematics, Obstacle, Unreachable
+from robotd_tool_space.joint_path import hermite
+from robotd_tool_space.kinematics import Kinematics
 from robotd_tool_space.rotations import pose_differences
-from robotd_tool_space.timing import Curve, Timing, time_path
-from robotd_tool_space.tool_path import ToolPath, ToolSpeed
+from robotd_tool_space.timing import Curve, Timing
+from robotd_tool_space.tool_curves import ToolSpeed
 
 KNOT_S = 0.05  # between points of the trajectory
 FINEST_KNOT_S = 0.0125
 MAX_KNOTS = 2500
 CHECK_S = 0.002  # between the times at which the result is checked
 MAX_CHECKS = 20_000
-LINE_TOLERANCE_M = 1e-4
-LINE_TOLERANCE_RAD = np.radians(0.1)
-PLANNED_SHARE = 0.5  # of both tolerances: the rest is left to the drives' rounding
 ACCELERATION_SHARE = 0.75  # of the joints' limits; cubics between the points have peaks above it
 SMOOTH_S = 0.1
 NO_SPEED = 1e-9
 RAMP_S = 0.3  # of trajectory time, in which a motion goes on from rest
 QUINTIC_VELOCITY, QUINTIC_ACCELERATION = 1.875, 5.7735  # peaks of d/T and d/T² at rest on both ends
-
-PathSolver = Callable[[Kinematics, ToolPath, FloatArray], JointPath]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +38,8 @@ class ToolMotion:
         path_s: duration at full speed of the tool; the joints may make it longer.
         rate_bounds: by which changes of speed on the way keep the accelerations of the tool; None:
             they keep those of the joints only.
+        ends_s: times at the ends of its segments: in the middle of their corners.
+        notes: what is not as it was asked for, such as corners that are stops.
     """
 
     times_s: FloatArray
@@ -53,6 +49,8 @@ class ToolMotion:
     deviation_rad: float = 0.0
     path_s: float = 0.0
     rate_bounds: RateBounds | None = None
+    ends_s: tuple[float, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def duration_s(self) -> float:
@@ -61,77 +59,18 @@ class ToolMotion:
 
     def slower(self, factor: float) -> ToolMotion:
         """Return the same path in ``factor`` times its duration."""
-        return replace(self, times_s=self.times_s * factor, velocities=self.velocities / factor)
+        return replace(
+            self,
+            times_s=self.times_s * factor,
+            velocities=self.velocities / factor,
+            ends_s=tuple(end_s * factor for end_s in self.ends_s),
+        )
 
     def request(self, joints: tuple[str, ...]) -> TrajectoryRequest:
         """Return the trajectory that it is, for the n joints by name."""
         return TrajectoryRequest(
             joints, self.times_s, self.positions, self.velocities, rate_bounds=self.rate_bounds
         )
-
-
-def plan_lines(
-    kinematics: Kinematics,
-    limits: JointLimits,
-    start: FloatArray,
-    poses: Sequence[FloatArray],
-    speed: ToolSpeed,
-    blend_m: float = 0.0,
-    solve: PathSolver = solve_path,
-) -> ToolMotion:
-    """Return the motion of the tool along straight lines through ``poses``.
-
-    A pure function, for a worker thread. The line is kept within 0.1 mm and 0.1° at every period,
-    the accelerations of the tool in its corners and the limits of the joints by a lower speed.
-
-    Args:
-        kinematics: with the tool that moves.
-        start: (n,) positions of the joints, at rest.
-        poses: (4, 4) each, in the base; the line begins where the tool is.
-        speed: of the tool.
-        blend_m: see ``ToolPath.through``.
-        solve: finds the joint positions.
-
-    Raises:
-        Unreachable: the line leaves the limits or the reach, or is singular; with the place.
-        InvalidArgument: it takes more than an hour, or is too long to be planned at once.
-    """
-    first = kinematics.forward(start)
-    for pose in poses:
-        kinematics.require_possible(first, pose)
-    path = ToolPath.through([first, *poses], speed, blend_m)
-    if not path.pieces:
-        return _standing(start)
-    joints = solve(kinematics, path, start)
-    timing = time_path(
-        joints,
-        limits.velocity,
-        ACCELERATION_SHARE * limits.acceleration,
-        speed,
-        SMOOTH_S,
-    )
-    knot_s = max(KNOT_S, timing.times_s[-1] / MAX_KNOTS)
-    while True:
-        motion = within_limits(knots(joints, timing, knot_s), limits)
-        times_s, tool = _tool_poses(kinematics, motion)
-        off_m, off_rad = _deviation(joints, timing, times_s, tool)
-        if off_m <= PLANNED_SHARE * LINE_TOLERANCE_M and (
-            off_rad <= PLANNED_SHARE * LINE_TOLERANCE_RAD
-        ):
-            factor = _excess(times_s, tool, speed)
-            return replace(
-                motion.slower(factor),
-                deviation_m=off_m,
-                deviation_rad=off_rad,
-                path_s=path.length_s,
-                rate_bounds=_rate_bounds(factor * times_s, tool, speed),
-            )
-        knot_s /= 2.0
-        if knot_s < max(FINEST_KNOT_S, timing.times_s[-1] / MAX_KNOTS):
-            text = (
-                f"the line cannot be kept: {1e3 * off_m:.2f} mm and {np.degrees(off_rad):.2f}° off"
-            )
-            raise Unreachable(Obstacle.SINGULAR, text)
 
 
 def plan_joint_motion(
@@ -145,13 +84,13 @@ def plan_joint_motion(
     """Return the motion of all joints together to ``goal`` (n,).
 
     Args:
-        kinematics, limits, start, speed: see ``plan_lines``.
+        kinematics, limits, start, speed: see ``plan_sequence``.
         goal: positions, rad or m.
         part: 0 to 1 of the joints' speeds.
     """
     shortest_s = _shortest_s(limits, start, goal, part)
     if shortest_s == 0.0:
-        return _standing(start)
+        return standing(start)
     place = _quintic(np.linspace(0.0, 1.0, 101))
     poses = kinematics.forward(start + place[:, None] * (goal - start))
     steps = pose_differences(poses[:-1], poses[1:]) * 100.0 / shortest_s
@@ -171,7 +110,7 @@ def plan_fast_motion(
     Arguments: see ``plan_joint_motion``.
     """
     shortest_s = _shortest_s(limits, start, goal, part)
-    return _in_time(limits, start, goal, shortest_s) if shortest_s else _standing(start)
+    return _in_time(limits, start, goal, shortest_s) if shortest_s else standing(start)
 
 
 def _shortest_s(limits: JointLimits, start: FloatArray, goal: FloatArray, part: float) -> float:
@@ -217,12 +156,12 @@ def rest_of_lines(
 ) -> ToolMotion:
     """Return as ``rest_of`` what is left of lines of the tool, with its accelerations kept.
 
-    Arguments: see ``plan_lines``.
+    Arguments: see ``plan_sequence``.
     """
     rest = rest_of(motion, limits, time_s)
-    times_s, tool = _tool_poses(kinematics, rest)
-    factor = _excess(times_s, tool, speed)
-    bounds = _rate_bounds(factor * times_s, tool, speed)
+    times_s, tool = tool_poses(kinematics, rest)
+    factor = tool_excess(times_s, tool, speed)
+    bounds = tool_bounds(factor * times_s, tool, speed)
     return replace(rest.slower(factor), rate_bounds=bounds)
 
 
@@ -290,8 +229,10 @@ def sampled(motion: ToolMotion, times_s: FloatArray) -> tuple[FloatArray, FloatA
     return positions, velocities
 
 
-def _standing(start: FloatArray) -> ToolMotion:
-    return ToolMotion(np.array([0.0, KNOT_S]), np.tile(start, (2, 1)), np.zeros((2, len(start))))
+def standing(start: FloatArray, segments: int = 0) -> ToolMotion:
+    """Return a motion that stays at ``start`` (n,)."""
+    times_s, still = np.array([0.0, KNOT_S]), np.zeros((2, len(start)))
+    return ToolMotion(times_s, np.tile(start, (2, 1)), still, ends_s=(KNOT_S,) * segments)
 
 
 def knots(joints: Curve, timing: Timing, knot_s: float) -> ToolMotion:
@@ -342,24 +283,14 @@ def within_limits(motion: ToolMotion, limits: JointLimits) -> ToolMotion:
     return motion.slower(factor)
 
 
-def _tool_poses(kinematics: Kinematics, motion: ToolMotion) -> tuple[FloatArray, FloatArray]:
+def tool_poses(kinematics: Kinematics, motion: ToolMotion) -> tuple[FloatArray, FloatArray]:
     """Return times (k,), equidistant, and the poses (k, 4, 4) of the tool there."""
     count = int(min(max(motion.duration_s / CHECK_S, 50), MAX_CHECKS))
     times_s = np.linspace(0.0, motion.duration_s, count + 1)
     return times_s, kinematics.forward(sampled(motion, times_s)[0])
 
 
-def _deviation(
-    joints: JointPath, timing: Timing, times_s: FloatArray, tool: FloatArray
-) -> tuple[float, float]:
-    """Return the largest distance, m and rad, from the pose that the tool should have."""
-    task, part = joints.kinematics.task, timing.times_s[-1] / times_s[-1]
-    wanted = joints.path.poses(np.minimum(timing.at(times_s * part)[0], joints.at_s[-1]))
-    off = pose_differences(tool, wanted) @ task.chosen.T @ task.chosen
-    return _largest(off[:, :3]), _largest(off[:, 3:])
-
-
-def _excess(times_s: FloatArray, tool: FloatArray, speed: ToolSpeed) -> float:
+def tool_excess(times_s: FloatArray, tool: FloatArray, speed: ToolSpeed) -> float:
     """Return by how much slower the motion has to be for the accelerations of the tool, from 1."""
     _, accelerations = _tool_motion(times_s, tool)
     ratio = max(
@@ -369,7 +300,8 @@ def _excess(times_s: FloatArray, tool: FloatArray, speed: ToolSpeed) -> float:
     return max(float(np.sqrt(ratio)), 1.0)
 
 
-def _rate_bounds(times_s: FloatArray, tool: FloatArray, speed: ToolSpeed) -> RateBounds:
+def tool_bounds(times_s: FloatArray, tool: FloatArray, speed: ToolSpeed) -> RateBounds:
+    """Return the bounds of changes of speed at times (k,) with poses (k, 4, 4)."""
     velocities, accelerations = _tool_motion(times_s, tool)
     middle = 0.5 * (velocities[:-1] + velocities[1:]).reshape(-1, 2, 3)
     apart = accelerations.reshape(-1, 2, 3)

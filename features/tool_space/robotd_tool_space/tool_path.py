@@ -1,8 +1,4 @@
-"""Paths of a tool in space: straight lines through poses, with rounded corners where asked.
-
-The parameter of a path is the time it takes at full speed of the tool: the translation in m divided
-by the speed in m/s, or the rotation in rad divided by the angular speed, whichever is longer.
-"""
+"""Paths of a tool in space: curves, one after the other, with rounded corners where asked."""
 
 from __future__ import annotations
 
@@ -14,134 +10,85 @@ from itertools import pairwise
 import numpy as np
 
 from robotd.api import FloatArray
-from robotd_tool_space.rotations import pose_differences, rotation_matrices
+from robotd_tool_space.tool_curves import CornerCurve, ToolCurve
 
 NO_LENGTH_S = 1e-6  # a piece below it is left out
 
 
 @dataclass(frozen=True)
-class ToolSpeed:
-    """Limits of the motion of a tool, positive.
+class Blend:
+    """How far from the pose between two curves the path may leave them; 0: it stops there.
 
     Attributes:
-        velocity: m/s.
-        angular_velocity: rad/s.
-        acceleration: m/s²; the angular one is in the same ratio to the angular velocity.
+        linear: m.
+        angular: rad.
     """
 
-    velocity: float
-    angular_velocity: float
-    acceleration: float
+    linear: float = 0.0
+    angular: float = 0.0
 
-    @property
-    def angular_acceleration(self) -> float:
-        """rad/s²."""
-        return self.acceleration_s * self.angular_velocity
-
-    @property
-    def acceleration_s(self) -> float:
-        """Limit of d²s/dt² of a path whose parameter is the time at full speed, 1/s."""
-        return self.acceleration / self.velocity
-
-    def scaled(self, speed: float) -> ToolSpeed:
-        """Return the limits at a part of the speed, with the same acceleration."""
-        return ToolSpeed(self.velocity * speed, self.angular_velocity * speed, self.acceleration)
+    def reach_s(self, before: ToolCurve, after: ToolCurve) -> float:
+        """Return the part of each of two curves that their corner takes: at most half of it."""
+        bounds = np.array([self.linear, self.angular])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            reaches = [np.nanmin(bounds / curve.rates) for curve in (before, after)]
+        half_s = 0.5 * min(before.length_s, after.length_s)
+        reach_s = float(min(*reaches, half_s))
+        return reach_s if reach_s > NO_LENGTH_S else 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """Straight piece, or a corner between two.
+    """Part of a curve: ``length_s`` from ``begin_s`` on."""
 
-    A corner is a parabola: translation and rotation go on with the velocity of the first line,
-    which decreases linearly to 0 while that of the second one increases from 0.
-
-    Attributes:
-        start: (4, 4) first pose.
-        way: (6,) translation and rotation vector, in the base, of a straight piece; of a corner
-            those that remain of the first line up to where the lines meet.
-        onward: (6,) of a corner: the part of the second line; zeros for a straight piece.
-        length_s: s at full speed of the tool.
-    """
-
-    start: FloatArray
-    way: FloatArray
-    onward: FloatArray
+    curve: ToolCurve
+    begin_s: float
     length_s: float
-    is_corner: bool = False
 
     def poses(self, at_s: FloatArray) -> FloatArray:
-        """Return the poses (k, 4, 4) at (k,) s from the start of the piece."""
-        part = at_s / self.length_s
-        first, second = part, np.zeros_like(part)
-        if self.is_corner:
-            first, second = part * (2.0 - part), part * part
-        result = np.tile(np.eye(4), (len(at_s), 1, 1))
-        result[:, :3, 3] = (
-            self.start[:3, 3] + first[:, None] * self.way[:3] + second[:, None] * self.onward[:3]
-        )
-        turned = rotation_matrices(first[:, None] * self.way[3:])
-        turned = rotation_matrices(second[:, None] * self.onward[3:]) @ turned
-        result[:, :3, :3] = turned @ self.start[:3, :3]
-        return result
-
-    @property
-    def bend(self) -> tuple[float, float]:
-        """Upper bounds of the second derivatives by s, m and rad; 0 for a straight piece.
-
-        Those of rotation have a part of each line for itself, and one of both together.
-        """
-        if not self.is_corner:
-            return 0.0, 0.0
-        turned = np.linalg.norm(self.way[3:]) * np.linalg.norm(self.onward[3:])
-        change = 2.0 * (self.onward - self.way) / self.length_s**2
-        together = 3.0 * turned / self.length_s**2
-        return float(np.linalg.norm(change[:3])), float(np.linalg.norm(change[3:]) + together)
+        """Return the poses (k, 4, 4) at (k,) s from the begin of the piece."""
+        return self.curve.poses(self.begin_s + at_s)
 
 
 @dataclass(frozen=True, eq=False)
 class ToolPath:
-    """Path of a tool.
+    """Path of a tool; its parameter s is the time at full speed.
 
     Attributes:
         pieces: one after the other.
         stops: pieces behind which the tool stands still, by index; the last one is not named.
+        ends_s: s at the end of each curve: in the middle of its corner.
     """
 
     pieces: tuple[Piece, ...]
     stops: frozenset[int] = frozenset()
+    ends_s: tuple[float, ...] = ()
 
     @classmethod
-    def through(
-        cls,
-        poses: Sequence[FloatArray],
-        speed: ToolSpeed,
-        blend_m: float = 0.0,
-    ) -> ToolPath:
-        """Return the path of straight lines through ``poses``, of which the first is the start.
+    def of(cls, curves: Sequence[ToolCurve], blends: Sequence[Blend]) -> ToolPath:
+        """Return the path along curves, each of which begins where the one before ends.
 
-        Args:
-            poses: (4, 4) each, in the base.
-            speed: full speed of the tool.
-            blend_m: distance from an inner pose at which the path leaves the line; at most half of
-                the shorter line. A line that turns more than it translates is left by the angle
-                that the tool turns through, at full speed, in the time of this distance. 0: the
-                tool stops at each pose.
+        ``blends``: between each two curves.
         """
-        starts: list[FloatArray] = []
-        ways: list[FloatArray] = []
-        lengths: list[float] = []
-        for start, end in pairwise(poses):
-            way = pose_differences(start, end)
-            linear, angular = np.linalg.norm(way[:3]), np.linalg.norm(way[3:])
-            length_s = float(max(linear / speed.velocity, angular / speed.angular_velocity))
-            if length_s > NO_LENGTH_S:
-                starts.append(start)
-                ways.append(way)
-                lengths.append(length_s)
-        blend_s = blend_m / speed.velocity
-        corners = [min(0.5 * min(pair), blend_s) for pair in pairwise(lengths)]
-        corners = [corner_s if corner_s > NO_LENGTH_S else 0.0 for corner_s in corners]
-        return cls(*_pieces(starts, ways, lengths, [0.0, *corners, 0.0]))
+        reaches = [
+            blend.reach_s(*pair) for blend, pair in zip(blends, pairwise(curves), strict=True)
+        ]
+        pieces: list[Piece] = []
+        stops, ends_s, passed_s = set(), [], 0.0
+        for number, curve in enumerate(curves):
+            before_s = reaches[number - 1] if number else 0.0
+            behind_s = reaches[number] if number < len(reaches) else 0.0
+            inner_s = curve.length_s - before_s - behind_s
+            if inner_s > NO_LENGTH_S:
+                pieces.append(Piece(curve, before_s, inner_s))
+            passed_s += curve.length_s
+            ends_s.append(passed_s)
+            if number < len(reaches) and behind_s == 0.0:
+                stops.add(len(pieces) - 1)
+            elif behind_s > 0.0:
+                corner = CornerCurve(curve, curves[number + 1], behind_s)
+                pieces.append(Piece(corner, 0.0, corner.length_s))
+        return cls(tuple(pieces), frozenset(stops), tuple(ends_s))
 
     @property
     def length_s(self) -> float:
@@ -162,30 +109,3 @@ class ToolPath:
             inside = index == number
             result[inside] = self.pieces[number].poses(at_s[inside] - edges[number])
         return result
-
-
-def _pieces(
-    starts: Sequence[FloatArray],
-    ways: Sequence[FloatArray],
-    lengths: Sequence[float],
-    corners: Sequence[float],
-) -> tuple[tuple[Piece, ...], frozenset[int]]:
-    pieces: list[Piece] = []
-    stops = set()
-    still = np.zeros(6)
-    for number, (start, way, length_s) in enumerate(zip(starts, ways, lengths, strict=True)):
-        line = Piece(start, way, still, length_s)
-        before, behind = corners[number], corners[number + 1]
-        straight_s = length_s - before - behind
-        if straight_s > NO_LENGTH_S:
-            (first,) = line.poses(np.array([before]))
-            pieces.append(Piece(first, way * straight_s / length_s, still, straight_s))
-        if number == len(starts) - 1:
-            break
-        if behind == 0.0:
-            stops.add(len(pieces) - 1)
-            continue
-        (first,) = line.poses(np.array([length_s - behind]))
-        onward = ways[number + 1] * behind / lengths[number + 1]
-        pieces.append(Piece(first, way * behind / length_s, onward, 2.0 * behind, is_corner=True))
-    return tuple(pieces), frozenset(stops)

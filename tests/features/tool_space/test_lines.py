@@ -9,14 +9,10 @@ from scipy.interpolate import CubicHermiteSpline
 from robotd.api import FloatArray, InvalidArgument, load_robot_descriptor, read_urdf
 from robotd.api.robots import axis_limits, joint_limits
 from robotd_tool_space import Kinematics, Obstacle, Unreachable, pose_differences, pose_of
-from robotd_tool_space.tool_motion import (
-    LINE_TOLERANCE_M,
-    LINE_TOLERANCE_RAD,
-    ToolMotion,
-    plan_joint_motion,
-    plan_lines,
-)
-from robotd_tool_space.tool_path import ToolSpeed
+from robotd_tool_space.segments import Line, MotionSegment
+from robotd_tool_space.sequence_plan import LINE_TOLERANCE_M, LINE_TOLERANCE_RAD, plan_sequence
+from robotd_tool_space.tool_curves import ToolSpeed
+from robotd_tool_space.tool_motion import ToolMotion, plan_joint_motion
 
 PERIOD_S = 0.002
 STARTS = {
@@ -48,7 +44,19 @@ class Arm:
         return target
 
     def plan(self, *poses: FloatArray, speed: ToolSpeed = SPEED, blend_m: float = 0) -> ToolMotion:
-        return plan_lines(self.kinematics, self.limits, self.start, poses, speed, blend_m)
+        return self.plan_segments(*(Line(pose, blend_m=blend_m) for pose in poses), speed=speed)
+
+    def plan_segments(
+        self, *segments: MotionSegment, speed: ToolSpeed = SPEED, constant_speed: bool = False
+    ) -> ToolMotion:
+        return plan_sequence(
+            self.kinematics,
+            self.limits,
+            self.start,
+            segments,
+            speed,
+            constant_speed=constant_speed,
+        )
 
 
 def poses_of(arm: Arm, motion: ToolMotion) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -206,7 +214,7 @@ def test_a_line_of_years_is_rejected_before_it_fills_the_memory() -> None:
     slow = ToolSpeed(1e-9, 1.0, 1.0)
     target = arm.moved([0.0, 0.0, -0.05])
     with pytest.raises(InvalidArgument, match=r"the motion takes 5\d{7} s, at most 3600 s"):
-        plan_lines(arm.kinematics, arm.limits, arm.start, [target], slow)
+        arm.plan(target, speed=slow)
 
 
 def test_lines_that_would_be_planned_for_minutes_are_rejected_at_once() -> None:
