@@ -150,6 +150,16 @@ def joint_state(names: Sequence[str], filled: int) -> MessageTemplate:
     return MessageTemplate(writer.payload(), stamp, places)
 
 
+def read_joint_state(data: bytes) -> tuple[int, dict[str, float]]:
+    """Return time in ns and position by joint of a JointState. Raises ValueError."""
+    reader = CdrReader(data)
+    time_ns, names = reader.header_ns(), reader.strings()
+    positions = reader.floats().tolist()
+    if positions and len(positions) != len(names):
+        raise ValueError(f"{len(positions)} positions of {len(names)} joints")
+    return time_ns, dict(zip(names, positions, strict=False))
+
+
 def dynamic_joint_state(names: Sequence[str], interfaces: Sequence[str]) -> MessageTemplate:
     """Template of a DynamicJointState whose joints all have the same interfaces."""
     writer = CdrWriter()

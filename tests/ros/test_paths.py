@@ -25,10 +25,15 @@ PATIENT = ("--timeout", "60")  # on a busy computer
 
 
 @pytest.fixture(scope="module")
-def arm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RobotProcess]:
+def arm_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("arm") / "robot.yaml"
     file.write_text("extends: cr3a\nname: arm\nposes: poses.yaml\n", encoding="utf-8")
-    with RobotProcess(robot=str(file), simulated_time=True, backend="sim") as process:
+    return file
+
+
+@pytest.fixture(scope="module")
+def arm(arm_file: Path) -> Iterator[RobotProcess]:
+    with RobotProcess(robot=str(arm_file), simulated_time=True, backend="sim") as process:
         process.wait_ready()
         yield process
 
@@ -159,3 +164,21 @@ def test_services_record_and_say_what_is_wrong(arm: RobotProcess, client: Client
         assert reason in answer.message
     assert call(RenamePath, "rename", name="raise", new_name="lift").success
     assert call(DeletePath, "delete", name="lift").message == "lift is deleted"
+
+
+def test_a_recording_of_the_robot_becomes_a_path_that_it_plays(
+    arm: RobotProcess, arm_file: Path, client: Client, wipe: None
+) -> None:
+    told = client.listen(SavedPaths, "/robotd/paths", LATCHED)
+    assert robotd(arm.domain, "move", "joint1=0.3", "joint3=0.5")[0] == 0
+    code, output, error = robotd(arm.domain, "snapshot")
+    assert code == 0, error
+    words = ("--name", "again", "--robot", str(arm_file))
+    code, output, error = robotd(arm.domain, "path", "import", output.strip(), *words)
+    assert code == 0, error
+    assert output.startswith("again: ")
+    # It was written beside the robot, which publishes it by itself.
+    wait_until(lambda: told and "again" in [path.name for path in told[-1].paths], "the path")
+    code, output, error = robotd(arm.domain, "path", "play", "again", "--approach", *PATIENT)
+    assert code == 0, (output, error)
+    assert positions(arm.domain)[0] == pytest.approx(0.3, abs=0.01)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,9 +20,8 @@ from robotd_messages.message_encoders import (
     read_trajectory_message,
 )
 from robotd_recording import recording_writer as topics
+from robotd_recording.mcap_files import open_mcap
 from robotd_recording.recording_writer import INFO, RecordingInfo, templates_of
-
-MAGIC = b"\x89MCAP0\r\n"
 
 WANTED = {
     topics.LOOP,
@@ -78,23 +76,8 @@ def read_recording(path: Path) -> Recording:
     Raises RecordingError: no such file, another file, one that exceeds a limit, or one that is
     damaged or was not closed: then the text names the command that repairs it.
     """
-    from mcap.exceptions import McapError
-    from mcap.stream_reader import CRCValidationError
-    from zstandard import ZstdError
-
-    try:
-        with path.open("rb") as stream:
-            if stream.read(len(MAGIC)) != MAGIC:  # neither one that was not closed
-                raise RecordingError(f"{path}: not a recording: it does not begin as an MCAP file")
-            stream.seek(0)
-            return _read(path, stream)
-    except OSError as error:
-        raise RecordingError(f"{path}: {error.strerror or error}") from error
-    except (McapError, CRCValidationError, ZstdError, RuntimeError, struct.error) as error:
-        text = f"{path}: not a complete MCAP file ({str(error) or type(error).__name__})"
-        raise RecordingError(f"{text}; try: robotd record --recover {path}") from error
-    except (ValueError, KeyError, TypeError) as error:
-        raise RecordingError(f"{path}: not a recording of robotd: {error}") from error
+    with open_mcap(path, "a recording of robotd") as stream:
+        return _read(path, stream)
 
 
 def _read(path: Path, stream: IO[bytes]) -> Recording:

@@ -25,6 +25,7 @@ from robotd_ros.commands.robot_client import (
     require_one_robot,
     robot_client,
 )
+from robotd_teach.path_exchange_command import export_path, import_path
 from robotd_teach.status_line import StatusLine
 
 CLIENT = "robotd_teach.path_client"
@@ -33,6 +34,10 @@ CLIENT = "robotd_teach.path_client"
 @click.group("path")
 def path() -> None:
     """Record how the joints of the running robot are moved, and play it."""
+
+
+path.add_command(import_path)
+path.add_command(export_path)
 
 
 @path.command("record", epilog=ROS_EPILOG)

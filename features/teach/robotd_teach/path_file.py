@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -105,6 +106,21 @@ def paths_in(folder: Path) -> dict[str, Path]:
     """Return the files of a folder by the name of their path, in the order of names."""
     found = sorted(folder.glob(f"*{SUFFIX}")) if folder.is_dir() else []
     return {path.stem: path for path in found if NAME.fullmatch(path.stem)}
+
+
+def changes_in(folder: Path) -> dict[str, int]:
+    """Return the time of the last change of each path, ns."""
+    changes = {}
+    for name, path in paths_in(folder).items():
+        with suppress(FileNotFoundError):  # deleted meanwhile
+            changes[name] = path.stat().st_mtime_ns
+    return changes
+
+
+def require_free(folder: Path, name: str, *, replace: bool = False) -> None:
+    """Raise InvalidArgument where a path has this name already, unless it is replaced."""
+    if not replace and name in paths_in(folder):
+        raise InvalidArgument(f"there is a path {name!r} already: replace it, or rename it")
 
 
 def read_path(path: Path) -> PathFile:

@@ -5,10 +5,15 @@ A recording goes on without its client, until ``~/paths/end`` saves it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.timer import Timer
 from robotd_msgs.msg import SavedPath, SavedPaths
 from robotd_msgs.srv import BeginPath, DeletePath, KeepPath, PlanPath, RenamePath
 from std_srvs.srv import Trigger
@@ -19,10 +24,12 @@ from robotd_ros.qos import LATCHED
 from robotd_ros.run_nodes import NodeContext
 from robotd_ros.services import add_service
 from robotd_ros.trajectory_messages import trajectory_of
+from robotd_teach.path_file import changes_in
 from robotd_teach.path_motion import PathTiming
 from robotd_teach.paths import Paths, Playback
 
 PATHS = "~/paths"
+LOOK_PERIOD_S = 0.5
 TIMINGS = {
     PlanPath.Request.RECORDED: PathTiming.RECORDED,
     PlanPath.Request.LIMITS: PathTiming.LIMITS,
@@ -83,7 +90,23 @@ def add_path_services(context: NodeContext, paths: Paths) -> Iterator[None]:
     add_service(node, host, KeepPath, f"{PATHS}/keep", keep, blocking=False)
     paths.on_change = publish
     publish()
+    timer = _watch(node, paths.folder, publish)
     yield
+    timer.cancel()
+
+
+def _watch(node: Node, folder: Path, publish: Callable[[], None]) -> Timer:
+    """Publish when a person, or a command without a robot, has changed the files."""
+    shown = changes_in(folder)
+
+    def look() -> None:
+        nonlocal shown
+        if (found := changes_in(folder)) != shown:
+            shown = found
+            publish()
+
+    # Wall time that no clock jump and no simulated clock can stop.
+    return node.create_timer(LOOK_PERIOD_S, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
 def _playback(request: Any) -> Playback:

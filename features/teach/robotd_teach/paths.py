@@ -26,6 +26,7 @@ from robotd_teach.path_file import (
     folder_of,
     paths_in,
     read_path,
+    require_free,
     write_path,
 )
 from robotd_teach.path_motion import (
@@ -154,7 +155,7 @@ class Paths:
             if (current := self._recorder.current) is not None:
                 told = f"{current.name} is being recorded, {current.state.duration_s:.0f} s of it"
                 raise NotReady(f"{told}: end that first (robotd path end)")
-            self._require_free(name, replace=replace)
+            require_free(self.folder, name, replace=replace)
             self._recorder.current = PathRecording(name, joints, replace=replace)
         return f"{', '.join(joints.joint_names)} are recorded"
 
@@ -174,20 +175,17 @@ class Paths:
         """
         with self._lock:
             recording = self._recording()
-            group, units = recording.group, recording.group.follower.limits.units
+            limits = recording.group.follower.limits
             try:
-                times_s, positions = recording.recorded()
-                kept_s, kept, deviation = thinned(times_s, positions, tolerances(units))
-                path = PathFile.of(self._robot.descriptor.name, group.joint_names, kept_s, kept)
+                path, told = kept_path(self._robot.descriptor.name, limits, *recording.recorded())
             except RobotdError:
                 self._recorder.current = None
                 raise
-            self._require_free(recording.name, replace=recording.replace)
+            require_free(self.folder, recording.name, replace=recording.replace)
             write_path(self.folder / f"{recording.name}{SUFFIX}", path)
             self._recorder.current = None
         self.on_change()
-        told = f"{recording.name}: {kept_s[-1]:.1f} s, {len(kept)} points"
-        told += f", at most {_largest(group, deviation)} from what was recorded"
+        told = f"{recording.name}: {told}"
         if recording.reason:
             told += f"; the recording ended early: {recording.reason}"
         return told
@@ -206,7 +204,7 @@ class Paths:
         check_name(new, "path")
         with self._lock:
             file = self._file(name)
-            self._require_free(new)
+            require_free(self.folder, new)
             file.rename(file.with_name(f"{new}{SUFFIX}"))
         self.on_change()
 
@@ -246,7 +244,7 @@ class Paths:
         )
         seconds = motion.motion.duration_s - motion.approach_s
         text = f"{name}: {seconds:.1f} s{', backwards' if playback.reverse else ''}"
-        text += f", at most {_largest(group, motion.deviation)} off the path"
+        text += f", at most {_largest(limits, motion.deviation)} off the path"
         return PathPlan(group, motion, f"{text}; first to its start: {told}" if told else text)
 
     def play(self, name: str, playback: Playback = Playback(), *, approach: bool = False) -> None:
@@ -273,10 +271,6 @@ class Paths:
             raise InvalidArgument(unknown_name("path", name, files))
         return files[name]
 
-    def _require_free(self, name: str, *, replace: bool = False) -> None:
-        if not replace and name in paths_in(self.folder):
-            raise InvalidArgument(f"there is a path {name!r} already: replace it, or rename it")
-
     def _state(self, file: Path) -> PathState:
         try:
             path = read_path(file)
@@ -285,8 +279,26 @@ class Paths:
         return PathState(path.joints, path.duration_s, len(path.points), self.problem(path))
 
 
-def _largest(group: JointGroup, distances: FloatArray) -> str:
+def kept_path(
+    robot: str, limits: JointLimits, times_s: FloatArray, positions: FloatArray
+) -> tuple[PathFile, str]:
+    """Return the path of what was recorded of the joints of ``limits``, and a text about it.
+
+    Args:
+        robot: name of it.
+        limits: of the joints.
+        times_s: (k,) increasing.
+        positions: (k, n), rad or m.
+
+    Raises InvalidArgument: the joints did not move, or the path needs too many points.
+    """
+    kept_s, kept, deviation = thinned(times_s, positions, tolerances(limits.units))
+    path = PathFile.of(robot, limits.names, kept_s, kept)
+    told = f"at most {_largest(limits, deviation)} from what was recorded"
+    return path, f"{kept_s[-1]:.1f} s, {len(kept)} points, {told}"
+
+
+def _largest(limits: JointLimits, distances: FloatArray) -> str:
     """Return the largest distance of a joint, by its tolerance."""
-    limits = group.follower.limits
     joint = int((distances / tolerances(limits.units)).argmax())
     return f"{distances[joint]:.4f} {limits.units[joint]} ({limits.names[joint]})"
