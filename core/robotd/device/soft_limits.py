@@ -70,5 +70,8 @@ class SoftLimitGuard:
         # A device may measure no velocity.
         known = filter(math.isfinite, (image.velocity[axis], image.velocity_command[axis]))
         velocity, position = float(max(known, key=abs, default=0.0)), float(image.position[axis])
+        command = float(image.position_command[axis])
+        if (command - position) * velocity > 0.0:
+            position = command  # the axis is behind it, and will get there
         room = room_to_stop(axes.limits[axis], position, velocity, axes.deceleration[axis])
         return not room > abs(velocity) * self._reaction_s  # also of a position that is not known

@@ -61,6 +61,16 @@ def test_a_velocity_command_ends_where_just_enough_room_is_left(
     assert stopped(jogged) == ([[0]] if stops else [])
 
 
+@pytest.mark.parametrize(("command", "stops"), [(1.8, False), (1.897, True), (math.nan, False)])
+def test_an_axis_that_is_behind_its_command_is_stopped_by_that(
+    jogged: Harness, command: float, stops: bool
+) -> None:
+    jogged.axes.jog([Jog(0, Profile(0.1, 5.0, 5.0))])
+    jogged.driver.image.position_command[0] = command
+    place(jogged, 0, 1.7, 1.0)
+    assert stopped(jogged) == ([[0]] if stops else [])
+
+
 def test_a_device_may_measure_no_velocity(jogged: Harness) -> None:
     jogged.axes.jog([Jog(axis, Profile(0.1, 5.0, 5.0)) for axis in range(3)])
     jogged.driver.image.velocity[:] = math.nan
