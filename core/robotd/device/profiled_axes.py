@@ -37,9 +37,10 @@ class ProfiledAxes(AxisDriver):
     ``read_feedback``, ``send_targets``, ``servo`` and ``clear_alarm``. It may declare
     VELOCITY_MODE, and HAND_GUIDING where it implements ``let_go``, ``catch`` and ``is_let_go``.
     While the control loop pauses, axes hold their last target; from there profiles begin anew, and
-    streamed velocities are approached by ``stop_deceleration``. The same holds for an axis that
-    ``ProcessImage.silent`` names. Axes that moved when values were lost hold where they are found:
-    nobody knows which targets arrived. A profile advances by one period with each set of targets,
+    streamed velocities are approached by ``stop_deceleration``. An axis that
+    ``ProcessImage.silent`` names holds likewise, at the ``position_command`` that ``read_feedback``
+    gives it: the target that its drive has. Axes that moved when values were lost hold where they
+    are found. A profile advances by one period with each set of targets,
     however late it is, and has ended when values have come that were measured after its last target
     was sent.
 
@@ -76,7 +77,9 @@ class ProfiledAxes(AxisDriver):
     def read_feedback(self, image: ProcessImage) -> None:
         """Fill what the controller reports, and ``fresh_ns``. Control-loop thread; never blocks.
 
-        That is: position, velocity, torque, servo_on, offline, alarms, switches and home_done.
+        That is: position, velocity, torque, servo_on, offline, alarms, switches and home_done; of
+        drives that may miss targets ``silent``, and the ``position_command`` that a silent one has.
+        One that is silent in the period in which it comes on, or is back, begins at that.
         """
 
     @abstractmethod
@@ -133,7 +136,9 @@ class ProfiledAxes(AxisDriver):
                 if lost and motion.operation is not Operation.STOPPING:
                     motion.brake(self._quick_stop_deceleration)
                 if image.silent[axis]:
-                    self._hold(motion)  # until its drive answers it keeps the command that it has
+                    # Until its drive answers it keeps the command that it has.
+                    self._hold(motion, float(image.position_command[axis]))
+                    motion.strayed = motion.strayed and lost  # where it is held is known
                 else:
                     motion.advance(self._period_s, now_ns)
                 self._show(axis, motion, image)
@@ -252,9 +257,12 @@ class ProfiledAxes(AxisDriver):
             for motion in self._motions:
                 self._hold(motion)
 
-    def _hold(self, motion: _AxisMotion) -> None:
-        """The axis has come to rest at its last target. Lock held."""
-        if motion.velocity:
+    def _hold(self, motion: _AxisMotion, position: float | None = None) -> None:
+        """The axis has come to rest at ``position``; None: at its last target. Lock held."""
+        moved = position is not None and position != motion.position
+        if position is not None:
+            motion.position = position
+        if motion.velocity or moved:
             motion.hold()
             if motion.operation is Operation.STREAM and motion.rolls:
                 self._rate = 0.0

@@ -91,7 +91,10 @@ class ServoAxes(ProfiledAxes):
         image.position[:] = feedback.position
         image.velocity[:] = feedback.velocity
         image.servo_on[:] = feedback.torque
-        image.silent[:] = feedback.silent
+        # What a servo that comes on, or is back, holds may be beside its position.
+        image.silent[:] = feedback.silent | (feedback.activation > self._shown)
+        known = image.silent & np.isfinite(feedback.goal)
+        np.copyto(image.position_command, feedback.goal, where=known)
         image.offline[:] = feedback.offline
         image.home_done[:] = True
         self._shown = feedback.activation

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +39,7 @@ class Feedback:
 
     Attributes:
         time_ns: when the newest were asked for; 0 before any.
+        goal: that the servo has, as far as is known; NaN while it takes none.
         silent: the last request had no reply, and the servo is not offline yet.
         activation: of each servo, 0 while it takes no goals.
     """
@@ -45,6 +47,7 @@ class Feedback:
     time_ns: int
     position: FloatArray
     velocity: FloatArray
+    goal: FloatArray
     torque: BoolArray
     silent: BoolArray
     offline: BoolArray
@@ -76,9 +79,10 @@ class Job:
         return self.done.is_set()
 
     def end(self, error: Exception) -> None:
-        """End it with an error."""
+        """End it with an error. What it does at its end may fail: the port may be lost."""
         self.error = error
-        self.steps.close()
+        with suppress(RobotdError):
+            self.steps.close()
         self.done.set()
 
 
@@ -202,7 +206,7 @@ class Exchange:
         In this order, because a goal switches some servos on: it goes to a servo that has just
         shown that it is on, and at the goal before.
         """
-        began_ns = self._clock.now_ns()
+        began_ns, targets = self._clock.now_ns(), self._targets
         self._round += 1
         states = dict(
             self.bus.read([record.servo for record in self.records if not record.offline])
@@ -225,16 +229,16 @@ class Exchange:
                 self.switch_off(axis)
             if record.alarm != alarm:
                 log.warning("servo alarm", servo=record.servo, code=hex(record.alarm))
-        self._send_goals(now_ns)
+        # Those from before the replies, however late these are: one more of each exchange.
+        self._send_goals(*targets)
         self.longest_s = max(self.longest_s, (self._clock.now_ns() - began_ns) / NANOSECONDS)
         self.feedback = self._summary()
 
-    def _send_goals(self, now_ns: int) -> None:
-        targets, meant = self._targets
-        goals = {}
+    def _send_goals(self, targets: FloatArray, meant: IntArray) -> None:
+        goals, period_s = {}, self._period_ns / NANOSECONDS
         for axis, record in enumerate(self.records):
             fits = record.activation and meant[axis] == record.activation
-            goal = record.next_goal(float(targets[axis]) if fits else np.nan, now_ns)
+            goal = record.next_goal(float(targets[axis]) if fits else np.nan, period_s)
             if goal is not None:
                 goals[record.servo] = goal
         if goals:
@@ -242,13 +246,15 @@ class Exchange:
 
     def _summary(self) -> Feedback:
         records, states = self.records, [record.state for record in self.records]
-        angles, speeds = np.full((2, len(records)), np.nan)
+        angles, speeds, goals = np.full((3, len(records)), np.nan)
         on = np.zeros(len(records), bool)
         for axis, (record, state) in enumerate(zip(records, states, strict=True)):
             if state is not None:
                 scale = record.plan.scale
                 angles[axis] = scale.angle(state.position)
                 speeds[axis] = scale.polarity * RAD_PER_TICK * state.velocity
+                if record.goal is not None:
+                    goals[axis] = scale.angle(record.goal)
                 on[axis] = state.torque and not (record.switching or record.offline)
         offline = [record.offline or record.state is None for record in records]
         silent = [
@@ -258,6 +264,7 @@ class Exchange:
             max((state.time_ns for state in states if state), default=0),
             angles,
             speeds,
+            goals,
             on,
             np.array(silent),
             np.array(offline),

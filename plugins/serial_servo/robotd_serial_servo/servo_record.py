@@ -15,7 +15,6 @@ STEP_TICKS = 40  # beyond that, between two replies
 CONSISTENT = 3  # replies at a place where a position has jumped to, until it is believed
 LIMIT_STEP = 0.002  # resolution of a torque limit
 LOST_REPLIES = 3  # in a row: one that is lost just after a stall of this program is no lost servo
-MAX_PAUSE_S = 0.1  # for which a goal may catch up
 MAX_SPEED_REGISTER = 32767
 
 
@@ -28,7 +27,8 @@ class ServoRecord:
         missed: the last request had no reply that is believed: it gets no goal.
         misses: so many times in a row.
         offline: so ``LOST_REPLIES`` times, and for longer than ``lost_after_s``.
-        activation: number of the present time of being on; 0: it gets no goals.
+        activation: number of the present time of being on without a lost reply or goal, for which
+            targets are computed; 0: it gets no goals.
         activations: so many so far.
         goal: the last one sent or seeded, ticks; None while it gets none.
         acknowledged: the goal that the servo has shown last, ticks.
@@ -50,7 +50,6 @@ class ServoRecord:
     activation: int = 0
     activations: int = 0
     goal: int | None = None
-    sent_ns: int = 0
     acknowledged: int | None = None
     goal_lost_ns: int = 0
     switching: bool = False
@@ -67,21 +66,26 @@ class ServoRecord:
         """Id on the bus."""
         return self.plan.servo
 
-    def activate(self, goal: int, now_ns: int) -> None:
+    def activate(self, goal: int) -> None:
         """Take goals from now on, from ``goal`` in ticks, at which the servo holds."""
-        self.activations += 1
-        self.activation, self.sent_ns = self.activations, now_ns
+        self._renew()
         self.goal = self.acknowledged = goal
         self.goal_lost_ns, self.expected_on = 0, True
+
+    def _renew(self) -> None:
+        """Take no targets that were computed before now."""
+        self.activations += 1
+        self.activation = self.activations
 
     def deactivate(self) -> None:
         """Take no more goals: whatever was asked for is no longer sent."""
         self.activation, self.goal = 0, None
 
-    def next_goal(self, target: float, now_ns: int) -> Goal | None:
+    def next_goal(self, target: float, period_s: float) -> Goal | None:
         """Return the goal to send for ``target`` in rad, NaN: none; None: send nothing.
 
-        It follows the target no faster than the joint may move: the last line of defence.
+        It follows the target no faster than the joint may move, also after a silence: the last
+        line of defence.
         """
         if not self.activation or self.missed or self.goal is None:
             return None
@@ -89,10 +93,8 @@ class ServoRecord:
         if target == target:  # noqa: PLR0124 - not NaN
             low, high = plan.range_ticks
             wanted = min(max(plan.scale.ticks(target), low), high)
-            pause_s = min((now_ns - self.sent_ns) / NANOSECONDS, MAX_PAUSE_S)
-            step = int(plan.max_speed * pause_s) + 1
+            step = int(plan.max_speed * period_s) + 1
             self.goal = min(max(wanted, before - step), before + step)
-        self.sent_ns = now_ns
         return Goal(self.goal, self.speed_limit)
 
     @property
@@ -104,6 +106,8 @@ class ServoRecord:
         """No reply has come."""
         self.missed, self.misses = True, self.misses + 1
         self.lost += not self.offline
+        if self.activation:
+            self._renew()
         silent_s = (now_ns - self.answered_ns) / NANOSECONDS
         if self.misses >= LOST_REPLIES and silent_s > lost_after_s:
             self.offline = True
@@ -114,6 +118,8 @@ class ServoRecord:
         if before is not None and self._is_doubtful(before, state):
             self.miss(now_ns, lost_after_s)
             return False
+        if self.missed and self.activation:
+            self._renew()
         self.missed, self.misses, self.offline = False, 0, False
         self.state, self.answered_ns = state, now_ns
         if state.error:
@@ -136,8 +142,8 @@ class ServoRecord:
     def _check_active(self, state: ServoState, now_ns: int, lost_after_s: float) -> None:
         """Compare what the servo shows with what it was sent.
 
-        Of a goal that was lost the servo shows the one before: motion continues from there. Goal
-        and torque limit are lost with the power.
+        Of a goal that was lost the servo shows the one before, as in a reply that comes late: the
+        goal is kept, so that none leads back. Goal and torque limit are lost with the power.
         """
         kept = state.goal in (self.goal, self.acknowledged)
         limited = abs(state.torque_limit - self.plan.torque_limit) <= LIMIT_STEP
@@ -151,8 +157,8 @@ class ServoRecord:
             self.goal_lost_ns = self.goal_lost_ns or now_ns
             if now_ns - self.goal_lost_ns > lost_after_s * NANOSECONDS:
                 self.raise_alarm(Fault.GOAL_LOST)
-            elif kept:
-                self.goal = self.acknowledged
+            elif kept:  # it is sent once more, and nothing beyond it
+                self._renew()
             else:  # of another program; or of a reply that came late
                 self.missed = True
 

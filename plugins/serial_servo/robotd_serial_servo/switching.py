@@ -40,7 +40,7 @@ def energise(bus: ServoBus, record: ServoRecord, clock: Clock, deadline_ns: int)
             yield from _reply(record, clock, deadline_ns)
             _require_no_release(record, releases)
             _require_still(record, goal, RAISED_TICKS)
-        record.activate(goal.position, clock.now_ns())
+        record.activate(goal.position)
     except BaseException:
         _off(bus, record)
         raise
@@ -83,7 +83,7 @@ def catch(
             yield
             yield from _reply(record, clock, deadline_ns + NANOSECONDS)
             _require_no_release(record, releases)
-        record.activate(goal.position, clock.now_ns())
+        record.activate(goal.position)
     except BaseException:
         _off(bus, record)
         raise

@@ -332,3 +332,28 @@ def test_an_axis_whose_drive_does_not_answer_keeps_its_command_and_goes_on_from_
     velocity = arm.until_idle()[:, 0]
     assert velocity[0] <= PROFILE.acceleration * PERIOD_S + 1e-9
     assert arm.image.position_command == pytest.approx([1.5, 0.5])
+
+
+def test_a_silent_axis_goes_on_from_the_target_that_its_driver_gives_it() -> None:
+    arm = Arm()
+    arm.move(0, 1.5, PROFILE)
+    arm.period(100)
+    kept = arm.image.position_command[0] - 0.01  # the last targets did not arrive
+    arm.image.silent[0], arm.image.position_command[0] = True, kept
+    arm.period(3)
+    assert arm.image.position_command[0] == kept
+    arm.image.silent[0] = False
+    way = np.diff(arm.until_idle()[:, 0])
+    assert np.abs(way).max() <= PROFILE.velocity
+    assert arm.image.position_command[0] == pytest.approx(1.5)
+
+
+def test_an_axis_that_is_silent_as_it_comes_on_begins_at_the_target_of_its_drive() -> None:
+    arm = Arm()
+    arm.on[0] = False
+    arm.period()
+    arm.on[0], arm.image.silent[0], arm.image.position_command[0] = True, True, 0.3
+    arm.period()
+    arm.image.silent[0] = False
+    arm.period(2)
+    assert arm.sent[-1][0] == 0.3
