@@ -11,6 +11,7 @@ from tests.witness.dobot_bench import DobotBench
 from tests.witness.ethercat_bench import EthercatBench
 from tests.witness.model_bench import ArmBench, MujocoBench, SimBench
 from tests.witness.play import FAULTS, WitnessPlay
+from tests.witness.servo_bench import ServoBench
 
 RATE_HZ = 100.0
 BENCHES: dict[str, Callable[..., Bench]] = {
@@ -21,6 +22,8 @@ BENCHES: dict[str, Callable[..., Bench]] = {
     "keeping": partial(CanopenBench, keeps=True),
     "ethercat": EthercatBench,
     "dobot": DobotBench,
+    "feetech": partial(ServoBench, "feetech"),
+    "dynamixel": partial(ServoBench, "dynamixel"),
     "sim-base": partial(SimBench, axes=1, base=True),
     "canopen-base": partial(CanopenBench, axes=1, base=True),
     "keeping-base": partial(CanopenBench, axes=1, base=True, keeps=True),
@@ -29,10 +32,17 @@ BENCHES: dict[str, Callable[..., Bench]] = {
 SHOWN_COMMANDS, SHOWN_FINDINGS = 6, 6
 
 
-def run_seed(name: str, seed: int, faults: Mapping[str, float] = FAULTS) -> str:
-    """Run a sequence; return what was found, with the commands before it: "" if nothing."""
+def run_seed(
+    name: str, seed: int, faults: Mapping[str, float] = FAULTS, log: list[str] | None = None
+) -> str:
+    """Run a sequence; return what was found, with the commands before it: "" if nothing.
+
+    ``log``: takes all commands.
+    """
     play = WitnessPlay(BENCHES[name](rate_hz=RATE_HZ), faults)
     findings = play.play(seed)
+    if log is not None:
+        log += play.log
     if not findings:
         return ""
     shown = [f"    {line}" for line in play.log[-SHOWN_COMMANDS:]]

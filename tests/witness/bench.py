@@ -67,6 +67,7 @@ class Bench:
         judges: of each axis.
         joints: number of the first axes, which are joints; behind them are the wheels of a base.
         is_cut: no command gets to a device that does not switch off by itself.
+        has_hands: joints can be moved by hand while they have no torque.
     """
 
     robot: Robot
@@ -74,6 +75,7 @@ class Bench:
     judges: list[Judge]
     joints: int
     is_cut = False
+    has_hands = False
 
     def prepare(self, axes: int, rate_hz: float, *, base: bool) -> None:
         """Make the clock, and the judges of ``axes`` joints; ``base``: of two wheels, too."""
@@ -170,6 +172,9 @@ class Bench:
 
     def refuse(self, axis: int) -> None:
         """Let a drive answer "busy" to the next objects that are written or read."""
+
+    def push(self, axis: int, way: float) -> None:
+        """Let a hand move a joint by ``way`` rad, while its servo has little torque."""
 
     def heal(self) -> None:
         """End all faults."""

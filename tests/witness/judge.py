@@ -15,6 +15,8 @@ KEPT_COMMANDS = 50
 KNOWN_PERIODS = 3.5  # after an answer that was lost, until which a drive may be held
 UNDER_WAY = 2.4  # periods of a ramp in one: two are sent before the first answer is missing
 SILENT_PERIODS = 1.5  # between two commands: more is a silence
+MAX_PULL_RAD = 0.2  # the load of a joint sinks by 0.15 before it has torque, and on meanwhile
+MAX_SEED_RAD = 0.07  # 0.05 that a joint may move unnoticed, and the way of a hand in a period
 REST_RAD_S = 0.05  # what may remain of a motion after a stop
 ROUNDING = 3e-6  # rad: counts of the encoders here, and floats
 
@@ -71,6 +73,11 @@ class Judge:
             test holds frames up by itself.
         may_wait: so many commands in a row may be older, if each is the successor of the one that
             was executed before: the master sends them before it can know that they will wait.
+        may_catch: it was let go for a hand: a stop may switch it on again, once.
+        max_jitter: of the time between two commands, in periods; where it is more, their change
+            is not judged: the drive's own ramp is between.
+        rounding: rad, of a target; counts of the encoders.
+        speed_rounding: rad/s, of the speed register of a drive that plans its motions.
         findings: what was wrong, in order.
         commands: those executed last.
     """
@@ -88,6 +95,10 @@ class Judge:
     judges_age: bool = True
     max_age_periods: float = MAX_AGE_PERIODS
     may_wait: int = 0
+    may_catch: bool = False
+    max_jitter: float = float("inf")
+    rounding: float = ROUNDING
+    speed_rounding: float = 0.0
     findings: list[str] = field(default_factory=list)
     peaks: Peaks = field(default_factory=Peaks)
     commands: list[Command] = field(default_factory=list)
@@ -105,8 +116,10 @@ class Judge:
             return
         self.is_on = on
         self.own_ramp()
-        if on and not self.may_enable:
+        if on and not self.may_enable and not self.may_catch:
             self._find(time_s, "is switched on without a request")
+        if on:
+            self.may_catch = False
 
     def own_ramp(self) -> None:
         """Note that the drive moves by ramps of its own: what it is sent now moves nothing."""
@@ -118,15 +131,28 @@ class Judge:
 
     def profile(self, time_s: float, speed: float) -> None:
         """Judge the speed of a motion that the drive plans by itself."""
-        if abs(speed) > VELOCITY_MARGIN * self.velocity:
+        if abs(speed) > VELOCITY_MARGIN * self.velocity + self.speed_rounding:
             self._find(time_s, f"moves by itself with {speed:+.1f} rad/s")
         if self.must_rest and abs(speed) > REST_RAD_S:
             self._find(time_s, f"moves by itself with {speed:+.2f} rad/s after a stop")
 
+    def pull(self, time_s: float, way: float) -> None:
+        """Judge the way to the target of a drive that gets torque, or more of it."""
+        if abs(way) > MAX_PULL_RAD:
+            self._find(time_s, f"gets torque {way:+.2f} rad away from its target")
+
+    def seed(self, command: Command) -> None:
+        """Judge a goal that a drive is given so that it holds its joint at ``place``."""
+        assert command.place is not None
+        way = command.target - command.place
+        if abs(way) > MAX_SEED_RAD:
+            self._find(command.time_s, f"is to hold {way:+.2f} rad away from where it is")
+        self._last, self._rate = command, None
+
     def bounds(self, time_s: float, position: float, before: float) -> None:
         """Judge a commanded position by the limits of the joint; beyond one it may only return."""
         outwards = min(before, self.lower), max(before, self.upper)
-        if not outwards[0] - ROUNDING <= position <= outwards[1] + ROUNDING:
+        if not outwards[0] - self.rounding <= position <= outwards[1] + self.rounding:
             self._find(time_s, f"is commanded to {position:+.3f} rad")
 
     def lose_answer(self, time_s: float) -> None:
@@ -189,7 +215,7 @@ class Judge:
             return
         self.bounds(command.time_s, command.target, before)
         rate = (command.target - before) / self.period_s
-        slack = ROUNDING / self.period_s
+        slack = self.rounding / self.period_s
         silence_s = silence_between(last, command)
         silent = silence_s > SILENT_PERIODS * self.period_s
         self.peaks.velocity = max(self.peaks.velocity, abs(rate))
@@ -201,7 +227,10 @@ class Judge:
             self._find(command.time_s, f"{text}: {rate:+.1f} rad/s{after}")
         if self.must_rest and abs(rate) > REST_RAD_S + slack:
             self._find(command.time_s, f"is moved with {rate:+.2f} rad/s after a stop")
-        if silent or last is None:
+        irregular = last and abs(command.time_s - last.time_s - self.period_s) > (
+            self.max_jitter * self.period_s
+        )
+        if silent or last is None or irregular:
             self._rate = None
             return
         self._judge_change(command.time_s, rate, slack)
@@ -217,7 +246,7 @@ class Judge:
         self._rate = None
         target, time_s = command.target, command.time_s
         self.peaks.velocity = max(self.peaks.velocity, abs(target))
-        if abs(target) > VELOCITY_MARGIN * self.velocity + ROUNDING:
+        if abs(target) > VELOCITY_MARGIN * self.velocity + self.rounding:
             self._find(time_s, f"is asked for {target:+.1f} rad/s")
         if abs(target) > REST_RAD_S and (self.must_rest or time_s > self.rest_s):
             why = "after a stop" if self.must_rest else "though nobody commands it"
@@ -231,7 +260,7 @@ class Judge:
         margin = UNDER_WAY if silent and last else ACCELERATION_MARGIN
         change = (target - before) / self.period_s
         self.peaks.acceleration = max(self.peaks.acceleration, abs(change))
-        if abs(change) > margin * self._hardest(time_s) + ROUNDING / self.period_s:
+        if abs(change) > margin * self._hardest(time_s) + self.rounding / self.period_s:
             self._find(time_s, f"target goes from {before:+.2f} to {target:+.2f} rad/s")
 
     def _hardest(self, time_s: float) -> float:

@@ -63,10 +63,13 @@ def fault(joints: int, faults: Mapping[str, float] = FAULTS) -> Any:
     return draw
 
 
-def commands(joints: int, axes: int, faults: Mapping[str, float] = FAULTS) -> Commands:
+def commands(
+    joints: int, axes: int, faults: Mapping[str, float] = FAULTS, *, hands: bool = False
+) -> Commands:
     """Return the commands of a robot of ``joints``; faults come in the midst of what follows.
 
-    Those of its ``axes`` that are no joints are the wheels of a base.
+    Those of its ``axes`` that are no joints are the wheels of a base. ``hands``: joints are moved
+    by hand, too.
     """
     known = dict(arm_commands(joints, positions(joints)))
     for name in ("fault", "fault_later"):
@@ -86,6 +89,7 @@ def commands(joints: int, axes: int, faults: Mapping[str, float] = FAULTS) -> Co
         "struck": (25, (one_of(*MOTIONS), positions(joints), fault(axes, faults), seconds)),
         "heal": (2, ()),
         **(wheel_commands(range(joints, axes), fault(axes, faults)) if axes > joints else {}),
+        **(hand_commands(joints, fault(axes, faults)) if hands else {}),
     }
 
 
@@ -101,6 +105,17 @@ def wheel_commands(wheels: Sequence[int], disturbance: Draw) -> Commands:
         "wheel_jog": (2, (one_of(*wheels), profile, PERIODS)),
         "wheel_mode": (1, (one_of(*wheels), one_of(0, 1, 1))),
         "wheel_servo": (1, (one_of(*wheels), one_of(False, True, True))),
+    }
+
+
+def hand_commands(joints: int, disturbance: Draw) -> Commands:
+    """Return what is done with the hands, with a fault in the midst of some of it."""
+    axis, ways = one_of(*range(joints)), one_of(-0.6, -0.1, 0.1, 0.6)
+    seconds = one_of(0.0, 0.1, 0.3, 0.6)
+    return {
+        "push": (4, (axis, ways)),
+        "moved_off": (8, (axis, ways, seconds, PERIODS)),
+        "guide": (8, (axis, ways, disturbance, seconds, PERIODS)),
     }
 
 
@@ -142,7 +157,7 @@ class WitnessPlay(ArmPlay):
     """
 
     def __init__(self, bench: Bench, faults: Mapping[str, float] = FAULTS) -> None:
-        self._draws = commands(bench.joints, len(bench.judges), faults)
+        self._draws = commands(bench.joints, len(bench.judges), faults, hands=bench.has_hands)
         self.bench, self.harness, self.witness = bench, bench, Observer(bench)  # type: ignore[assignment]
         self.log: list[str] = []
         self._take(bench)
@@ -331,6 +346,44 @@ class WitnessPlay(ArmPlay):
     def release(self) -> None:
         super().release()
         self._drives.clear()
+
+    # Hands
+
+    def _push(self, axis: int, way: float) -> None:
+        self.bench.push(axis, way)
+
+    def _moved_off(self, axis: int, way: float, seconds: float, periods: int) -> None:
+        """Switch off, move by hand, and switch on, whether the hand has let go or not."""
+        self._servo(axis, False)
+        self.bench.push(axis, way)
+        self.bench.run(seconds)
+        self._servo(axis, True)
+        self._step(periods)
+
+    def _guide(
+        self, axis: int, way: float, drawn: tuple[str, list[int], int, str, int], s: float,
+        periods: int,
+    ) -> None:  # fmt: skip
+        """Guide a joint by hand, perhaps with a fault in the midst; the end is a stop."""
+        self._bring_back()
+        self.release()
+        self.bench.judges[axis].may_catch = True
+        self.robot.axes.begin_guiding([axis])
+        self.bench.push(axis, way)
+        if s:
+            self._disturb(drawn, s)
+        self._step(periods)
+        self.robot.axes.stop([axis])
+        self._step(periods)
+
+    def _servo(self, axis: int, on: bool) -> None:
+        self.bench.judges[axis].may_catch = False
+        super()._servo(axis, on)
+
+    def _disable(self) -> None:
+        for judge in self.bench.judges:
+            judge.may_catch = False
+        super()._disable()
 
     # Faults and the life cycle
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
+from typing import Any
 
 import pytest
 from tests.witness.backends import BENCHES
@@ -11,17 +13,27 @@ from tests.witness.canopen_bench import CanopenBench
 from tests.witness.dobot_bench import DobotBench
 from tests.witness.ethercat_bench import EthercatBench
 from tests.witness.judge import KEPT_COMMANDS
+from tests.witness.servo_bench import ServoBench
 
 from robotd.control.sources.wheel_source import WheelMotion
+from robotd.device.axes import Jog
 from robotd.device.process_image import ProcessImage
+from robotd.device.profiled_axes import _AxisMotion
+from robotd.errors import RobotdError
 from robotd.motion import TrajectoryRequest
 from robotd.motion.planar import PlanarTwist
+from robotd.motion.profile import Profile
 from robotd_canopen.bus import Bus
 from robotd_cia402.axis import Axis
 from robotd_ethercat.soem import Soem
+from robotd_serial_servo import switching
+from robotd_serial_servo.servo_bus import Goal
+from robotd_serial_servo.servo_record import ServoRecord
 
 FIELDBUSES = ("canopen", "ethercat")
-EVERY = (*FIELDBUSES, "sim", "arm", "dobot")
+SERVOS = ("feetech", "dynamixel")
+LOAD_NM = 0.8
+EVERY = (*FIELDBUSES, "sim", "arm", "dobot", *SERVOS)
 
 
 @pytest.fixture(params=EVERY)
@@ -31,6 +43,11 @@ def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
 
 @pytest.fixture(params=FIELDBUSES)
 def fieldbus(request: pytest.FixtureRequest) -> Iterator[Bench]:
+    yield from started(request.param)
+
+
+@pytest.fixture(params=SERVOS)
+def servos(request: pytest.FixtureRequest) -> Iterator[Bench]:
     yield from started(request.param)
 
 
@@ -73,7 +90,9 @@ def test_a_target_that_jumps(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> N
         monkeypatch.setattr(driver, "stream", faulty)
 
     move(bench, at_half=jump)
-    assert any("in a period: +1" in finding for finding in bench.findings)
+    # Goals of servos follow it with no more than the speed of the joint.
+    what = "target changes by" if isinstance(bench, ServoBench) else "in a period: +1"
+    assert any(what in finding for finding in bench.findings)
 
 
 def test_a_path_that_does_not_wait_for_a_silent_drive(fieldbus: Bench) -> None:
@@ -169,3 +188,75 @@ def test_a_stop_that_lets_the_drives_go_on(
     monkeypatch.setattr(Axis, "transmit", go_on)
     fieldbus.run(0.1)
     assert any("after a stop" in finding for finding in fieldbus.findings)
+
+
+def jog(bench: Bench) -> None:
+    """Let both joints move at 1 rad/s."""
+    for axis in range(bench.joints):
+        bench.robot.axes.set_command_mode(axis, 1)
+    bench.robot.axes.jog([Jog(axis, Profile(1.0, 8.0, 8.0)) for axis in range(bench.joints)])
+    bench.run(0.4)
+    assert bench.findings == []
+
+
+def test_a_goal_that_is_sent_to_a_servo_that_was_switched_off(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of STS servos a goal switches the torque on."""
+    for made in started("feetech"):
+        made.run(0.1)
+        monkeypatch.setattr(ServoRecord, "deactivate", lambda _: None)
+        made.robot.servos.disable()
+        made.run(0.1)
+        assert any("without a request" in finding for finding in made.findings)
+
+
+def test_a_servo_that_stops_without_a_ramp(servos: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    def brake(motion: Any, _: float) -> None:
+        motion.hold()
+
+    jog(servos)
+    monkeypatch.setattr(_AxisMotion, "brake", brake)
+    servos.robot.axes.stop([0, 1])
+    servos.run(0.1)
+    assert any("target changes by" in finding for finding in servos.findings)
+
+
+def test_a_servo_that_comes_on_at_an_old_place(
+    servos: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A hand has moved the joint meanwhile."""
+
+    def old_goal(record: ServoRecord) -> Goal:
+        assert record.acknowledged is not None
+        return Goal(record.acknowledged, record.speed_limit)
+
+    servos.run(0.1)
+    servos.robot.axes.servo(0, False)
+    servos.push(0, 0.4)
+    servos.run(0.5)
+    monkeypatch.setattr(switching, "_goal_here", old_goal)
+    monkeypatch.setattr(switching, "_require_still", lambda *_: None)
+    with servos.requested(), suppress(RobotdError):
+        servos.robot.axes.servo(0, True)
+    assert any("rad away from" in finding for finding in servos.findings)
+
+
+def test_a_loaded_servo_that_is_led_to_where_it_was_measured_after_a_silence(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its goal is above that, by as much as the load bends it."""
+    monkeypatch.setattr(ServoRecord, "_renew", renew_once)
+    for made in started("feetech"):
+        assert isinstance(made, ServoBench)
+        made.servos[0].joint.load_nm = LOAD_NM
+        made.run(0.5)
+        assert made.findings == []
+        made.silence(0.3, how="answers")
+        made.run(0.6)
+        assert any("target changes by" in finding for finding in made.findings)
+
+
+def renew_once(record: ServoRecord) -> None:
+    """Number an activation, and nothing after it."""
+    record.activation = record.activations = 1

@@ -1,6 +1,6 @@
 """Command: random sequences with judges at the drives, thousands of them.
 
-``python -m tools.endurance.witness canopen --seeds 0:1000``
+``python -m tools.endurance.witness canopen --seeds 0:1000``; ``feetech --seeds 55:56 --log``
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("backends", nargs="*", help=f"of {', '.join(BENCHES)}; none: all")
     parser.add_argument("--seeds", default="0:100", metavar="FIRST:END")
     parser.add_argument("--without", default="", metavar="FAULT,...", help=", ".join(FAULTS))
+    parser.add_argument("--log", action="store_true", help="print all commands of each seed")
     options = parser.parse_args(arguments)
     left_out = options.without.split(",")
     faults = {name: weight for name, weight in FAULTS.items() if name not in left_out}
@@ -27,10 +28,12 @@ def main(arguments: list[str] | None = None) -> int:
     for name in options.backends or BENCHES:
         began_s, found = time.process_time(), 0
         for seed in range(first, end):
-            if text := run_seed(name, seed, faults):
+            log: list[str] = []
+            if text := run_seed(name, seed, faults, log):
                 found += 1
-                sys.stdout.write(text + "\n")
-                sys.stdout.flush()
+            for line in [*(log if options.log else ()), *([text] if text else ())]:
+                sys.stdout.write(line + "\n")
+            sys.stdout.flush()
         spent_s = time.process_time() - began_s
         sys.stdout.write(f"{name}: {found} of {end - first} seeds failed, {spent_s:.0f} s\n")
         failed += found

@@ -27,13 +27,21 @@ BULK_READ, BULK_WRITE, FAST_BULK_READ = 0x92, 0x93, 0x9A
 CLEAR_TURNS = b"\x01\x44\x58\x4c\x22"
 
 
+def shifted(crc: int) -> int:
+    """Return ``crc`` after eight more bits of 0: polynomial 0x8005, most significant bit first."""
+    for _ in range(8):
+        crc = (crc << 1 ^ (0x8005 if crc & 0x8000 else 0)) & 0xFFFF
+    return crc
+
+
+CRCS = [shifted(byte << 8) for byte in range(256)]
+
+
 def crc16(data: bytes) -> int:
-    """Return the CRC of protocol 2.0: polynomial 0x8005, start 0, most significant bit first."""
+    """Return the CRC of protocol 2.0, which begins with 0."""
     crc = 0
     for byte in data:
-        crc ^= byte << 8
-        for _ in range(8):
-            crc = (crc << 1 ^ (0x8005 if crc & 0x8000 else 0)) & 0xFFFF
+        crc = (crc << 8 & 0xFFFF) ^ CRCS[crc >> 8 ^ byte]
     return crc
 
 

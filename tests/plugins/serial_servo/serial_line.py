@@ -1,5 +1,6 @@
 """Serial line of simulated servos on a pseudo-terminal, in real time.
 
+Not entered, a line is in any time: ``take`` bytes, ``advance`` the servos, ``take_due`` replies.
 Bytes take their time at the bit rate that the client has set. One thread receives requests, lets
 the servos execute them, sends the replies when they would have arrived, and injects faults.
 """
@@ -115,9 +116,7 @@ class SerialLine(ABC):
 
     def __enter__(self) -> Self:
         self._folder = Path(tempfile.mkdtemp(prefix="servos-"))
-        now = time.monotonic()
-        for servo in self.servos.values():
-            servo.start(now)
+        self.start(time.monotonic())
         self._open()
         self._wanted.set()
         self._thread = threading.Thread(target=self._run, name="simulated servos", daemon=True)
@@ -198,8 +197,7 @@ class SerialLine(ABC):
             self._wait()
             now = time.monotonic()
             with self.lock:
-                for servo in self.servos.values():
-                    servo.advance(now)
+                self.advance(now)
                 self._deliver(now)
                 self._receive(now)
 
@@ -211,12 +209,11 @@ class SerialLine(ABC):
             select.select([self._master], [], [], max(until, 0))
 
     def _deliver(self, now: float) -> None:
-        while self._due and self._due[0][0] <= now:
-            _, _, data = heapq.heappop(self._due)
-            if self._master is not None:
-                # A client that does not read loses bytes, as it would in an adapter.
-                with suppress(BlockingIOError):
-                    os.write(self._master, data)
+        data = self.take_due(now)
+        if data and self._master is not None:
+            # A client that does not read loses bytes, as it would in an adapter.
+            with suppress(BlockingIOError):
+                os.write(self._master, data)
 
     def _receive(self, now: float) -> None:
         if self._master is None:
@@ -225,6 +222,34 @@ class SerialLine(ABC):
             data = os.read(self._master, 4096)
         except BlockingIOError:
             return
+        self.take(data, now)
+
+    # Time, in seconds of any clock
+
+    def start(self, now: float) -> None:
+        """Set the clocks of the servos."""
+        for servo in self.servos.values():
+            servo.start(now)
+
+    def advance(self, now: float) -> None:
+        """Let the servos live up to ``now``."""
+        for servo in self.servos.values():
+            servo.advance(now)
+
+    @property
+    def next_due(self) -> float | None:
+        """When the next bytes get to the client; None: there are none."""
+        return self._due[0][0] if self._due else None
+
+    def take_due(self, now: float) -> bytes:
+        """Return what gets to the client by ``now``, and forget it."""
+        found = b""
+        while self._due and self._due[0][0] <= now:
+            found += heapq.heappop(self._due)[2]
+        return found
+
+    def take(self, data: bytes, now: float) -> None:
+        """Receive bytes of the client at ``now``, and execute the requests that they complete."""
         if self._received and now - self._received_at > self.knobs.byte_gap_s:
             self._received.clear()
         self._received_at = now
