@@ -157,8 +157,10 @@ class ServoBench(Bench):
 
     def unplug(self) -> None:
         self.clock.kill_bus()
-        for port in list(self.line.ports.values()):
-            port.close()
+        self.line.unplug(0.0)
+        exchange = vars(self.robot.connection._driver)["wrapped"].exchange
+        if exchange is not None:
+            exchange._fail("killed")  # its jobs, before they are collected as garbage
 
     def settle(self) -> None:
         """Let the servos live up to the present, and faults end."""

@@ -187,6 +187,7 @@ class Exchange:
                 if now_ns - due_ns > self._period_ns // 2:
                     self.late, due_ns = self.late + 1, now_ns
                 clock.sleep_until_ns(due_ns)
+            self._end_jobs("the bus is closed")  # what they do at their end needs the port
         except RobotdError as error:
             self._fail(str(error))
         except Exception as error:  # noqa: BLE001 - the thread ends, which must not look alive
@@ -194,8 +195,12 @@ class Exchange:
             self._fail(f"bus thread: {error!r}")
 
     def _fail(self, reason: str) -> None:
+        self.failure = reason
+        self._end_jobs(reason)
+
+    def _end_jobs(self, reason: str) -> None:
         with self._lock:
-            self.failure, jobs, self._jobs = reason, self._jobs, []
+            jobs, self._jobs = self._jobs, []
         for job in jobs:
             if not job.done.is_set():
                 job.end(NotReady(reason))

@@ -250,6 +250,19 @@ def test_a_lost_port_ends_all_jobs_also_one_that_would_switch_off_at_its_end() -
     assert last.done.is_set()
 
 
+def test_a_bus_that_is_closed_ends_its_jobs_while_the_port_is_open() -> None:
+    servo = FakeServo(held=True)
+    bench = Bench(servo)
+    job = bench.catch()
+    bench.exchange._work(bench.clock.now_ns())
+    bench.exchange._exchange()
+    assert not job.done.is_set()
+    bench.exchange._ends = True
+    bench.exchange._run()
+    assert job.done.is_set()
+    assert bench.bus.calls[-1] == ("torque", 1, False)
+
+
 def _restart(servo: FakeServo) -> None:
     servo.restart()
 
