@@ -199,7 +199,7 @@ class ProgramCheck:
 
 def is_motion(step: Step) -> bool:
     """Return whether a step moves the joints."""
-    return step.kind in ("move", "line", "arc", "path")
+    return step.kind in ("move", "line", "arc", "path", "sequence")
 
 
 def gripper_of(robot: Robot, name: str) -> AnyGripper:

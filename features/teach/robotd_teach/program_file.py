@@ -16,6 +16,7 @@ from robotd_teach.paths import Playback
 DEFAULT_SPEED = 0.2
 MAX_TIME_S = 86_400.0
 MAX_TIMES = 1_000_000
+MAX_ANGLE = 12.5  # of an arc about a centre, rad
 
 Speed = Annotated[float, Field(ge=0.01, le=1.0)]
 Seconds = Annotated[float, Field(gt=0, le=MAX_TIME_S)]
@@ -79,10 +80,66 @@ class MoveOnLine(Target):
 
 
 class MoveOnArc(Section):
-    """Arc of a circle, through ``via`` to ``to``; both from where the tool is."""
+    """Arc of a circle: through ``via`` to ``to``, or about the z axis of ``centre``.
 
-    via: Target
-    to: Target
+    Attributes:
+        via, to, centre: from where the tool is.
+        angle: about ``centre``, rad, of either sign.
+        turns: about ``centre`` the tool turns with the arc; null: it does.
+    """
+
+    via: Target | None = None
+    to: Target | None = None
+    centre: Target | None = None
+    angle: Annotated[float, Field(ge=-MAX_ANGLE, le=MAX_ANGLE)] | None = None
+    turns: bool | None = None
+    speed: Speed | None = None
+
+    def problems(self) -> Iterator[SectionProblem]:
+        given = tuple(key for key, _ in _given(self, ("via", "to", "centre", "angle")))
+        if given not in (("via", "to"), ("centre", "angle")):
+            yield (), "needs via and to, or centre and angle", ", ".join(given) or None
+        if self.turns is not None and self.centre is None:
+            yield ("turns",), "belongs to `centre`", self.turns
+
+
+class MoveOnSpline(Section):
+    """Smooth curve through targets, each seen from the one before."""
+
+    through: Annotated[list[Target], Field(min_length=1)]
+    speed: Speed | None = None
+
+
+class SequenceSegment(Section):
+    """Part of a sequence: exactly one of ``move``, ``line``, ``arc`` and ``spline``.
+
+    Attributes:
+        blend_m, blend_rad: bounds of the rounded corner to the next one; null: of the sequence.
+    """
+
+    move: MoveToPose | None = None
+    line: MoveOnLine | None = None
+    arc: MoveOnArc | None = None
+    spline: MoveOnSpline | None = None
+    blend_m: NotNegative | None = None
+    blend_rad: NotNegative | None = None
+
+    def problems(self) -> Iterator[SectionProblem]:
+        yield from _one_of(self, ("move", "line", "arc", "spline"))
+
+
+class Sequence_(Section):  # noqa: N801 - beside that of collections.abc
+    """One motion of many segments, each seen from the end of the one before.
+
+    Attributes:
+        speed, blend_m, blend_rad: of segments that have none of their own.
+        constant_speed: the tool keeps one speed between two stops.
+    """
+
+    segments: Annotated[list[SequenceSegment], Field(min_length=1)]
+    blend_m: NotNegative = 0.0
+    blend_rad: NotNegative | None = None
+    constant_speed: bool = False
     speed: Speed | None = None
 
 
@@ -202,6 +259,7 @@ class Step(Section):
     line: MoveOnLine | None = None
     arc: MoveOnArc | None = None
     path: Path_ | None = None
+    sequence: Sequence_ | None = None
     gripper: Annotated[SetGripper | None, _short("to")] = None
     output: SetOutput | None = None
     wait: Wait | None = None
@@ -219,7 +277,7 @@ class Step(Section):
     def needs_tool(self) -> bool:
         """It moves the tool on a way of its own, not the joints on theirs."""
         is_recorded = self.path is not None and self.path.name is not None
-        return self.kind in ("line", "arc", "path") and not is_recorded
+        return self.kind in ("line", "arc", "path", "sequence") and not is_recorded
 
     @property
     def kind(self) -> str:

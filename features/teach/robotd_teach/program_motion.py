@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,11 +22,19 @@ from robotd_teach.path_curve import PathCurve
 from robotd_teach.path_file import PathFile
 from robotd_teach.path_motion import require_at_start
 from robotd_teach.paths import Paths
-from robotd_teach.program_file import Path_, ProgramFile, Step, Target
+from robotd_teach.program_file import (
+    MoveOnArc,
+    MoveOnSpline,
+    MoveToPose,
+    Path_,
+    ProgramFile,
+    Step,
+    Target,
+)
 from robotd_tool_space.kinematics import Kinematics
 from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.rotations import COMPONENTS, inverse_pose, pose_of, rpy_of
-from robotd_tool_space.segments import Arc, Line, MotionSegment
+from robotd_tool_space.segments import Arc, ArcAbout, JointMove, Line, MotionSegment, Spline
 from robotd_tool_space.sequence_plan import plan_route, plan_sequence
 from robotd_tool_space.tool_groups import ToolGroups
 from robotd_tool_space.tool_motion import (
@@ -103,7 +112,9 @@ class StepPlanner:
             curve = self._recorded(step.path, step.path.name, start)
             return step.path.playback(self._file.speed).plan(curve, limits, start).motion
         kinematics, segments = self._segments(step, place)
-        return plan_sequence(kinematics, limits, start, segments, self.need_tool().speed)
+        constant = step.sequence is not None and step.sequence.constant_speed
+        speed = self.need_tool().speed
+        return plan_sequence(kinematics, limits, start, segments, speed, constant_speed=constant)
 
     def rest(self, step: Step, place: Place, motion: ToolMotion, time_s: float) -> ToolMotion:
         """Return what is left of the motion of a step from ``time_s`` on, from rest."""
@@ -210,22 +221,48 @@ class StepPlanner:
             raise InvalidArgument(text)
 
     def _segments(self, step: Step, place: Place) -> tuple[Kinematics, list[MotionSegment]]:
-        """Return the curves of the tool that a step asks for, with poses in the base."""
-        kinematics, speed = self.need_tool().kinematics_of(place.tool), self._speed(step)
-        first = kinematics.forward(self._start(place))
-        if step.line is not None:
-            return kinematics, [Line(self._pose(step.line, first, kinematics, place), speed=speed)]
-        if step.arc is not None:
-            via = self._pose(step.arc.via, first, kinematics, place)
-            end = self._pose(step.arc.to, first, kinematics, place)
-            return kinematics, [Arc(via, end, speed=speed)]
-        if step.path is None or step.path.through is None:
-            raise InvalidArgument(f"{step.kind} is no motion")
+        """Return the segments of a motion of the tool, with poses in the base."""
+        kinematics = self.need_tool().kinematics_of(place.tool)
+        pose = kinematics.forward(self._start(place))
         segments: list[MotionSegment] = []
-        for target in step.path.through:
-            first = self._pose(target, first, kinematics, place)
-            segments.append(Line(first, speed=speed, blend_m=step.path.blend_m or 0.0))
+        for part in _parts(step):
+            segment, pose = self._segment(part, pose, kinematics, place)
+            of_part = self._speed(step) if part.speed is None else part.speed
+            segments.append(
+                replace(segment, speed=of_part, blend_m=part.blend_m, blend_rad=part.blend_rad)
+            )
         return kinematics, segments
+
+    def _segment(
+        self, part: _Part, before: FloatArray, kinematics: Kinematics, place: Place
+    ) -> tuple[MotionSegment, FloatArray]:
+        """Return a segment, and the pose where it ends; ``before``: where it begins."""
+
+        def pose(target: Target, before: FloatArray = before) -> FloatArray:
+            if part.in_sequence and target.joints is not None:
+                self.checked_pose("joints in a sequence", target.joints)  # all: none stays
+            return self._pose(target, before, kinematics, place)
+
+        move = part.motion
+        if isinstance(move, MoveToPose):
+            end = pose(move)
+            goal = self._joint_goal(move, self._start(place))
+            return JointMove(end if goal is None else goal), end
+        if isinstance(move, MoveOnSpline):
+            poses = [before]
+            for target in move.through:
+                poses.append(pose(target, poses[-1]))
+            return Spline(poses[1:]), poses[-1]
+        if isinstance(move, Target):
+            end = pose(move)
+            return Line(end), end
+        if move.via is not None and move.to is not None:
+            end = pose(move.to)
+            return Arc(pose(move.via), end), end
+        if move.centre is None or move.angle is None:
+            raise InvalidArgument("an arc needs via and to, or centre and angle")
+        arc = ArcAbout(pose(move.centre), move.angle, turns=move.turns is not False)
+        return arc, arc.end(before)
 
     def _pose(
         self, target: Target, before: FloatArray, kinematics: Kinematics, place: Place
@@ -247,6 +284,37 @@ class StepPlanner:
         moved[:3, :3] = way[:3, :3] @ pose[:3, :3]
         moved[:3, 3] = pose[:3, 3] + way[:3, 3]
         return work_frame @ moved
+
+
+class _Part(NamedTuple):
+    """Motion within a step."""
+
+    motion: Target | MoveOnArc | MoveOnSpline
+    speed: float | None
+    blend_m: float = 0.0
+    blend_rad: float | None = None
+    in_sequence: bool = False
+
+
+def _parts(step: Step) -> list[_Part]:
+    if step.line is not None:
+        return [_Part(step.line, step.line.speed)]
+    if step.arc is not None:
+        return [_Part(step.arc, step.arc.speed)]
+    if step.path is not None and step.path.through is not None:
+        blend_m = step.path.blend_m or 0.0
+        return [_Part(target, step.path.speed, blend_m) for target in step.path.through]
+    if step.sequence is None:
+        raise InvalidArgument(f"{step.kind} is no motion of the tool")
+    whole, parts = step.sequence, []
+    for segment in whole.segments:
+        motion = segment.move or segment.line or segment.arc or segment.spline
+        if motion is None:
+            raise InvalidArgument("a segment needs a motion")
+        blend_m = whole.blend_m if segment.blend_m is None else segment.blend_m
+        blend_rad = whole.blend_rad if segment.blend_rad is None else segment.blend_rad
+        parts.append(_Part(motion, motion.speed, blend_m, blend_rad, in_sequence=True))
+    return parts
 
 
 def _straight(start: FloatArray, goal: FloatArray) -> FloatArray:

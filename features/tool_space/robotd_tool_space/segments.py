@@ -10,7 +10,7 @@ import numpy as np
 
 from robotd.api import FloatArray, InvalidArgument
 from robotd_tool_space.kinematics import Kinematics
-from robotd_tool_space.rotations import checked_pose
+from robotd_tool_space.rotations import checked_pose, inverse_pose, pose_of
 from robotd_tool_space.tool_curves import ArcCurve, LineCurve, SplineCurve, ToolCurve, ToolSpeed
 from robotd_tool_space.tool_path import Blend
 
@@ -157,6 +157,14 @@ class ArcAbout(ToolSegment):
 
     def curve(self, kinematics: Kinematics, start: FloatArray, speed: ToolSpeed) -> ToolCurve:
         return ArcCurve.about(start, self.centre, self.angle, speed, turns=self.turns)
+
+    def end(self, start: FloatArray) -> FloatArray:
+        """Return the pose (4, 4) that it leads to from ``start``."""
+        turn = self.centre @ pose_of(rpy=[0.0, 0.0, self.angle]) @ inverse_pose(self.centre)
+        end = turn @ start
+        if not self.turns:
+            end[:3, :3] = start[:3, :3]
+        return end
 
 
 @dataclass(frozen=True, eq=False)

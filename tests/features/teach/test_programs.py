@@ -199,6 +199,14 @@ def test_a_file_that_is_wrong_names_line_and_key(text: str, reason: str) -> None
         (MOVE + "  - line: {by: {z: -0.3}}\n", r"line: at \d+ % \w+ and floor would .* 10 mm"),
         ("  - move: {joints: {joint2: 2.0}}\n", r"move: at \d+ % \w+ and \w+ would"),
         (MOVE + "  - arc: {via: {by: {z: 0.1}}, to: {by: {z: 0.2}}}\n", "on a straight line"),
+        (
+            MOVE + "  - sequence: {segments: [{line: {by: {z: 0.02}}}, {line: {by: {z: 0.6}}}]}\n",
+            r"cell\.yaml:6: steps\.1\.sequence: segment 2, line: at \d+ % ",
+        ),
+        (
+            MOVE + "  - sequence: {segments: [{move: {joints: {joint1: 0.1}}}]}\n",
+            r"steps\.1\.sequence: joints in a sequence: not all joints",
+        ),
         ("  - output: {name: lmap, on: true}\n", r"output\.name: unknown output 'lmap'; did you"),
         ("  - output: {name: 9999.1, on: true}\n", r"9999\.1 is outside the image of outputs"),
         ("  - wait: {input: door}\n", r"wait\.input: unknown input 'door'"),
@@ -490,3 +498,29 @@ def test_nothing_runs_by_itself_after_a_restart(file: Path) -> None:
         assert programs.state.state == "none"
         with pytest.raises(NotReady, match="no program was stopped since robotd was started"):
             programs.resume()
+
+
+def test_a_sequence_is_one_motion_and_is_resumed_on_its_path(
+    robot: Robot, programs: Programs
+) -> None:
+    segments = (
+        "      - line: {by: {y: 0.06}}\n"
+        "      - arc: {centre: {by: {z: 0.04}}, angle: 1.5, turns: false, speed: 0.5}\n"
+        "      - spline: {through: [{by: {y: 0.02}}, {by: {y: -0.04, z: 0.02}}]}\n"
+        "      - move: {pose: ready}\n"
+    )
+    cell = program(MOVE + "  - sequence:\n      blend_m: 0.01\n      segments:\n" + segments)
+    stopped: list[float] = []
+
+    def stop_inside() -> None:
+        if programs.state.step == 2 and 0.3 < programs.state.progress < 0.9 and not stopped:
+            stopped.append(programs.state.progress)
+            robot.stop()
+
+    with pytest.raises(OperationError, match=r"steps\.1\.sequence: stopped at step 2 of 2"):
+        programs.run(cell, stop_inside)
+    assert stopped
+    assert positions(robot) != pytest.approx(list(READY.values()), abs=1e-2)
+    robot.reset()
+    programs.resume()
+    assert positions(robot) == pytest.approx(list(READY.values()), abs=1e-3)
