@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
 
 from robotd.api import DescriptorError, FloatArray, InvalidArgument, RobotdError, unknown_name
 from robotd.api.robots import Gripper, Robot, ServoGripper
+from robotd_teach.io_names import bit_of
 from robotd_teach.program_code import Again, Begin, Branch, Do, Jump, Keys, Program
 from robotd_teach.program_file import SetGripper, Step
 from robotd_teach.program_motion import Place, StepPlanner
@@ -20,7 +20,6 @@ MAX_MOTIONS = 5000  # checked ones: a step counts for each place from which it i
 MAX_PLACES = 64  # at which the arm may be before one step
 MAX_PROBLEMS = 50
 SAME = 6  # decimals of positions that are one place, rad or m
-BIT = re.compile(r"([0-9]{1,4})\.([0-7])")
 NONE = "none"  # name with which the link itself, or the base, is chosen
 
 AnyGripper = Gripper | ServoGripper
@@ -161,6 +160,10 @@ class ProgramCheck:
             self._try(keys, lambda: self._planner.need_tool().work_frame_of(chosen(frame)))
         if step.gripper is not None:
             self._try(keys, partial(self._check_grip, step.gripper))
+        for number, segment in enumerate(step.sequence.segments if step.sequence else ()):
+            for place, output in enumerate(segment.outputs):
+                where = (*keys, "segments", number, "outputs", place, "name")
+                self._try(where, partial(self._output, output.name))
         if step.output is not None:
             self._try((*keys, "name"), partial(self._output, step.output.name))
         if step.wait is not None and step.wait.input is not None:
@@ -223,30 +226,6 @@ def grip_position(gripper: AnyGripper, grip: SetGripper) -> float:
     """Return the position that a step commands. Raises InvalidArgument: beyond an end."""
     ends = {"open": gripper.open_m, "close": gripper.closed_m}
     return ends[grip.to] if isinstance(grip.to, str) else gripper.checked(grip.to)
-
-
-def bit_of(
-    kind: str, name: str, known: Mapping[str, tuple[int, int]], size: int
-) -> tuple[int, int]:
-    """Return byte and bit of an input or output.
-
-    Args:
-        kind: "input" or "output".
-        name: of the robot's file, or byte.bit.
-        known: addresses by name.
-        size: of the image, bytes.
-
-    Raises InvalidArgument: unknown, or outside of the image.
-    """
-    if match := BIT.fullmatch(name):
-        byte, bit = int(match[1]), int(match[2])
-        if byte >= size:
-            has = f"the last byte is {size - 1}" if size else f"the device has no {kind}s"
-            raise InvalidArgument(f"{name} is outside the image of {kind}s: {has}")
-        return byte, bit
-    if name not in known:
-        raise InvalidArgument(unknown_name(kind, name, known))
-    return known[name]
 
 
 def chosen(name: str) -> str:

@@ -110,11 +110,27 @@ class MoveOnSpline(Section):
     speed: Speed | None = None
 
 
+class OutputOnPath(Section):
+    """Output that is set near the end of a segment; below 0: before it.
+
+    Attributes:
+        name: in the robot's file, or byte.bit.
+        at_m: way of the tool from the end.
+        at_s: time from that place.
+    """
+
+    name: IoName
+    on: bool
+    at_m: float = 0.0
+    at_s: float = 0.0
+
+
 class SequenceSegment(Section):
     """Part of a sequence: exactly one of ``move``, ``line``, ``arc`` and ``spline``.
 
     Attributes:
         blend_m, blend_rad: bounds of the rounded corner to the next one; null: of the sequence.
+        outputs: that are set near its end.
     """
 
     move: MoveToPose | None = None
@@ -123,6 +139,7 @@ class SequenceSegment(Section):
     spline: MoveOnSpline | None = None
     blend_m: NotNegative | None = None
     blend_rad: NotNegative | None = None
+    outputs: list[OutputOnPath] = Field([])
 
     def problems(self) -> Iterator[SectionProblem]:
         yield from _one_of(self, ("move", "line", "arc", "spline"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -17,6 +17,7 @@ from robotd.api import (
     unknown_name,
 )
 from robotd.api.robots import Robot
+from robotd_teach.io_names import bit_of
 from robotd_teach.joint_groups import beyond_limits, commands_at_rest, joint_group
 from robotd_teach.path_curve import PathCurve
 from robotd_teach.path_file import PathFile
@@ -26,12 +27,14 @@ from robotd_teach.program_file import (
     MoveOnArc,
     MoveOnSpline,
     MoveToPose,
+    OutputOnPath,
     Path_,
     ProgramFile,
     Step,
     Target,
 )
 from robotd_tool_space.kinematics import Kinematics
+from robotd_tool_space.path_outputs import PathOutput
 from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.rotations import COMPONENTS, inverse_pose, pose_of, rpy_of
 from robotd_tool_space.segments import Arc, ArcAbout, JointMove, Line, MotionSegment, Spline
@@ -229,9 +232,20 @@ class StepPlanner:
             segment, pose = self._segment(part, pose, kinematics, place)
             of_part = self._speed(step) if part.speed is None else part.speed
             segments.append(
-                replace(segment, speed=of_part, blend_m=part.blend_m, blend_rad=part.blend_rad)
+                replace(
+                    segment,
+                    speed=of_part,
+                    blend_m=part.blend_m,
+                    blend_rad=part.blend_rad,
+                    outputs=tuple(map(self._output, part.outputs)),
+                )
             )
         return kinematics, segments
+
+    def _output(self, output: OutputOnPath) -> PathOutput:
+        io = self._robot.io
+        bit = bit_of("output", output.name, io.outputs, io.sizes[1])
+        return PathOutput(*bit, output.on, output.at_m, output.at_s)
 
     def _segment(
         self, part: _Part, before: FloatArray, kinematics: Kinematics, place: Place
@@ -293,6 +307,7 @@ class _Part(NamedTuple):
     speed: float | None
     blend_m: float = 0.0
     blend_rad: float | None = None
+    outputs: Sequence[OutputOnPath] = ()
     in_sequence: bool = False
 
 
@@ -313,7 +328,8 @@ def _parts(step: Step) -> list[_Part]:
             raise InvalidArgument("a segment needs a motion")
         blend_m = whole.blend_m if segment.blend_m is None else segment.blend_m
         blend_rad = whole.blend_rad if segment.blend_rad is None else segment.blend_rad
-        parts.append(_Part(motion, motion.speed, blend_m, blend_rad, in_sequence=True))
+        part = _Part(motion, motion.speed, blend_m, blend_rad, segment.outputs, in_sequence=True)
+        parts.append(part)
     return parts
 
 

@@ -18,10 +18,12 @@ from robotd.api import (
 )
 from robotd.api.features import EventKind, Level
 from robotd.api.robots import Interruption, Outcome, Robot, TrajectoryExecution
-from robotd_teach.program_check import bit_of, chosen, grip_position, gripper_of, is_motion
+from robotd_teach.io_names import bit_of
+from robotd_teach.program_check import chosen, grip_position, gripper_of, is_motion
 from robotd_teach.program_code import Again, Begin, Branch, Do, Jump, Program
 from robotd_teach.program_file import SetGripper, Step, Wait
 from robotd_teach.program_motion import StepPlanner
+from robotd_tool_space.path_outputs import OutputSetter
 from robotd_tool_space.tool_motion import (
     ToolMotion,
     place_on,
@@ -223,12 +225,12 @@ class ProgramRun:
         """
         self._tick()
         ticket, request = self._group.motion.ticket(), motion.request(self._group.joint_names)
-        execution = None
+        execution, outputs = None, OutputSetter(self._robot.io, motion.outputs)
         try:
             with self._group.follower.follow(request, ticket=ticket) as execution:
                 if self._interruptions() != self._began:  # a stop that did not find it yet
                     raise NotReady("motion was stopped before this step began")
-                while not self._has_ended(execution, motion.duration_s, after):
+                while not self._has_ended(execution, motion, outputs, after):
                     pass
         finally:
             if execution is not None:
@@ -238,20 +240,29 @@ class ProgramRun:
                 self._left = self._group.motion.command()
         if execution.outcome is not Outcome.SUCCEEDED:
             raise OperationError(execution.message)
+        outputs.advance(motion.duration_s)
 
     def _has_ended(
-        self, execution: TrajectoryExecution, duration_s: float, after: float | None
+        self,
+        execution: TrajectoryExecution,
+        motion: ToolMotion,
+        outputs: OutputSetter,
+        after: float | None,
     ) -> bool:
-        """Wait for the end of a motion; return False after a while."""
+        """Wait for the end of a motion, and set its outputs; return False after a while."""
 
         def ended() -> bool:
             self._tick(in_motion=True)
+            time_s = execution.progress().time_s
+            outputs.advance(time_s)
             if after is not None:
-                passed = min(max(execution.progress().time_s / duration_s, 0.0), 1.0)
+                passed = min(max(time_s / motion.duration_s, 0.0), 1.0)
                 self.part = after + (1.0 - after) * passed
             return execution.outcome is not None
 
-        return wait_until(ended, WAIT_S, self._robot.clock, POLL_S)
+        # An output is set at its place: each period is looked at.
+        poll_s = 1.0 / self._robot.descriptor.cycle.rate_hz if motion.outputs else POLL_S
+        return wait_until(ended, WAIT_S, self._robot.clock, poll_s)
 
     def _grip(self, grip: SetGripper) -> None:
         gripper = gripper_of(self._robot, grip.name)

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from robotd_tool_space.inverse import Task
     from robotd_tool_space.kinematics import Kinematics, Obstacle, Unreachable
     from robotd_tool_space.link_speeds import reduced_speed
+    from robotd_tool_space.path_outputs import PathOutput
     from robotd_tool_space.robot_tool import RobotTool
     from robotd_tool_space.rotations import (
         inverse_pose,
@@ -38,6 +39,7 @@ __all__ = [
     "Line",
     "MotionSegment",
     "Obstacle",
+    "PathOutput",
     "RobotTool",
     "Spline",
     "Task",

@@ -19,6 +19,7 @@ from robotd.api import (
 )
 from robotd.api.features import EventKind, Level, ProcessImage
 from robotd.api.robots import Interruption, Outcome, TrajectoryExecution, TrajectoryRejected
+from robotd_tool_space.path_outputs import OutputSetter
 from robotd_tool_space.rotations import (
     COMPONENTS,
     checked_components,
@@ -243,18 +244,29 @@ class RobotTool(ToolFrames):
         self.execute(self.plan_sequence(segments, constant_speed=constant_speed), arrival)
 
     def execute(self, motion: ToolMotion, arrival: Arrival | None = None) -> None:
-        """Execute a planned motion as ``follow``. Raises OperationError: it ended elsewhere."""
+        """Execute a planned motion as ``follow``, and set its outputs on the way.
+
+        Raises OperationError: it ended elsewhere; or, of an output, its error, which stops the arm.
+        """
+        outputs = OutputSetter(self._robot.io, motion.outputs)
         with self.follow(motion, arrival) as execution:
-            self.wait(execution)
+            self.wait(execution, outputs)
             outcome, message = execution.outcome, execution.message
+            if outcome is Outcome.SUCCEEDED:
+                outputs.advance(motion.duration_s)
         if outcome is not Outcome.SUCCEEDED:
             raise OperationError(f"the motion of the tool ended early: {message}")
 
-    def wait(self, execution: TrajectoryExecution) -> None:
-        """Wait for the end of a motion; a stepped clock is stepped."""
-        while not wait_until(
-            lambda: execution.outcome is not None, 60.0, self._robot.clock, POLL_S
-        ):
+    def wait(self, execution: TrajectoryExecution, outputs: OutputSetter | None = None) -> None:
+        """Wait for the end of a motion, and set outputs meanwhile; a stepped clock is stepped."""
+
+        def ended() -> bool:
+            if outputs is not None:
+                outputs.advance(execution.progress().time_s)
+            return execution.outcome is not None
+
+        poll_s = POLL_S if outputs is None else 1.0 / self._robot.descriptor.cycle.rate_hz
+        while not wait_until(ended, 60.0, self._robot.clock, poll_s):
             pass
 
     def stream(self, **options: Any) -> ToolStream:

@@ -10,6 +10,7 @@ import numpy as np
 
 from robotd.api import FloatArray, InvalidArgument
 from robotd_tool_space.kinematics import Kinematics
+from robotd_tool_space.path_outputs import PathOutput
 from robotd_tool_space.rotations import checked_pose, inverse_pose, pose_of
 from robotd_tool_space.tool_curves import ArcCurve, LineCurve, SplineCurve, ToolCurve, ToolSpeed
 from robotd_tool_space.tool_path import Blend
@@ -28,12 +29,14 @@ class MotionSegment:
             next one is rounded; at most half of either is used. 0: the tool stops there.
         blend_rad: the same of its orientation; None: the angle that the tool turns through at full
             speed in the time of ``blend_m``.
+        outputs: that are set near the end of the segment.
     """
 
     kind: ClassVar[str] = "segment"
     speed: float = 1.0
     blend_m: float = 0.0
     blend_rad: float | None = None
+    outputs: tuple[PathOutput, ...] = ()
 
     def check(self) -> None:
         """Raise InvalidArgument for a value beyond its bounds."""

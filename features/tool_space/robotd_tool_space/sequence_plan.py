@@ -13,6 +13,7 @@ from robotd.api.robots import JointLimits
 from robotd_tool_space.joint_path import solve_at_once
 from robotd_tool_space.joint_route import EvenRoute, JointCurve, JointLine, Route
 from robotd_tool_space.kinematics import Kinematics, Obstacle, Unreachable
+from robotd_tool_space.path_outputs import TimedOutput
 from robotd_tool_space.rotations import pose_differences
 from robotd_tool_space.segments import JointMove, MotionSegment, ToolSegment
 from robotd_tool_space.timing import Timing, time_route
@@ -35,6 +36,7 @@ from robotd_tool_space.tool_path import NO_LENGTH_S, Blend, ToolPath
 
 LINE_TOLERANCE_M = 1e-4
 LINE_TOLERANCE_RAD = np.radians(0.1)
+SAME_M = 1e-6
 PLANNED_SHARE = 0.5  # of both tolerances: the rest is left to the drives' rounding
 
 
@@ -74,8 +76,9 @@ def plan_sequence(
     of_joints = limits.velocity, ACCELERATION_SHARE * limits.acceleration
     timing = time_route(route, kinematics, of_joints, speed, SMOOTH_S)
     motion = _kept(route, timing, kinematics, limits, speed)
+    outputs = tuple(_outputs(motion, kinematics, segments))
     notes = tuple(_notes(planned, segments))
-    return replace(motion, path_s=float(route.at_s[-1]), notes=notes)
+    return replace(motion, path_s=float(route.at_s[-1]), notes=notes, outputs=outputs)
 
 
 def plan_route(
@@ -245,6 +248,29 @@ def _deviation(
     off = pose_differences(tool, wanted) @ task.chosen.T @ task.chosen
     linear, angular = np.linalg.norm(off.reshape(-1, 2, 3), axis=2).max(axis=0)
     return float(linear), float(angular)
+
+
+def _outputs(
+    motion: ToolMotion, kinematics: Kinematics, segments: Sequence[MotionSegment]
+) -> Iterator[TimedOutput]:
+    """Yield the outputs of all segments. Raises InvalidArgument: one is beside the path."""
+    if not any(segment.outputs for segment in segments):
+        return
+    times_s, tool = tool_poses(kinematics, motion)
+    steps = np.linalg.norm(np.diff(tool[:, :3, 3], axis=0), axis=1)
+    ways = np.concatenate([[0.0], np.cumsum(steps)])
+    for number, (segment, end_s) in enumerate(zip(segments, motion.ends_s, strict=True)):
+        for output in segment.outputs:
+            way, time_s = float(np.interp(end_s, times_s, ways)) + output.at_m, end_s
+            if output.at_m:
+                time_s = float(np.interp(way, ways, times_s))
+            time_s += output.at_s
+            if not (0.0 <= time_s <= motion.duration_s and -SAME_M <= way <= ways[-1] + SAME_M):
+                raise InvalidArgument(
+                    f"segment {number + 1}, {segment.kind}: output {output.byte}.{output.bit} at"
+                    f" {output.at_m:g} m and {output.at_s:g} s from its end is not on the path"
+                )
+            yield TimedOutput(time_s, output)
 
 
 def _notes(route: Route, segments: Sequence[MotionSegment]) -> Iterator[str]:

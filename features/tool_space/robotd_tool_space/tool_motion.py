@@ -11,6 +11,7 @@ from robotd.api import FloatArray
 from robotd.api.robots import JointLimits, RateBounds, TrajectoryRequest
 from robotd_tool_space.joint_path import hermite
 from robotd_tool_space.kinematics import Kinematics
+from robotd_tool_space.path_outputs import TimedOutput
 from robotd_tool_space.rotations import pose_differences
 from robotd_tool_space.timing import Curve, Timing
 from robotd_tool_space.tool_curves import ToolSpeed
@@ -39,6 +40,7 @@ class ToolMotion:
         rate_bounds: by which changes of speed on the way keep the accelerations of the tool; None:
             they keep those of the joints only.
         ends_s: times at the ends of its segments: in the middle of their corners.
+        outputs: that are set on the way.
         notes: what is not as it was asked for, such as corners that are stops.
     """
 
@@ -51,6 +53,7 @@ class ToolMotion:
     rate_bounds: RateBounds | None = None
     ends_s: tuple[float, ...] = ()
     notes: tuple[str, ...] = ()
+    outputs: tuple[TimedOutput, ...] = ()
 
     @property
     def duration_s(self) -> float:
@@ -64,6 +67,7 @@ class ToolMotion:
             times_s=self.times_s * factor,
             velocities=self.velocities / factor,
             ends_s=tuple(end_s * factor for end_s in self.ends_s),
+            outputs=tuple(TimedOutput(time_s * factor, output) for time_s, output in self.outputs),
         )
 
     def request(self, joints: tuple[str, ...]) -> TrajectoryRequest:
@@ -173,6 +177,9 @@ def rest_of(motion: ToolMotion, limits: JointLimits, time_s: float) -> ToolMotio
             np.array([0.0, KNOT_S]),
             np.stack([sampled(motion, np.array([time_s]))[0][0], motion.positions[-1]]),
             np.zeros((2, motion.positions.shape[1])),
+            outputs=tuple(
+                TimedOutput(KNOT_S, output) for at_s, output in motion.outputs if at_s > time_s
+            ),
         )
     # The path's own time passes from 0 to its rate linearly; the area below is half of the ramp.
     ramp_s = min(RAMP_S, end_s - time_s)
@@ -189,7 +196,16 @@ def rest_of(motion: ToolMotion, limits: JointLimits, time_s: float) -> ToolMotio
     if not len(later):
         positions[-1] = motion.positions[-1]
     velocities[-1] = 0.0
-    return within_limits(ToolMotion(times_s, positions, velocities, path_s=times_s[-1]), limits)
+    # The inverse of ``passed_s``: a parabola, and behind it the time plus that of the ramp.
+    outputs = tuple(
+        TimedOutput(
+            2.0 * float(np.sqrt(ramp_s * left_s)) if left_s < ramp_s else left_s + ramp_s, output
+        )
+        for left_s, output in ((at_s - time_s, output) for at_s, output in motion.outputs)
+        if left_s > 0.0
+    )
+    rest = ToolMotion(times_s, positions, velocities, path_s=times_s[-1], outputs=outputs)
+    return within_limits(rest, limits)
 
 
 def place_on(motion: ToolMotion, positions: FloatArray, time_s: float, reach_s: float) -> float:

@@ -208,6 +208,11 @@ def test_a_file_that_is_wrong_names_line_and_key(text: str, reason: str) -> None
             r"steps\.1\.sequence: joints in a sequence: not all joints",
         ),
         ("  - output: {name: lmap, on: true}\n", r"output\.name: unknown output 'lmap'; did you"),
+        (
+            MOVE + "  - sequence:\n      segments:\n      - line: {by: {z: 0.02}}\n"
+            "        outputs: [{name: lmap, on: true}]\n",
+            r"segments\.0\.outputs\.0\.name: unknown output 'lmap'; did you",
+        ),
         ("  - output: {name: 9999.1, on: true}\n", r"9999\.1 is outside the image of outputs"),
         ("  - wait: {input: door}\n", r"wait\.input: unknown input 'door'"),
         ("  - if: {input: door, steps: []}\n", r"if\.input: unknown input 'door'"),
@@ -506,6 +511,7 @@ def test_a_sequence_is_one_motion_and_is_resumed_on_its_path(
     segments = (
         "      - line: {by: {y: 0.06}}\n"
         "      - arc: {centre: {by: {z: 0.04}}, angle: 1.5, turns: false, speed: 0.5}\n"
+        "        outputs: [{name: lamp, on: true, at_m: 0.01}]\n"
         "      - spline: {through: [{by: {y: 0.02}}, {by: {y: -0.04, z: 0.02}}]}\n"
         "      - move: {pose: ready}\n"
     )
@@ -517,6 +523,7 @@ def test_a_sequence_is_one_motion_and_is_resumed_on_its_path(
             stopped.append(programs.state.progress)
             robot.stop()
 
+    assert not robot.io.output_bit(0, 1)
     with pytest.raises(OperationError, match=r"steps\.1\.sequence: stopped at step 2 of 2"):
         programs.run(cell, stop_inside)
     assert stopped
@@ -524,3 +531,4 @@ def test_a_sequence_is_one_motion_and_is_resumed_on_its_path(
     robot.reset()
     programs.resume()
     assert positions(robot) == pytest.approx(list(READY.values()), abs=1e-3)
+    assert robot.io.output_bit(0, 1)

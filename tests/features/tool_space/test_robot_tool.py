@@ -22,12 +22,20 @@ from robotd.api import (
     RobotDescriptor,
     read_urdf,
 )
+from robotd.api.features import ProcessImage
 from robotd.api.robots import JointLimits
 from robotd.clock.simulated import SteppedClock
 from robotd.control.loop.setpoint_source import Outcome
 from robotd.device.axes import Move
 from robotd.robot import build_robot
-from robotd_tool_space import Kinematics, Unreachable, pose_differences, pose_of
+from robotd_tool_space import (
+    Kinematics,
+    Line,
+    PathOutput,
+    Unreachable,
+    pose_differences,
+    pose_of,
+)
 from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.tool_frames import CUSTOM_TOOL
 from robotd_tool_space.tool_groups import ToolGroups
@@ -279,6 +287,35 @@ def test_pauses_and_speeds_on_the_way_keep_the_accelerations_of_the_tool(
     assert linear.max() < 1.05 * tool.speed.acceleration
     assert angular.max() < 1.05 * tool.speed.angular_acceleration
     assert execution.outcome is Outcome.SUCCEEDED
+
+
+def test_outputs_are_set_at_their_places_of_the_path(robot: Robot, tool: RobotTool) -> None:
+    """By the image of outputs of the simulation and the kinematics of the URDF reader."""
+    period_s = 1.0 / robot.descriptor.cycle.rate_hz
+    start = tool.pose[:3, 3]
+    corner = tool.pose_relative(y=0.1)
+    seen: dict[int, tuple[float, int]] = {}
+
+    def look(image: ProcessImage) -> None:
+        names = zip(tool.group.joint_names, image.position_command[:6].tolist(), strict=True)
+        place = urdf.pose(tool.kinematics.chain.link, dict(names))[:3, 3]
+        for bit in (0, 1, 2):
+            if robot.io.output_bit(0, bit) and bit not in seen:
+                seen[bit] = float(np.linalg.norm(place - start)), robot.clock.now_ns()
+
+    urdf = read_urdf(robot.descriptor.urdf)
+    robot.control_loop.every(robot.descriptor.cycle.rate_hz, "look", look)
+    before = PathOutput(0, 0, on=True, at_m=-0.03)
+    earlier = PathOutput(0, 1, on=True, at_m=-0.03, at_s=0.05)
+    at_corner = PathOutput(0, 2, on=True)
+    line = Line(corner, outputs=(at_corner, earlier, before))
+    tool.move_sequence(line, Line(tool.pose))
+    speed = tool.speed.velocity
+    assert seen[0][0] == pytest.approx(0.07, abs=3.0 * period_s * speed)
+    assert (seen[1][1] - seen[0][1]) / 1e9 == pytest.approx(0.05, abs=2.0 * period_s)
+    assert seen[2][0] == pytest.approx(0.1, abs=1e-3)
+    with pytest.raises(InvalidArgument, match=r"segment 1, line: output 0\.0 at -0\.2 m and 0 s"):
+        tool.plan_sequence([Line(corner, outputs=(PathOutput(0, 0, on=True, at_m=-0.2),))])
 
 
 def test_bad_speeds_and_an_early_end(robot: Robot, tool: RobotTool) -> None:

@@ -1,0 +1,56 @@
+"""Outputs that are set at places of a motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+
+class OutputWriter(Protocol):
+    """Sets an output; that of a robot is ``robot.io``."""
+
+    def set_output_bit(self, byte: int, bit: int, value: bool) -> None: ...
+
+
+@dataclass(frozen=True)
+class PathOutput:
+    """Output that is set near the end of a segment; where its corner is rounded, near the middle.
+
+    Attributes:
+        byte, bit: of the image of outputs; ``robot.io.outputs`` has those that have names.
+        on: level.
+        at_m: way of the tool along its path from there, below 0 before it.
+        at_s: time of the motion from that place, below 0 before it, at a speed of 100 %.
+    """
+
+    byte: int
+    bit: int
+    on: bool
+    at_m: float = 0.0
+    at_s: float = 0.0
+
+
+class TimedOutput(NamedTuple):
+    """Output of a planned motion, at a time of it."""
+
+    time_s: float
+    output: PathOutput
+
+
+class OutputSetter:
+    """Sets the outputs of one motion, each once. One worker thread.
+
+    Args:
+        io: sets them.
+        outputs: of the motion.
+    """
+
+    def __init__(self, io: OutputWriter, outputs: tuple[TimedOutput, ...]) -> None:
+        self._io = io
+        self._left = sorted(outputs, key=lambda timed: timed.time_s)
+
+    def advance(self, time_s: float) -> None:
+        """Set the outputs up to ``time_s`` of the motion. Raises the errors of the output."""
+        while self._left and self._left[0].time_s <= time_s:
+            output = self._left.pop(0).output
+            self._io.set_output_bit(output.byte, output.bit, output.on)
