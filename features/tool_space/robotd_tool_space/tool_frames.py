@@ -17,13 +17,14 @@ from robotd.api import (
 )
 from robotd.api.robots import JointGroup, Robot
 from robotd_tool_space.kinematics import Kinematics
-from robotd_tool_space.rotations import inverse_pose
+from robotd_tool_space.rotations import checked_pose, inverse_pose
 from robotd_tool_space.scene import Scene
 from robotd_tool_space.settings import ToolSpaceKeys
 
 log = get_logger("tool")
 
 CUSTOM_TOOL = "custom_tool"  # name of a tool that is not of the robot's file
+CUSTOM_FRAME = "custom_frame"  # name of such a work frame
 
 
 class ToolFrames:
@@ -54,6 +55,7 @@ class ToolFrames:
         self._lock = threading.Lock()
         self._tool = self._settings.tool or ""
         self._work_frame = self._settings.work_frame or ""
+        self._custom_frame: FloatArray = np.eye(4)
         self._kinematics = self._with_tool(self._tool)
         self.choices = 0
         self.scene: Scene | None = None
@@ -75,7 +77,7 @@ class ToolFrames:
 
     @property
     def work_frame_name(self) -> str:
-        """Name of the chosen work frame; "" for the base."""
+        """Name of the chosen work frame; "" for the base, ``CUSTOM_FRAME`` of one that was set."""
         return self._work_frame
 
     @property
@@ -128,8 +130,11 @@ class ToolFrames:
     def work_frame_of(self, name: str) -> FloatArray:
         """Return a work frame in the base, (4, 4), by its name; "" for the base.
 
-        Raises InvalidArgument: unknown name.
+        ``CUSTOM_FRAME`` is that of ``set_work_frame``, while it is chosen. Raises
+        InvalidArgument: unknown name.
         """
+        if name == self._work_frame == CUSTOM_FRAME:
+            return self._custom_frame
         self._require_known("work frame", name, self.work_frame_names)
         return self._settings.work_frames[name].pose if name else np.eye(4)
 
@@ -164,6 +169,16 @@ class ToolFrames:
         with self._choosing(f"work frame {name!r}"):
             self._work_frame = name
         log.info("work frame chosen", group=self.group.name, work_frame=name or self.base)
+
+    def set_work_frame(self, frame: FloatArray) -> None:
+        """Use a work frame at ``frame`` (4, 4) in the base until another is chosen.
+
+        It stays where it is, whatever it was measured from. Raises NotReady: the joints move.
+        """
+        frame = checked_pose(frame, "work frame").copy()
+        with self._choosing("a work frame"):
+            self._custom_frame, self._work_frame = frame, CUSTOM_FRAME
+        log.info("work frame chosen", group=self.group.name, work_frame=CUSTOM_FRAME)
 
     @contextmanager
     def _choosing(self, what: str) -> Iterator[None]:

@@ -37,7 +37,7 @@ from robotd_tool_space import (
     pose_of,
 )
 from robotd_tool_space.robot_tool import RobotTool
-from robotd_tool_space.tool_frames import CUSTOM_TOOL
+from robotd_tool_space.tool_frames import CUSTOM_FRAME, CUSTOM_TOOL
 from robotd_tool_space.tool_groups import ToolGroups
 from robotd_tool_space.tool_motion import plan_joint_motion
 
@@ -214,6 +214,28 @@ def test_a_tool_that_is_not_in_the_file(tool: RobotTool) -> None:
         tool.set_tool(np.full((4, 4), np.nan))
     tool.select_tool("tip")
     assert tool.tool_frame == pytest.approx(pose_of([0.0, 0.0, 0.15]))
+
+
+def test_a_work_frame_that_is_not_in_the_file(robot: Robot, tool: RobotTool) -> None:
+    bare, frame = tool.pose, pose_of([0.3, -0.1, 0.2], [0.1, 0.2, 0.3])
+    tool.set_work_frame(frame)
+    frame_before = frame.copy()
+    frame[0, 3] = 9.0  # of the caller: it does not move the work frame
+    assert frame_before @ tool.pose == pytest.approx(bare)
+    assert tool.work_frame_name == CUSTOM_FRAME
+    tool.move_line(tool.pose_relative(x=0.02))
+    moved = tool.work_frame @ tool.pose
+    assert moved[:3, 3] - bare[:3, 3] == pytest.approx(0.02 * frame_before[:3, 0], abs=1e-5)
+    with pytest.raises(InvalidArgument, match="work frame has shape"):
+        tool.set_work_frame(np.eye(3))
+    with tool.follow(tool.plan_lines([tool.pose_relative(x=0.02)])) as execution:
+        robot.step(20)
+        with pytest.raises(NotReady, match="a work frame: the joints move"):
+            tool.set_work_frame(frame_before)
+        tool.wait(execution)
+    tool.select_work_frame("table")
+    with pytest.raises(InvalidArgument, match="unknown work frame 'custom_frame'"):
+        tool.work_frame_of(CUSTOM_FRAME)
 
 
 def test_joints_move_together(tool: RobotTool) -> None:
