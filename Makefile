@@ -103,6 +103,8 @@ lint: $(tools) ## check style, format, layers and types
 	.venv/bin/python -m tools.words
 	$(say) 'tools.class_names'
 	.venv/bin/python -m tools.class_names
+	$(say) 'tools.file_lengths'
+	.venv/bin/python -m tools.file_lengths
 	$(say) 'mypy'
 	.venv/bin/mypy
 

@@ -1,4 +1,4 @@
-"""Words that comments, docstrings and pages do not use, and what they use instead.
+"""Words that comments, docstrings, texts for users and pages do not use, and what they use instead.
 
 ``make lint`` reads all modules and pages under version control. The table is the rule: a row has a
 literal that makes a file worth reading, a pattern, and the plain English for it. Which noun is used
@@ -46,6 +46,12 @@ RULES = (
     Rule("of a moment ago", r"\bof a moment ago\b", "previous, earlier"),
     Rule("none was sent", r"\bnone was sent\b", "no setpoint (frame, message) was sent"),
     Rule("as above", r"\bas above\b", "the content again, or where it is described"),
+    Rule(
+        "told", r"\b(?:is|are|was|were|been|unless|not) told\b", "is reported, is asked, by default"
+    ),
+    Rule("heard", r"\bheard\b", "received"),
+    Rule("whoever", r"\bwhoever\b", "the actor: client, worker, caller"),
+    Rule("meant so", r"\bmeant so\b", "by design"),
     Rule("for each in", r"\bfor each in\b", "a noun as the variable of the loop"),
 )
 
@@ -59,17 +65,22 @@ def page_text(text: str) -> Iterator[tuple[int, str]]:
             yield number, line
 
 
-def module_text(text: str) -> Iterator[tuple[int, str]]:
-    """Yield numbered comments, lines of docstrings and heads of loops of a module."""
+def module_text(text: str, *, is_test: bool = False) -> Iterator[tuple[int, str]]:
+    """Yield numbered comments, lines of docstrings and texts, and heads of loops of a module.
+
+    The texts of a test are data.
+    """
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
         if token.type == tokenize.COMMENT:
             yield token.start[0], token.string
-    for node in ast.walk(ast.parse(text)):
+    tree = ast.parse(text)
+    docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
         if isinstance(node, (ast.For, ast.comprehension)):
             yield node.iter.lineno, f"for {ast.unparse(node.target)} in"
-        value = node.value if isinstance(node, ast.Expr) else None
-        if isinstance(value, ast.Constant) and isinstance(value.value, str):
-            yield from enumerate(value.value.splitlines(), value.lineno)
+        is_read = not is_test or id(node) in docstrings
+        if is_read and isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield from enumerate(node.value.splitlines(), node.lineno)
 
 
 def findings(name: str, text: str) -> Iterator[str]:
@@ -78,8 +89,9 @@ def findings(name: str, text: str) -> Iterator[str]:
     rules = [rule for rule in RULES if rule.literal in lower and re.search(rule.pattern, lower)]
     if not rules:  # as in most files: parsing them all would take some seconds
         return
-    read = page_text if name.endswith(".md") else module_text
-    for number, line in sorted(read(text)):
+    is_page, is_test = name.endswith(".md"), name.startswith("tests/")
+    lines = page_text(text) if is_page else module_text(text, is_test=is_test)
+    for number, line in sorted(lines):
         for rule in rules:
             for found in re.finditer(rule.pattern, CODE.sub("", line).lower()):
                 yield f'{name}:{number}: "{found[0]}": write {rule.instead}'

@@ -10,10 +10,9 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache, cached_property
 from pathlib import Path
-from pkgutil import resolve_name
 from typing import Any, TypeVar, cast
 
-from robotd.call_timeout import CallTimeout, call_with_timeout, end_idle_threads
+from robotd.call_timeout import end_idle_threads
 from robotd.clean_up import finally_run, run_all
 from robotd.clock import Clock, MonotonicClock
 from robotd.clock.simulated import PacedClock, SimulatedClock, SteppedClock
@@ -46,10 +45,9 @@ from robotd.device.reconnector import Reconnector
 from robotd.device.servo_gripper import ServoGripper, servo_grippers
 from robotd.device.soft_limits import SoftLimitGuard
 from robotd.device.tool_pose import ToolPose, tool_poses
-from robotd.entry_points import owner_of
-from robotd.errors import InvalidArgument, RobotdError, Unsupported, plugin_failure
+from robotd.errors import InvalidArgument, RobotdError, Unsupported
 from robotd.events import EventLog
-from robotd.feature import installed_features, requests
+from robotd.guards import make_guards
 from robotd.log import get_logger
 from robotd.plugin.driver_set import Drivers
 from robotd.plugin.manager import Backend, load_backend
@@ -58,7 +56,6 @@ log = get_logger("robot")
 
 Part = TypeVar("Part")
 
-GUARD_LIMIT_S = 30.0  # to import and make one
 STOPS_JOIN_TIMEOUT_S = 1.0  # at shutdown; the thread of a stop that hangs is abandoned
 
 
@@ -187,7 +184,7 @@ class Robot:
         self._problems = Problems(self.axes, self.rearming, self.servos.used, backend.advise)
         self._recovery = Recovery(self.axes, self.fieldbus, self._problems, self.servos)
         self._parts, self._parts_lock = {}, threading.RLock()  # one part may use others
-        self._make_guards()
+        make_guards(self.descriptor, self.feature)
 
     @property
     def follower(self) -> TrajectoryFollower:
@@ -400,31 +397,6 @@ class Robot:
         except RobotdError as error:
             log.error("shut-down failed", reason=str(error))
 
-    def _make_guards(self) -> None:
-        """Make what the robot's file asks for to guard it, whoever opens the robot."""
-        for key, target in requested_guards(self.descriptor).items():
-            if reason := self._make_guard(target):
-                text = f"without this guard the robot does not run: {reason}"
-                raise self.descriptor.problem(key, text)
-
-    def _make_guard(self, target: str) -> str:
-        """Make a guard; return why it cannot be made, or "". It may be of a third party."""
-        found = owner_of(target)
-        owner = f" of {found}" if found else ""
-        try:
-            call_with_timeout(
-                GUARD_LIMIT_S, lambda: self.feature(resolve_name(target)), f"make {target}"
-            )
-        except KeyboardInterrupt:
-            raise
-        except RobotdError as error:
-            return str(error)
-        except CallTimeout:
-            return f"{target}{owner} is not done within {GUARD_LIMIT_S:g} s"
-        except BaseException as error:  # noqa: BLE001 - SystemExit, too
-            return plugin_failure(error, target) + owner
-        return ""
-
     def _look_each_period(self, rate_hz: float) -> None:
         """Add what the control loop looks at in each period."""
         drive = self.descriptor.drive
@@ -471,18 +443,6 @@ class Robot:
         self.axes.stop_latch.check_commandable()
         if self.joint_axes and self.axes.trajectories_on_device:
             raise Unsupported(feature, self.backend.name)
-
-
-def requested_guards(descriptor: RobotDescriptor) -> dict[str, str]:
-    """Return what makes the guards that a robot's file asks for, by their keys."""
-    found: dict[str, str] = {}
-    for feature in installed_features().values():
-        if feature.guards:
-            settings = descriptor.settings(feature.settings)
-            found |= {
-                key: guard for key, guard in feature.guards.items() if requests(settings, key)
-            }
-    return found
 
 
 @cache

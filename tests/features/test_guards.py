@@ -16,8 +16,9 @@ from robotd.cli.exit_codes import ExitCode
 from robotd.clock.simulated import SteppedClock
 from robotd.descriptor import load_robot_descriptor
 from robotd.feature import _loaded
+from robotd.guards import requested_guards
 from robotd.plugin.manager import load_backend
-from robotd.robot import build_robot, requested_guards
+from robotd.robot import build_robot
 from robotd_commissioning.session import Commissioning, CommissionRecord
 from robotd_tool_space import CollisionGuard
 
@@ -94,7 +95,7 @@ def test_a_robot_does_not_open_without_its_guard(fence: Callable[[str], Path]) -
 def test_a_guard_that_hangs_is_named(
     fence: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("robotd.robot.GUARD_LIMIT_S", 0.2)
+    monkeypatch.setattr("robotd.guards.GUARD_LIMIT_S", 0.2)
     reason = r"robot.yaml:3: fence: .* plugin_acme:Fence of acme 1.2 is not done within 0.2 s"
     with pytest.raises(DescriptorError, match=reason):
         build_robot(fence("9.0"), "sim")

@@ -88,7 +88,7 @@ def unwilling(
 ) -> str:
     """A robot whose device fails to open ``failures`` times, ``delay_s`` after it was asked to.
 
-    The engine of WMX cannot be told by the robot's file: its stand-in is, by the environment.
+    The stand-in of WMX takes the failures from the environment, not from the robot's file.
     """
     os.environ[STANDIN_LOCKED] = str(failures)
     path = folder / "unwilling" / "robot.yaml"

@@ -97,7 +97,7 @@ def test_objects_are_added_carried_and_removed(client: Client, topic: list[Any])
 @pytest.mark.parametrize(
     ("operation", "fields", "text"),
     [
-        (CHANGE.REMOVE, {"name": "floor"}, "floor is of the robot's file: change it there"),
+        (CHANGE.REMOVE, {"name": "floor"}, "floor belongs to the robot's file: change it there"),
         (CHANGE.REMOVE, {"name": "flor"}, "no object 'flor' in the scene"),
         (9, {"name": "a"}, "operation is 9, must be 0 to 4"),
         (CHANGE.ADD, {"name": "a", "shape": "cone"}, "a: no shape 'cone'"),
@@ -149,7 +149,7 @@ def test_the_commands(arm: RobotProcess, client: Client, topic: list[Any]) -> No
     assert robotd(arm.domain, "scene", "remove", "--all")[:2] == (0, "1 objects removed\n")
     status, _, error = robotd(arm.domain, "scene", "remove", "floor")
     assert status != 0
-    assert "floor is of the robot's file: change it there" in error
+    assert "floor belongs to the robot's file: change it there" in error
     status, _, error = robotd(arm.domain, "scene", "add", "a", "box", "1", "2")
     assert status != 0
     assert "a box needs X Y Z, not '1 2'" in error

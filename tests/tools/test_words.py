@@ -21,17 +21,23 @@ SENTENCES = {
     "of a moment ago": "the stop of a moment ago",
     "none was sent": "none was sent",
     "as above": "As above.",
+    "told": "the client is told so",
+    "heard": "the answer was not heard",
+    "whoever": "whoever asked",
+    "meant so": "it is meant so",
 }
 
 
 @pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.literal.strip())
-def test_a_word_is_found_in_comments_docstrings_and_pages(rule: Rule) -> None:
+def test_a_word_is_found_in_comments_docstrings_texts_and_pages(rule: Rule) -> None:
     if rule.literal == "for each in":
         found = [*findings("a.py", "for each in (1, 2):\n    print(each)\n")]
         assert [place.split(":")[1] for place in found] == ["1"]
         return
     sentence = SENTENCES[rule.literal]
     places = [*findings("a.py", MODULE.format(sentence, sentence, sentence))]
+    assert [place.split(":")[1] for place in places] == ["1", "3", "4"]
+    places = [*findings("tests/a.py", MODULE.format(sentence, sentence, sentence))]
     assert [place.split(":")[1] for place in places] == ["1", "3"]
     page = f"{sentence}\n\n```text\n{sentence}\n```\n\n    {sentence}\n"
     assert [place.split(":")[1] for place in findings("a.md", page)] == ["1"]

@@ -1,4 +1,4 @@
-"""The bounds of the soak, and how growth is told from noise."""
+"""The bounds of the soak, and how growth differs from noise."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ def flood(client: Client, rate_hz: float = FLOOD_HZ) -> None:
 
 
 def deaf(client: Client) -> None:
-    """Subscribe reliably to everything that is fast; whoever stops this process makes it deaf."""
+    """Subscribe reliably to everything that is fast; stopping this process makes it deaf."""
     joints = client.listen(JointState, "/joint_states", QoSProfile(depth=1000))
     states = client.listen(AxisState, "/wmx/axis/state", QoSProfile(depth=1000))
     client.next(joints)

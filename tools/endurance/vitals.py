@@ -54,6 +54,6 @@ def shm_total() -> int:
 def shm_segments() -> int:
     """Those of Fast DDS that one process owns, of half a megabyte: what has to go with it.
 
-    The files of a port stay for whoever has the port next.
+    The files of a port stay for the next process on the port.
     """
     return sum(1 for path in SHM.iterdir() if SEGMENT.fullmatch(path.name))

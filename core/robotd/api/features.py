@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from robotd.feature import Feature, FeatureOption, feature_failures, installed_features
     from robotd.feature_host import FeatureHost
     from robotd.folders import why_unwritable
+    from robotd.guards import requested_guards
     from robotd.observation.frame_ring import (
         FrameMemory,
         FrameRing,
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
     from robotd.observation.robot_identity import identity
     from robotd.observation.tap import Tap
     from robotd.realtime import request_niceness
-    from robotd.robot import requested_guards
 else:
     __getattr__, __dir__ = lazy_names(__name__)
 

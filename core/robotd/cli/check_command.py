@@ -21,9 +21,10 @@ from robotd.device.capabilities import Capability
 from robotd.entry_points import PluginOrigin, installed_names, load_entry, plugin_errors
 from robotd.errors import PluginError, Unsupported
 from robotd.feature import feature_failures
+from robotd.guards import requested_guards
 from robotd.plugin.hookspecs import DeviceContext
 from robotd.plugin.manager import Backend, load_backend
-from robotd.robot import Robot, requested_guards
+from robotd.robot import Robot
 
 CHECKS = "robotd.checks"
 """Entry-point group of further checks: functions that take the descriptor.

@@ -57,7 +57,7 @@ class RunCommand(click.Command):
 
     @ended_by_interrupt()
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse the options; features that cannot be used are told first."""
+        """Parse the options; features that cannot be used are reported first."""
         for reason in feature_failures().values():
             warn(reason)
         if args and not args[0].startswith("-") and args[0] in installed_robots():

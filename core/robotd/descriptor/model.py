@@ -234,7 +234,7 @@ class RobotDescriptor(Section):
         {}, description="Options of each backend, checked by the backend itself."
     )
     default_variant: str | None = Field(
-        None, description="Variant when none is asked for; null is this file as it stands."
+        None, description="Variant when none is asked for; null is this file without a variant."
     )
     variants: dict[str, dict[str, Any]] = Field(
         {}, description="Changes to this file, by name of the deployment."

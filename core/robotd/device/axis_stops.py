@@ -60,7 +60,7 @@ class _Stop:
 
 
 class AxisStops:
-    """Stops axes until the image shows them idle, whoever asked; any thread may ask.
+    """Stops axes until the image shows them idle, for any client; any thread may ask.
 
     A call that fails, or has no effect, is repeated, more and more seldom, and becomes a quick stop
     after ``QUICK_AFTER`` of them, or when an axis has not slowed down for ``ramp_s``. The thread

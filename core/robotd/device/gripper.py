@@ -147,7 +147,7 @@ class Gripper:
 
         Any worker. A later command replaces it. Canceling leaves the output as it is: a valve has
         no position between its ends. Raises NotReady without the engine, also where it is lost
-        meanwhile: nobody knows where the fingers are.
+        meanwhile: where the fingers are is not known.
 
         Args:
             position_m: of the gripper, from ``checked`` or ``checked_fingers``.

@@ -204,7 +204,7 @@ def _check_missing(
             raise reject_joints(
                 f"missing joint {limits.names[index]}: it moves with"
                 f" {start.velocity[index]:.3g} {limits.units[index]}/s and cannot be held; name"
-                " it, or wait until it stands"
+                " it, or wait until it is at rest"
             )
 
 

@@ -251,7 +251,7 @@ class Controller:
             held.close()
 
     def _may_hold(self, request: Heartbeat) -> bool:
-        """Return False for a hold that came too late, or is over; its client is told once."""
+        """Return False for a hold that came too late, or is over; its client gets one message."""
         if request.hold > self._newest_hold:
             self._newest_hold, self._held = request.hold, type(request)
             if reason := rejection(self._robot, request.seen, self._name):

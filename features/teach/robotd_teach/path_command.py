@@ -156,7 +156,7 @@ def show_path(timeout_s: float, *, name: str, **playback: Any) -> None:
 )
 @client_options
 def play(timeout_s: float, *, name: str, approach: bool, **playback: Any) -> ExitCode:
-    """Move along a path, as it was recorded unless told otherwise.
+    """Move along a path, by default as it was recorded.
 
     The arm has to be where it begins, or is brought there by --approach. Ctrl-C, or the loss of the
     terminal, stops it on the path and waits until it is at rest.

@@ -74,7 +74,7 @@ def list_poses(timeout_s: float, *, as_json: bool) -> None:
 )
 @client_options
 def go(timeout_s: float, *, name: str, speed: float) -> ExitCode:
-    """Move to a pose, slowly unless told otherwise.
+    """Move to a pose, by default slowly.
 
     All joints of the pose move together and arrive together. Ctrl-C, or the loss of the terminal,
     stops the motion and waits until the arm is at rest.

@@ -121,7 +121,7 @@ class Scene:
 
     def _require_changeable(self, name: str) -> None:
         if any(item.name == name for item in self._of_file):
-            raise InvalidArgument(f"{name} is of the robot's file: change it there")
+            raise InvalidArgument(f"{name} belongs to the robot's file: change it there")
 
     def _change(self, added: dict[str, SceneObject], name: str, how: str) -> str:
         consequences = self._use(tuple(added.values()), name)

@@ -40,7 +40,7 @@ class Feedback:
     Attributes:
         time_ns: monotonic time of its arrival.
         mode: of the controller, see ``Dialect.modes``.
-        enabled: the servos are on, whoever commands them.
+        enabled: the servos are on, by any client.
         dragged: the arm is moved by hand.
         alarm: number of the controller's alarm; 0: none.
         inputs, outputs: digital levels; bit 0 of byte 0 is terminal 1.

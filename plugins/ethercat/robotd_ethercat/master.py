@@ -18,7 +18,8 @@ from robotd_cia402.axis import Axis
 from robotd_cia402.forced_off import switch_off_by_sdo
 from robotd_cia402.sync_timing import SyncTiming
 from robotd_ethercat.bring_up import BringUp
-from robotd_ethercat.exchange import ClockObserver, EthercatDrive, Exchange, IoImage
+from robotd_ethercat.clock_observer import ClockObserver
+from robotd_ethercat.exchange import EthercatDrive, Exchange, IoImage
 from robotd_ethercat.options import AxisOptions, Clocks, SlaveOptions
 from robotd_ethercat.plan import BusPlan
 from robotd_ethercat.slave import Slave

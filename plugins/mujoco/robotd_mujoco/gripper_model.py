@@ -82,7 +82,7 @@ def add_gripper(spec: mujoco.MjSpec, robot: RobotDescriptor, options: MujocoOpti
 
 
 def make_stiff(equality: Any, options: MujocoOptions) -> None:
-    """Let a constraint act within two steps, and give way by micrometres."""
+    """Let a constraint act within two steps, and yield by micrometres."""
     equality.solref = [STIFF_REFERENCE * options.step_s, 1.0]
     equality.solimp = STIFF_IMPEDANCE
 

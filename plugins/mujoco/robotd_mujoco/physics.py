@@ -186,7 +186,7 @@ class Physics:
                 self.data.qpos[free : free + 7] = self._initial[free : free + 7]
         self.data.eq_active[:] = locks
         mujoco.mj_forward(self.model, self.data)
-        log.error("the physics diverged: the robot stands, objects are back at their start")
+        log.error("the physics diverged: the robot is at rest, objects are back at their start")
         for axis in range(self.axes):
             self.trip(axis, DIVERGED)
 

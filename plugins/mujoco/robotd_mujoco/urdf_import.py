@@ -1,6 +1,6 @@
 """URDF for MuJoCo: mends, or logs, what its importer loses or refuses.
 
-The importer drops visual geometry and fuses links with fixed joints unless it is told not to. It
+The importer drops visual geometry and fuses links with fixed joints by default. It
 knows no ``package://``, reads no COLLADA, and refuses moving links without mass.
 """
 

@@ -28,7 +28,7 @@ TEXTS = {
 }
 REMEDIES = {
     Fault.RESTARTED: "Check plug and supply: it was without power for a moment. Support the arm,"
-    " clear the alarm and switch on: it goes on from where it stands",
+    " clear the alarm and switch on: it goes on from where it is",
     Fault.SWITCHED_OFF: "Look for another program on the port; clear the alarm and switch on",
     Fault.SWITCHED_ON: "It was switched off again. Look for another program on the port, or on a"
     " second controller of the bus",

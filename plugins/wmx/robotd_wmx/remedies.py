@@ -53,7 +53,7 @@ REMEDIES = {
     ),
     "CommNotStarted": "Start the communication: robotd recover",
     "CommNotStopped": "Stop the communication first: service wmx/engine/set_comm",
-    "DeviceIsNotInUse": "The program stood longer than backends.wmx.watchdog_s: robotd recover",
+    "DeviceIsNotInUse": "The program stalled longer than backends.wmx.watchdog_s: robotd recover",
     **dict.fromkeys(
         (
             "BusyReceivingAnotherAPICommand", "NotIdleState", "StartingPreviousCommand",

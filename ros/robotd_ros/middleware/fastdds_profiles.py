@@ -21,7 +21,7 @@ which have to arrive. With datagrams of one frame nothing but a lost frame is se
 At 5 % loss a new client knew the service ``robotd/stop`` after 2 to 34 s (median 19 s, 8 clients of
 an arm), with 1400 bytes after 0.1 to 1.1 s (6 clients); without loss, start and processor time are
 the same. Longer messages are sent in fragments, each in a datagram of its own.
-And a client of a discovery server is told of the endpoints that match its own only: it is meant so.
+And a client of a discovery server discovers the endpoints that match its own only, by design.
 Without ``see_whole_graph`` `robotd status` does not find an action whose name it does not know.
 Upstream: https://github.com/ros2/rmw_fastrtps/issues/844 (the same 3 s; closed without a change).
 Ends with: no version yet.

@@ -6,7 +6,7 @@ random number (``GuidUtils::guid_prefix_create``). Other middlewares do otherwis
 known.
 Measured: nothing; read only while two processes have nodes of one name.
 Upstream: none known; the graph of ROS has no processes by design.
-Ends with: no version, as it is meant so.
+Ends with: no version, it is by design.
 Shown by: tests/ros/test_side_by_side.py.
 """
 

@@ -5,7 +5,7 @@ it a file that the owner keeps locked while it runs. The two of a process that w
 robot that a supervisor kills and restarts would fill the memory.
 Measured: the search takes 0.2 ms, once at start.
 Upstream: https://github.com/eProsima/Fast-DDS/issues/2790 (answer: ``fastdds shm clean``).
-Ends with: no version, as it is meant so.
+Ends with: no version, it is by design.
 Shown by: tests/ros/unit/test_shared_memory.py, tests/ros/test_middleware.py.
 """
 

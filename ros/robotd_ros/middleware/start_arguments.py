@@ -10,7 +10,7 @@ Measured: nothing; once at start.
 Upstream: by design (https://github.com/ros2/rclcpp/pull/1751 documents it); for actions
 https://github.com/ros2/ros2/issues/1312, done by
 https://github.com/ros2/rcl/pull/1170.
-Ends with: rcl 9.2.8 of Jazzy, for actions; no version for the parameters, as it is meant so.
+Ends with: rcl 9.2.8 of Jazzy, for actions; no version for the parameters, it is by design.
 Shown by: tests/ros/test_unknown_parameters.py, tests/ros/test_middleware.py.
 """
 

@@ -246,7 +246,7 @@ def test_a_slow_thread_misses_no_tick_of_the_fast_clock(paced: Paced) -> None:
         for _ in ticks:
             times_ns.append(clock.now_ns())
             time.sleep(0.001)
-            assert clock.now_ns() == times_ns[-1], "time stands"
+            assert clock.now_ns() == times_ns[-1], "time paused"
             if len(times_ns) == 50:
                 break
     assert set(np.diff(times_ns).tolist()) == {5 * PERIOD_NS}

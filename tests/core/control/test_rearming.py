@@ -354,7 +354,7 @@ def test_a_client_that_was_commanding_before_the_start_moves_nothing(
     harness: Harness, client: Client, first: int | None
 ) -> None:
     if isinstance(client, Program):
-        pytest.skip("it is of the same process, and ends with it")
+        pytest.skip("it belongs to the same process, and ends with it")
     harness.run(10.0)  # it was not discovered before
     client.target += 0.5
     with client.reception.message(first), pytest.raises(NotReady) as rejection:
@@ -386,7 +386,7 @@ def test_a_client_whose_first_messages_were_lost_moves_at_once(
     harness: Harness, client: Client
 ) -> None:
     if isinstance(client, Program):
-        pytest.skip("it is of the same process, and nothing gets lost")
+        pytest.skip("it belongs to the same process, and nothing gets lost")
     harness.run(10.0)
     client.sequence = 17  # lost: in 10 s a client that was never silent would have sent 20
     assert client.go(0.5) > 0.05
@@ -397,7 +397,7 @@ def test_few_messages_show_no_silence_while_motion_was_rejected(
     harness: Harness, client: Client
 ) -> None:
     if isinstance(client, Program):
-        pytest.skip("it is of the same process, and nothing gets lost")
+        pytest.skip("it belongs to the same process, and nothing gets lost")
     harness.robot.stop()
     harness.run(10.0)
     harness.robot.reset()

@@ -221,7 +221,7 @@ def test_a_joint_that_a_request_lacks_must_stand() -> None:
     assert rejected.value.code is RejectionCode.INVALID_JOINTS
     assert str(rejected.value) == (
         "missing joint joint3: it moves with 0.2 rad/s and cannot be held; name it, or wait "
-        "until it stands"
+        "until it is at rest"
     )
 
 

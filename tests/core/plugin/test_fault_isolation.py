@@ -1,4 +1,4 @@
-"""A broken driver cannot hurt: what it raises or never returns is told with the plugin's name."""
+"""A broken driver cannot hurt: errors and hangs are reported with the plugin's name."""
 
 from __future__ import annotations
 

@@ -73,7 +73,7 @@ def test_no_setpoint_leaves_the_room(make: Make) -> None:
 
 @pytest.mark.parametrize("streamed", [False, True], ids=["jog", "velocity stream"])
 def test_no_velocity_leaves_the_room(make: Make, streamed: bool) -> None:
-    """It has no target: the axis is stopped in time, and the check is told afterwards."""
+    """It has no target: the axis is stopped in time, and the check gets the error afterwards."""
     harness = make()
     driver = harness.drivers.axes
     harness.robot.axes.set_command_mode(0, CommandMode.VELOCITY)

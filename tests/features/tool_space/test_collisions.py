@@ -323,7 +323,7 @@ def test_a_twist_stops_before_a_wall_and_leaves_it(arm: Arm) -> None:
         assert MARGIN_M - 1e-4 < nearest < MARGIN_M + 0.03
         before = arm.position
         arm.run(50)
-        assert arm.position == pytest.approx(before, abs=1e-6), "it stands"
+        assert arm.position == pytest.approx(before, abs=1e-6), "it is at rest"
         stream.send(away.tolist())
         arm.run(200)
         assert stream._stage.status.code is ServoCode.NO_WARNING

@@ -263,9 +263,9 @@ def test_objects_of_the_file_count_and_stay(tmp_path: Path) -> None:
         assert all(one.in_file for one in arm.scene.objects)
         assert arm.scene.objects[0].pose[2] == pytest.approx([0.0, 0.0, 1.0, -0.1])
         for name in ("floor", "ball"):
-            with pytest.raises(InvalidArgument, match=f"{name} is of the robot's file"):
+            with pytest.raises(InvalidArgument, match=f"{name} belongs to the robot's file"):
                 arm.scene.remove(name)
-            with pytest.raises(InvalidArgument, match=f"{name} is of the robot's file"):
+            with pytest.raises(InvalidArgument, match=f"{name} belongs to the robot's file"):
                 arm.scene.add(item(name, "sphere", (0.1,)))
         go(arm.tool, BENT)
         met = set()

@@ -25,7 +25,7 @@ CYCLIC = slice(0, 2)  # TPDOs that come with each SYNC; the third comes with eac
 
 
 class Drives:
-    """Two drives that answer when they are told to."""
+    """Two drives that answer on request."""
 
     def __init__(self, **keys: Any) -> None:
         self.axes = plan(options(**keys)).axes

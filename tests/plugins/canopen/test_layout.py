@@ -40,7 +40,7 @@ def test_each_node_once(section: dict[str, Any], what: str) -> None:
 
 @pytest.mark.parametrize("cob_id", [0x080, 0x081, 0x180, 0x581, 0x601, 0x6E0, 0x701])
 def test_a_pdo_takes_no_cob_id_of_another_service(cob_id: int) -> None:
-    """Process data would arrive as SDO requests, or the answers of a node would not be heard."""
+    """Process data would arrive as SDO requests, or the answers of a node would be lost."""
     pdo = {"number": 1, "cob_id": cob_id, "objects": ["0x6041", "0x6061", "0x6064"]}
     with pytest.raises(ValidationError, match=f"0x{cob_id:03X} is not for PDOs: 0x181 to 0x57F"):
         options(axes=[drive(0, tpdos=[pdo]), drive(1)])

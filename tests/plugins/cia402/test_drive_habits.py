@@ -185,7 +185,7 @@ def test_the_servo_goes_on_in_no_torque_mode_that_the_drive_leaves_late() -> Non
 
 
 def test_an_alarm_is_not_cleared_after_the_time_out() -> None:
-    """Its caller has been told that it is still there."""
+    """Its caller has got the error that it is still there."""
     looped = LoopedDrive()
     put, sent = looped.objects.put, list[int]()
 

@@ -182,7 +182,7 @@ def test_servo_off_ends_a_servo_on() -> None:
 
 
 def test_a_servo_on_that_has_waited_for_another_command_too_long_switches_nothing_on() -> None:
-    """Its caller has been told that it has failed."""
+    """Its caller has got the error that it has failed."""
     looped, failures = LoopedDrive(), list[Exception]()
     looped.run(0.1)
 

@@ -7,8 +7,8 @@ import pytest
 from robotd.errors import OperationError
 from robotd_ethercat.al_status import AL_STATUS_CODES, AlState, al_code_text, al_state
 from robotd_ethercat.bus_scan import process_data_sizes
+from robotd_ethercat.clock_observer import ClockObserver
 from robotd_ethercat.code_tables import AL_STATUS
-from robotd_ethercat.exchange import ClockObserver
 from robotd_ethercat.fieldbus import PortCounters
 from robotd_ethercat.mapping import (
     Assignment,

@@ -1,4 +1,4 @@
-"""URDF, MJCF and scenes as files: what is lost is told, what is wrong is an error."""
+"""URDF, MJCF and scenes as files: losses are logged, mistakes are errors."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ MAX_REPLANNING_AGE_S = 0.5  # age of the joint positions that a client may have 
 MAX_RECENT_TRAJECTORIES = 50  # trajectories within that time
 SUBJECT = "goal"  # of events
 BAD = frozenset({Outcome.FAULT, Outcome.PATH_TOLERANCE, Outcome.GOAL_TOLERANCE})
-MAX_SAMPLES = 10_000  # of their path: one each 0.1 ms, more often than any client is told of it
+MAX_SAMPLES = 10_000  # of their path: one each 0.1 ms, more often than any client gets feedback
 
 
 class TrajectoryFollower:

@@ -25,9 +25,7 @@ from robotd.api import (
     OperationError,
     ProcessImage,
     Profile,
-    RobotdError,
     RobotDescriptor,
-    Unsupported,
     wait_until,
 )
 from robotd.api.robots import (
@@ -39,6 +37,7 @@ from robotd.api.robots import (
     TrajectoryExecution,
     TrajectoryRequest,
 )
+from robotd_conformance.checks.injected_faults import InjectedFaults
 from robotd_conformance.checks.interruption import INTERRUPTION
 from robotd_conformance.checks.position_guard import PositionGuard
 from robotd_conformance.checks.recording import MotionRecorder, MotionSamples
@@ -50,16 +49,6 @@ RAMP_RAD_S2 = 4.0
 REACHED_SHARE = 0.9  # of the speed at which two ramps make up a move
 STANDSTILL_RAD_S = 0.01
 SETTLE_S = 0.1  # granted to an axis to come from its command's end to rest
-UNDONE_BY: dict[str, tuple[str, int, tuple[Any, ...]]] = {
-    "disconnect": ("reconnect", 1, ()),
-    "freeze": ("freeze", 0, (False,)),
-    "block": ("block", 1, (False,)),
-    "set_input_bit": ("set_input_bit", 2, (False,)),
-    "press_switch": ("press_switch", 2, (False,)),
-    "stick_output_bit": ("stick_output_bit", 2, (None,)),
-}
-"""Method of a fault injector → the one that undoes it, its leading arguments, and the last."""
-
 AT_ONCE = {"read", "stream", "state", "fault", "stop", "quick_stop", "read_inputs", "read_outputs"}
 
 WAIT_S = 10.0  # for what a working backend does in far less
@@ -240,7 +229,7 @@ class Harness:
         self.move(self.all, start)
         self.rest()
         away = pose.away(self.image.position)
-        assert away <= SETTLED_RAD, f"an axis stands {away:.3f} rad from the start pose"
+        assert away <= SETTLED_RAD, f"an axis is {away:.3f} rad from the start pose"
 
     def _track(self, image: ProcessImage) -> None:
         """Control loop: stop a run on hardware that goes too far from its start pose."""
@@ -476,41 +465,6 @@ class Harness:
         """Skip the check where a change of scale or home cannot be undone."""
         if not self.can(Capability.SIMULATED) and self.robot.descriptor.parameters_file is None:
             pytest.skip("would change the drives for good: the robot has no parameter file")
-
-
-class InjectedFaults:
-    """Fault injector that notes its faults, and whose unsupported calls skip the check.
-
-    Args:
-        injector: of the backend.
-        backend: its name.
-    """
-
-    def __init__(self, injector: FaultInjector, backend: str) -> None:
-        self._injector, self._backend = injector, backend
-        self._undoing: dict[tuple[Any, ...], tuple[Any, ...]] = {}
-
-    def __getattr__(self, name: str) -> Callable[..., Any]:
-        method = getattr(self._injector, name)
-
-        def call(*arguments: Any) -> Any:
-            try:
-                result = method(*arguments)
-            except Unsupported as error:
-                pytest.skip(str(Unsupported(error.feature, self._backend)))
-            if name in UNDONE_BY:
-                undo, count, last = UNDONE_BY[name]
-                self._undoing[undo, *arguments[:count]] = last
-            return result
-
-        return call
-
-    def undo(self) -> None:
-        """Put plugs back, let values arrive, free axes and outputs, whatever a check left."""
-        for (undo, *arguments), last in self._undoing.items():
-            with suppress(RobotdError):
-                getattr(self._injector, undo)(*arguments, *last)
-        self._undoing.clear()
 
 
 MakeHarness = Callable[..., Harness]

@@ -47,7 +47,7 @@ def test_a_move_that_overrides_another_has_its_own_ramps(harness: Harness, where
         else:
             problems = ramp_problems(recording, second, rising=where == "farther")
         problems += [
-            f"axis {axis}: stands {away:.4f} from its target"
+            f"axis {axis}: is {away:.4f} from its target"
             for axis, away in enumerate(np.abs(harness.image.position - targets))
             if away > SETTLED_RAD
         ]

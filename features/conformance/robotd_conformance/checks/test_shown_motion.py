@@ -71,7 +71,7 @@ class Watch:
         self._note(executing & image.motion_complete, "motion_complete while it executes", image)
         self._note(overdue, f"executes {ENDED_S:g} s after the end of its command", image)
         self._note(moving, "idle with a velocity command", image)
-        self._note(away, "idle with a position command that is not where it stands", image)
+        self._note(away, "idle with a position command that is not where it is", image)
         self._note(short, "motion_complete before the command is at its target", image)
 
     def _note(self, axes: np.ndarray, what: str, image: ProcessImage) -> None:
@@ -227,7 +227,7 @@ def no_velocity(harness: Harness) -> Iterator[None]:
         yield
         harness.periods(5)
     problems = [
-        f"axis {axis} stands, its {name} is {fastest[row, axis]:.3g} rad/s in a read"
+        f"axis {axis} is at rest, its {name} is {fastest[row, axis]:.3g} rad/s in a read"
         for row, name in enumerate(("velocity", "velocity command"))
         for axis in harness.all
         if fastest[row, axis] > SPIKE_RAD_S

@@ -12,7 +12,7 @@ import { TargetGizmo } from "./target_gizmo";
 
 const X_AXIS = new THREE.Vector3(1, 0, 0);
 const NAMED_MESHES = 3;
-const MARGIN = 1.15; // around the robot as it stands
+const MARGIN = 1.15; // around the robot
 const MAX_SCENE = 2; // diagonal of robot and objects, in that of the robot, up to which all are in the picture
 
 export class View {

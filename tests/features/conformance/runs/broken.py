@@ -1,6 +1,6 @@
-"""Backends whose drivers raise or hang, from the start or when they are told to.
+"""Backends whose drivers raise or hang, from the start or on request.
 
-They are told by ``broken``, in the same process, or by a file, in another: ``ROBOTD_TEST_BREAK`` is
+The request is ``broken``, in the same process, or a file, in another: ``ROBOTD_TEST_BREAK`` is
 its path, and while it exists they are broken.
 """
 

@@ -1,4 +1,4 @@
-"""Bringing nodes up: every failure is told, with node, step, object and abort code."""
+"""Bringing nodes up: every failure is reported with node, step, object and abort code."""
 
 from __future__ import annotations
 

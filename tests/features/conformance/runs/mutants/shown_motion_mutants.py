@@ -76,7 +76,7 @@ class TargetShownAsTheCommand(Mutant):
 
     breaks = ("AxisDriver.read/commands", "wrong value")
     found_by = MOVE
-    says = "not where it stands"
+    says = "not where it is"
 
     class Axes(ReadAnew):
         def move(self, axis: int, target: float, profile: Profile) -> None:
