@@ -6,7 +6,7 @@ from enum import Enum, IntEnum
 
 
 class ConnectionState(Enum):
-    """States of the engine; the values are the words that ``get_status`` answers."""
+    """States of the connection to the device; the values are for people."""
 
     IDLE = "Idle"  # no device open
     RUNNING = "Running"  # device open, fieldbus not exchanging data
@@ -19,7 +19,7 @@ COMMUNICATES = (ConnectionState.COMMUNICATING, ConnectionState.UNKNOWN)  # as fa
 
 
 class CommandMode(IntEnum):
-    """Quantity of an axis' setpoint; the numbers of ``/wmx/axis/set_mode``."""
+    """Quantity of an axis' setpoint; clients know the numbers."""
 
     POSITION = 0
     VELOCITY = 1

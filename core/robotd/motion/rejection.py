@@ -8,7 +8,7 @@ from robotd.errors import InvalidArgument
 
 
 class RejectionCode(IntEnum):
-    """Error codes of the FollowJointTrajectory result that a rejection can have."""
+    """Kinds of a rejection; ROS clients of actions get these numbers."""
 
     INVALID_GOAL = -1
     INVALID_JOINTS = -2
