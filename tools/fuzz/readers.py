@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from random import Random
+from typing import Any
 
 import click
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 from tools.fuzz import grammars
 from tools.fuzz.mutations import Mutator, mutate_lines, mutate_xml, mutate_yaml
 
@@ -23,11 +24,12 @@ from robotd_canopen.object_dictionary import read_eds
 from robotd_cia402.options import SetpointMode
 from robotd_ethercat.esi_reader import read_esi
 from robotd_ethercat.esi_report import detail_lines, esi_sections
-from robotd_page.control_server import REQUEST
+from robotd_page.control_panel import requests_of
 from robotd_recording.recording_reader import read_recording
 from robotd_recording.recording_repair import recover
 from robotd_scenario import load_scenario, requested_fault
 from robotd_scenario.sim_command import _value
+from robotd_teach.page_panel import TeachPanel
 from robotd_wmx_parameters import read_wmx_parameters
 
 ROOT = Path(__file__).parents[2]
@@ -115,7 +117,12 @@ def _page_messages(path: Path) -> None:
     """Take each line as a message of a page with control."""
     for line in path.read_bytes().decode(errors="replace").split("\n"):
         with suppress(ValidationError):
-            REQUEST.validate_json(line)
+            requests().validate_json(line)
+
+
+@cache
+def requests() -> TypeAdapter[Any]:
+    return requests_of((*TeachPanel.commands, *TeachPanel.holds))
 
 
 @cache

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
-from typing import Annotated, Any, Literal, Protocol
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, Literal, NamedTuple, Protocol
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -46,6 +46,20 @@ class Seen(Message):
     time_s: Finite
 
 
+class Access(NamedTuple):
+    """What a command may use.
+
+    Attributes:
+        robot: that it commands.
+        faults: of a simulation; None: there are none.
+        has_left: returns True once the client is gone. Any thread.
+    """
+
+    robot: Robot
+    faults: InjectsFaults | None
+    has_left: Callable[[], bool]
+
+
 class Command(Message):
     """Base of the commands that a worker executes.
 
@@ -62,8 +76,18 @@ class Command(Message):
         return False
 
     @abstractmethod
-    def run(self, robot: Robot, faults: InjectsFaults | None) -> str:
-        """Execute it and return what happened. Raises RobotdError with the robot's reason."""
+    def run(self, access: Access) -> str | dict[str, Any]:
+        """Execute it. Worker. Raises RobotdError with the robot's reason.
+
+        Returns what happened, as a sentence or as data for the page.
+        """
+
+
+class Question(Command):
+    """Base of the commands that change nothing; the answer is data."""
+
+    def is_always_allowed(self, robot: Robot) -> bool:
+        return True
 
 
 class Stop(Command):
@@ -74,8 +98,8 @@ class Stop(Command):
     def is_always_allowed(self, robot: Robot) -> bool:
         return True
 
-    def run(self, robot: Robot, faults: InjectsFaults | None) -> str:
-        robot.wait_stopped()  # the latch is engaged already
+    def run(self, access: Access) -> str:
+        access.robot.wait_stopped()  # the latch is engaged already
         return "stopped, at rest"
 
 
@@ -84,8 +108,8 @@ class Reset(Command):
 
     type: Literal["reset"]
 
-    def run(self, robot: Robot, faults: InjectsFaults | None) -> str:
-        return robot.reset()
+    def run(self, access: Access) -> str:
+        return access.robot.reset()
 
 
 class Recover(Command):
@@ -93,9 +117,9 @@ class Recover(Command):
 
     type: Literal["recover"]
 
-    def run(self, robot: Robot, faults: InjectsFaults | None) -> str:
+    def run(self, access: Access) -> str:
         lines: list[str] = []
-        robot.recover(lines.append)
+        access.robot.recover(lines.append)
         return "\n".join(lines) or "nothing to recover"
 
 
@@ -108,7 +132,8 @@ class SwitchServos(Command):
     def is_always_allowed(self, robot: Robot) -> bool:
         return not self.on
 
-    def run(self, robot: Robot, faults: InjectsFaults | None) -> str:
+    def run(self, access: Access) -> str:
+        robot = access.robot
         if self.on:
             robot.axes.stop_latch.check_servos()
             robot.servos.enable()
@@ -127,7 +152,8 @@ class Grip(Command):
     type: Literal["gripper"]
     closed: bool
 
-    def run(self, robot: Robot, faults: InjectsFaults | None) -> str:
+    def run(self, access: Access) -> str:
+        robot = access.robot
         if robot.gripper is None:
             raise Unsupported("a gripper", robot.descriptor.name)
         robot.gripper.command(self.closed)
@@ -143,9 +169,9 @@ class Speed(Command):
     def is_always_allowed(self, robot: Robot) -> bool:
         return self.speed <= robot.axes.speed.speed
 
-    def run(self, robot: Robot, faults: InjectsFaults | None) -> str:
-        robot.set_speed(self.speed)
-        return f"speed {robot.axes.speed.text}"
+    def run(self, access: Access) -> str:
+        access.robot.set_speed(self.speed)
+        return f"speed {access.robot.axes.speed.text}"
 
 
 class Pause(Command):
@@ -157,12 +183,12 @@ class Pause(Command):
     def is_always_allowed(self, robot: Robot) -> bool:
         return self.paused
 
-    def run(self, robot: Robot, faults: InjectsFaults | None) -> str:
+    def run(self, access: Access) -> str:
         if self.paused:
-            robot.pause()
+            access.robot.pause()
         else:
-            robot.resume()
-        return f"speed {robot.axes.speed.text}"
+            access.robot.resume()
+        return f"speed {access.robot.axes.speed.text}"
 
 
 class Output(Command):
@@ -172,8 +198,8 @@ class Output(Command):
     name: str
     value: bool
 
-    def run(self, robot: Robot, faults: InjectsFaults | None) -> str:
-        robot.io.set_output(self.name, self.value)
+    def run(self, access: Access) -> str:
+        access.robot.io.set_output(self.name, self.value)
         return f"{self.name} is {_level(self.value)}"
 
 
@@ -185,8 +211,8 @@ class OutputBit(Command):
     bit: int
     value: bool
 
-    def run(self, robot: Robot, faults: InjectsFaults | None) -> str:
-        robot.io.set_output_bit(self.byte, self.bit, self.value)
+    def run(self, access: Access) -> str:
+        access.robot.io.set_output_bit(self.byte, self.bit, self.value)
         return f"output {self.byte}.{self.bit} is {_level(self.value)}"
 
 
@@ -197,8 +223,8 @@ class OutputByte(Command):
     byte: int
     value: Annotated[int, Field(ge=0, le=255)]
 
-    def run(self, robot: Robot, faults: InjectsFaults | None) -> str:
-        robot.io.set_output_bytes(self.byte, bytes([self.value]))
+    def run(self, access: Access) -> str:
+        access.robot.io.set_output_bytes(self.byte, bytes([self.value]))
         return f"output byte {self.byte} is {self.value}"
 
 
@@ -208,10 +234,10 @@ class Inject(Command):
     type: Literal["inject"]
     fault: dict[str, Any]
 
-    def run(self, robot: Robot, faults: InjectsFaults | None) -> str:
-        if faults is None:
-            raise Unsupported("faults on request", robot.backend.name)
-        return f"injected: {faults.inject(self.fault)}"
+    def run(self, access: Access) -> str:
+        if access.faults is None:
+            raise Unsupported("faults on request", access.robot.backend.name)
+        return f"injected: {access.faults.inject(self.fault)}"
 
 
 def _level(value: bool) -> str:

@@ -132,8 +132,8 @@ class HeldDrive:
         except RobotdError as error:
             self._end(str(error))
 
-    def release(self, number: int) -> None:
-        """End a hold; the base slows to rest."""
+    def release(self, number: int, reason: str) -> None:
+        """End a hold, for whatever reason; the base slows to rest."""
         if number == self._hold != 0:
             self.close()
 

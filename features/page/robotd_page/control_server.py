@@ -6,13 +6,14 @@ import asyncio
 import itertools
 import json
 import secrets
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from types import MappingProxyType
-from typing import Annotated, Any
+from typing import Any, Protocol
 
 from aiohttp import WSCloseCode, WSMsgType, web
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import ValidationError
 
 from robotd.api import RobotdError, get_logger
 from robotd.api.features import sent_by
@@ -20,6 +21,7 @@ from robotd.api.robots import Robot
 from robotd_page import control_commands as commands
 from robotd_page.control_drive import DriveBeat, HeldDrive, drive_limits, drive_motions
 from robotd_page.control_jog import HeldJoint, JogBeat, jog_velocities
+from robotd_page.control_panel import ControlPanel, requests_of
 from robotd_page.control_target import HeldMove, MoveTool, Reach, reach
 from robotd_page.control_tool import HeldTool, JogTool, Tools, describe_tools
 from robotd_page.held_motion import HEARTBEAT_S, TIMEOUT_S, Heartbeat, JogEnd, Release
@@ -31,33 +33,12 @@ log = get_logger("page")
 
 MAX_CONTROLLERS = 4
 MAX_RUNNING = 4  # commands of one controller
+PANEL_S = 0.2  # interval at which the state of the panel is compared
 MAX_WORKERS = MAX_CONTROLLERS * (MAX_RUNNING + 3)  # two for the holds of each, one for its target
 TOKEN_BYTES = 24
 TOKEN_TIMEOUT_S = 5.0
 PING_S = 5.0  # a controller that does not answer within 1.5 of it is dropped
 WRONG_TOKEN_DELAY_S = 1.0
-
-Request = Annotated[
-    JogBeat
-    | JogTool
-    | MoveTool
-    | Reach
-    | DriveBeat
-    | Release
-    | commands.Stop
-    | commands.Reset
-    | commands.Recover
-    | commands.SwitchServos
-    | commands.Grip
-    | commands.Speed
-    | commands.Pause
-    | commands.Output
-    | commands.OutputBit
-    | commands.OutputByte
-    | commands.Inject,
-    Field(discriminator="type"),
-]
-REQUEST: TypeAdapter[Request] = TypeAdapter(Request)
 
 
 class Token(commands.Message):
@@ -75,10 +56,14 @@ class PageControl:
     Args:
         faults: of a simulation, which the page can inject; None: there are none.
         tools: of the robot, which the page can move.
+        panel: of another feature; None: there is none.
         hold_timeout_s: age of the last heartbeat at which a jog slows to rest.
 
     Attributes:
         token: new with each start; a client that has it can move the robot.
+        robot, faults, tools, panel, hold_timeout_s: see the arguments.
+        workers: execute commands, which may block.
+        requests: validates the messages of controllers.
     """
 
     def __init__(
@@ -87,15 +72,18 @@ class PageControl:
         faults: commands.InjectsFaults | None = None,
         *,
         tools: Tools = MappingProxyType({}),
+        panel: ControlPanel | None = None,
         hold_timeout_s: float = TIMEOUT_S,
     ) -> None:
         self.token = secrets.token_urlsafe(TOKEN_BYTES)
-        self._robot = robot
-        self._faults, self._tools = faults, tools
-        self._hold_timeout_s = hold_timeout_s
+        self.robot, self.faults, self.tools, self.panel = robot, faults, tools, panel
+        self.hold_timeout_s = hold_timeout_s
+        self.workers = ThreadPoolExecutor(MAX_WORKERS, "robotd-page-worker")
+        self.requests = requests_of((*panel.commands, *panel.holds) if panel else ())
         self._numbers = itertools.count(1)
         self._controllers: set[Controller] = set()
-        self._workers = ThreadPoolExecutor(MAX_WORKERS, "robotd-page-worker")
+        self._panel_state: dict[str, Any] = {}  # as it was sent
+        self._publishing: asyncio.Task[None] | None = None
 
     def address(self, url: str) -> str:
         """Return the address that unlocks the page at ``url``. Any thread.
@@ -117,19 +105,13 @@ class PageControl:
         viewer = Viewer(
             socket,
             transport,
-            websocket_frames([json.dumps(self._welcome(name))]),
-            self._robot.control_loop.yield_to_control_loop,
+            websocket_frames(map(json.dumps, self._first(name))),
+            self.robot.control_loop.yield_to_control_loop,
         )
-        controller = Controller(
-            self._robot,
-            self._faults,
-            self._tools,
-            name,
-            viewer,
-            self._workers,
-            self._hold_timeout_s,
-        )
+        controller = Controller(self, name, viewer)
         self._controllers.add(controller)
+        if self.panel and (self._publishing is None or self._publishing.done()):
+            self._publishing = asyncio.create_task(self._publish_panel(self.panel))
         log.info("page takes control", name=name, peer=request.remote)
         try:
             await viewer.run(controller.take)
@@ -146,7 +128,24 @@ class PageControl:
         await asyncio.gather(
             *(controller.viewer.close() for controller in self._controllers), return_exceptions=True
         )
-        self._workers.shutdown(wait=False, cancel_futures=True)
+        if self._publishing:
+            self._publishing.cancel()
+        self.workers.shutdown(wait=False, cancel_futures=True)
+
+    async def _publish_panel(self, panel: ControlPanel) -> None:
+        """Send the parts of the panel's state that have changed, while there are controllers."""
+        loop = asyncio.get_running_loop()
+        while self._controllers:
+            state = await loop.run_in_executor(self.workers, panel.state)
+            changed = {
+                key: part for key, part in state.items() if part != self._panel_state.get(key)
+            }
+            if changed:
+                self._panel_state = state
+                frames = websocket_frames([json.dumps({"type": "panel", "state": changed})])
+                for controller in self._controllers:
+                    controller.viewer.send(frames)
+            await asyncio.sleep(PANEL_S)
 
     async def _has_token(self, socket: web.WebSocketResponse) -> bool:
         """Return True after the right token; close the connection otherwise."""
@@ -163,82 +162,83 @@ class PageControl:
         await socket.close(code=WSCloseCode.POLICY_VIOLATION, message=b"wrong token")
         return False
 
+    def _first(self, name: str) -> Iterator[dict[str, Any]]:
+        """Yield the first messages to a controller."""
+        yield self._welcome(name)
+        if self.panel:
+            yield {"type": "panel", "state": self._panel_state}
+
     def _welcome(self, name: str) -> dict[str, Any]:
-        robot = self._robot
+        robot = self.robot
         return {
             "type": "welcome",
             "name": name,
             "heartbeat_ms": 1000 * HEARTBEAT_S,
             "jog_velocities": jog_velocities(robot),
-            "tools": describe_tools(self._tools),
+            "tools": describe_tools(self.tools),
             "drive": _drive(robot),
             "gripper": robot.gripper is not None,
             "outputs": {name: f"out{at.byte}.{at.bit}" for name, at in robot.io.outputs.items()},
             "output_bytes": robot.io.sizes[1],
-            "faults": self._faults.fields if self._faults else {},
+            "faults": self.faults.fields if self.faults else {},
+            "panel": self.panel.describe() if self.panel else None,
         }
+
+
+class Held(Protocol):
+    """Motion while a button is held: ``HeldMotion`` or ``HeldDrive``."""
+
+    def beat(self, beat: Any, /) -> None: ...
+    def release(self, number: int, reason: str, /) -> None: ...
+    def close(self) -> None: ...
 
 
 class Controller:
     """Executes the requests of one client, and answers each. Thread of the server.
 
     Args:
-        faults: of a simulation.
-        tools: of the robot.
+        control: robot, tools and panel that it commands.
         name: of the client, as owner of joints and sender of commands.
         viewer: that the answers are sent to.
-        workers: execute commands, which may block.
-        hold_timeout_s: of ``HeldJoint``.
 
     Attributes:
         viewer: of the client.
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        faults: commands.InjectsFaults | None,
-        tools: Tools,
-        name: str,
-        viewer: Viewer,
-        workers: ThreadPoolExecutor,
-        hold_timeout_s: float,
-    ) -> None:
+    def __init__(self, control: PageControl, name: str, viewer: Viewer) -> None:
         self.viewer = viewer
-        self._robot, self._faults, self._name, self._workers = robot, faults, name, workers
+        self._robot, self._tools, self._name = control.robot, control.tools, name
+        self._requests, self._workers = control.requests, control.workers
+        self._access = commands.Access(control.robot, control.faults, lambda: self._has_left)
         self._loop = asyncio.get_running_loop()
-        self._running = 0
+        self._running, self._has_left = 0, False
         self._newest_hold = 0
         self._held: type[Heartbeat] | None = None  # what it moves; None: it was rejected
-        self._jog = HeldJoint(robot, name, workers, self._jog_ended, hold_timeout_s)
-        self._tools = tools
-        self._tool = HeldTool(
-            tools, robot, name, workers, self._jog_ended, hold_timeout_s, self._put_note
-        )
-        self._move = HeldMove(tools, robot, name, workers, self._jog_ended, hold_timeout_s)
-        self._drive = HeldDrive(robot, name, self._put_end, hold_timeout_s)
+        by_client = control.robot, name, control.workers, self._jog_ended, control.hold_timeout_s
+        self._holds: dict[type[Heartbeat], Held] = {
+            JogBeat: HeldJoint(*by_client),
+            JogTool: HeldTool(control.tools, *by_client, self._put_note),
+            MoveTool: HeldMove(control.tools, *by_client),
+            DriveBeat: HeldDrive(control.robot, name, self._put_end, control.hold_timeout_s),
+        }
+        if control.panel:
+            self._holds |= {beat: hold(*by_client) for beat, hold in control.panel.holds.items()}
         self._is_reaching = False
 
     def take(self, text: str) -> None:
         """Begin to execute a request."""
         try:
-            request = REQUEST.validate_json(text)
+            request = self._requests.validate_json(text)
         except ValidationError as error:
             self._put({"type": "error", "text": _reasons(error)})
             return
         match request:
-            case JogBeat() if self._may_hold(request):
-                self._jog.beat(request)
-            case JogTool() if self._may_hold(request):
-                self._tool.beat(request)
-            case MoveTool() if self._may_hold(request):
-                self._move.beat(request)
-            case DriveBeat() if self._may_hold(request):
-                self._drive.beat(request)
+            case Heartbeat():
+                if self._may_hold(request):
+                    self._holds[type(request)].beat(request)
             case Release():  # the numbers of holds are common to all
-                for held in (self._jog, self._tool, self._move):
+                for held in self._holds.values():
                     held.release(request.hold, request.reason)
-                self._drive.release(request.hold)
             case Reach() if not self._is_reaching:  # a page asks again after the answer
                 self._is_reaching = True
                 self._workers.submit(self._reach, request)
@@ -247,7 +247,8 @@ class Controller:
 
     def close(self) -> None:
         """End all motion of the client, which has gone."""
-        for held in (self._jog, self._tool, self._move, self._drive):
+        self._has_left = True
+        for held in self._holds.values():
             held.close()
 
     def _may_hold(self, request: Heartbeat) -> bool:
@@ -281,23 +282,29 @@ class Controller:
 
     def _run(self, command: commands.Command) -> None:
         """Worker: execute one command."""
+        data = None
         with sent_by(self._name):
             try:
-                text, is_done = command.run(self._robot, self._faults), True
+                found, is_done = command.run(self._access), True
+                text, data = (found, None) if isinstance(found, str) else ("", found)
             except RobotdError as error:
                 text, is_done = str(error), False
-                log.warning("command of the page rejected", name=self._name, reason=text)
+                if not isinstance(command, commands.Question):
+                    log.warning("command of the page rejected", name=self._name, reason=text)
             except Exception as error:
                 text, is_done = f"robotd failed: {error}", False
                 log.exception("command of the page failed")
-        self._call(self._ran, command, is_done, text)
+        self._call(self._ran, command, is_done, text, data)
 
-    def _ran(self, command: commands.Command, is_done: bool, text: str) -> None:
+    def _ran(self, command: commands.Command, *answer: Any) -> None:
         self._running -= 1
-        self._answer(command, is_done, text)
+        self._answer(command, *answer)
 
-    def _answer(self, command: commands.Command, is_done: bool, text: str) -> None:
-        self._put({"type": "answer", "id": command.id, "ok": is_done, "text": text})
+    def _answer(
+        self, command: commands.Command, is_done: bool, text: str, data: Any = None
+    ) -> None:
+        answer = {"type": "answer", "id": command.id, "ok": is_done, "text": text}
+        self._put(answer if data is None else {**answer, "data": data})
 
     def _reach(self, question: Reach) -> None:
         """Worker: answer with the posture that reaches a target."""

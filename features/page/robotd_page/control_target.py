@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager, ExitStack
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
-from robotd.api import NANOSECONDS, FloatArray, InvalidArgument, NotReady
-from robotd.api.robots import Outcome, Robot, TrajectoryExecution
+from robotd.api import FloatArray, InvalidArgument, NotReady
+from robotd.api.robots import Robot
 from robotd_page.control_commands import Finite, Message
 from robotd_page.control_tool import MAX_LINEAR_M_S, HeldToolMotion, Tools, tool_of
-from robotd_page.held_motion import REACHED, RELEASED, Heartbeat, Hold, Motion
+from robotd_page.held_motion import Heartbeat, Hold, Motion, PlannedMotion
 
-POLL_S = 0.01
 MIN_SPEED = 0.01  # of a tool
 
 Pose = Annotated[tuple[Finite, ...], Field(min_length=16, max_length=16)]
@@ -97,68 +94,7 @@ class HeldMove(HeldToolMotion[MoveTool]):
         speed = min(beat.velocity, MAX_LINEAR_M_S) / tool.speed.velocity
         speed = min(max(speed, MIN_SPEED), 1.0)
         plan = tool.plan_lines([pose], speed) if beat.line else tool.plan_move(pose, speed)
-        silent_ns = round(self._timeout_s * NANOSECONDS)
-        motion = tool.follow(plan, arrival)
-        return _Goal(motion, hold, lambda: self._age_ns(hold) > silent_ns)
-
-    def _age_ns(self, hold: Hold) -> int:
-        return self._robot.clock.now_ns() - hold.beat_ns
-
-
-class _Goal(Motion):
-    """Planned motion of a tool, watched by the worker that waits for its end.
-
-    Args:
-        motion: a context that begins and ends it.
-        hold: that keeps it going.
-        is_late: returns whether no heartbeat has come for too long.
-    """
-
-    def __init__(
-        self,
-        motion: AbstractContextManager[TrajectoryExecution],
-        hold: Hold,
-        is_late: Callable[[], bool],
-    ) -> None:
-        self._motion, self._hold, self._is_late = motion, hold, is_late
-        self._stack = ExitStack()
-        self._is_silent = False
-
-    @property
-    def is_silent(self) -> bool:
-        return self._is_silent
-
-    @property
-    def message(self) -> str:
-        is_reached = self._execution.outcome is Outcome.SUCCEEDED
-        return REACHED if is_reached else self._execution.message
-
-    @property
-    def remaining(self) -> float:
-        """Time on its path, s."""
-        return self._execution.trajectory.duration_s - self._execution.progress().time_s
-
-    def beat(self) -> None:
-        """Nothing to do: ``wait`` looks at the time of the newest heartbeat."""
-
-    def end(self, reason: str) -> None:
-        self._execution.completion.request(Outcome.CANCELED, reason)
-
-    def wait(self) -> None:
-        # Heartbeats that waited while the motion was planned are read during the first wait.
-        while not self._execution.wait(POLL_S):
-            if self._is_late() and not self._is_silent:
-                self._is_silent = True
-                self.end("heartbeats did not come")
-
-    def __enter__(self) -> Self:
-        if self._hold.is_released:  # while it was planned
-            raise NotReady(RELEASED)
-        self._execution: TrajectoryExecution = self._stack.enter_context(self._motion)
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._stack.close()
+        return PlannedMotion(tool.follow(plan, arrival), hold, lambda: self.is_silent(hold))
 
 
 def _matrix(pose: Pose) -> FloatArray:

@@ -56,7 +56,7 @@ FEATURE = Feature(
             "Let the page jog and command the robot, with a token that is printed at the start.",
         ),
     ),
-    after=("recorder", "foxglove", "scenario", "tool_space"),
+    after=("recorder", "foxglove", "scenario", "teach", "tool_space"),
 )
 
 
@@ -82,7 +82,13 @@ def open_page(host: FeatureHost) -> Iterator[Tap | None]:
     if keys.page_control:
         faults = host.offered.get("faults")
         tools = host.parts.get("tool_space")
-        control = PageControl(host.robot, faults() if faults else None, tools=tools or {})
+        panel = host.offered.get("panel")
+        control = PageControl(
+            host.robot,
+            faults() if faults else None,
+            tools=tools or {},
+            panel=panel() if panel else None,
+        )
     source = RobotSource(
         tap, host.node_names, has_control=control is not None, namespace=host.namespace
     )

@@ -6,19 +6,21 @@ import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from concurrent.futures import Executor
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from typing import Annotated, Generic, Literal, Self, TypeVar
 
 from pydantic import Field
 
-from robotd.api import NotReady, RobotdError, get_logger
+from robotd.api import NANOSECONDS, NotReady, RobotdError, get_logger
 from robotd.api.features import sent_by
-from robotd.api.robots import JointStream, Robot
+from robotd.api.robots import JointStream, Outcome, Robot, TrajectoryExecution
 from robotd_page.control_commands import Message, Seen
 
 log = get_logger("page")
 
 HEARTBEAT_S = 0.02  # interval at which a page repeats the message of a button that is held
+POLL_S = 0.01
 TIMEOUT_S = 0.06  # age of the last heartbeat at which the joints slow to rest
 REACHED = "reached"
 RELEASED = "released"
@@ -165,6 +167,62 @@ class Hold:
     is_released: bool = False
 
 
+class PlannedMotion(Motion):
+    """Planned motion, watched by the worker that waits for its end.
+
+    Args:
+        motion: a context that begins and ends it.
+        hold: that keeps it going.
+        is_late: returns whether no heartbeat has come for too long.
+    """
+
+    def __init__(
+        self,
+        motion: AbstractContextManager[TrajectoryExecution],
+        hold: Hold,
+        is_late: Callable[[], bool],
+    ) -> None:
+        self._motion, self._hold, self._is_late = motion, hold, is_late
+        self._stack = ExitStack()
+        self._is_silent = False
+
+    @property
+    def is_silent(self) -> bool:
+        return self._is_silent
+
+    @property
+    def message(self) -> str:
+        is_reached = self._execution.outcome is Outcome.SUCCEEDED
+        return REACHED if is_reached else self._execution.message
+
+    @property
+    def remaining(self) -> float:
+        """Time on its path, s."""
+        return self._execution.trajectory.duration_s - self._execution.progress().time_s
+
+    def beat(self) -> None:
+        """Nothing to do: ``wait`` looks at the time of the newest heartbeat."""
+
+    def end(self, reason: str) -> None:
+        self._execution.completion.request(Outcome.CANCELED, reason)
+
+    def wait(self) -> None:
+        # Heartbeats that waited while the motion was planned are read during the first wait.
+        while not self._execution.wait(POLL_S):
+            if self._is_late() and not self._is_silent:
+                self._is_silent = True
+                self.end("heartbeats did not come")
+
+    def __enter__(self) -> Self:
+        if self._hold.is_released:  # while it was planned
+            raise NotReady(RELEASED)
+        self._execution: TrajectoryExecution = self._stack.enter_context(self._motion)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._stack.close()
+
+
 Beat = TypeVar("Beat", bound=Heartbeat)
 
 
@@ -207,6 +265,10 @@ class HeldMotion(ABC, Generic[Beat]):
 
         It moves nothing before it is entered.
         """
+
+    def is_silent(self, hold: Hold) -> bool:
+        """Return True where the last heartbeat of a hold came too long ago."""
+        return self._robot.clock.now_ns() - hold.beat_ns > self._timeout_s * NANOSECONDS
 
     def beat(self, beat: Beat) -> None:
         """Begin a hold, or keep it moving."""

@@ -17,5 +17,6 @@ class TeachKeys(Section):
         None,
         description="File of the poses that `robotd pose` saves, relative to the robot's file;"
         " null: `robotd/poses/NAME.yaml` in `$XDG_STATE_HOME`, by default `~/.local/state`."
-        " `robotd path` has its folder `paths` beside it; null: `robotd/paths/NAME`.",
+        " `robotd path` has its folder `paths` beside it, and the page its folder `programs`; null:"
+        " `robotd/paths/NAME` and `robotd/programs/NAME`.",
     )

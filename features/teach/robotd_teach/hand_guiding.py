@@ -65,6 +65,11 @@ class HandGuiding:
         self._lock = threading.Lock()  # of its begin and end
         robot.control_loop.every(robot.descriptor.cycle.rate_hz, "hand guiding", self._look)
 
+    @property
+    def reason(self) -> str:
+        """Why guiding has ended the last time; "" while it goes on. Any thread."""
+        return self._session.reason if self._session else ""
+
     def begin(
         self,
         group: str = "",

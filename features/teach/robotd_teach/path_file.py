@@ -95,11 +95,11 @@ def _numbers(point: str) -> list[float]:
         return []
 
 
-def folder_of(descriptor: RobotDescriptor) -> Path:
-    """Return the folder of a robot's paths: ``paths`` beside its poses."""
+def folder_of(descriptor: RobotDescriptor, kind: str = "paths") -> Path:
+    """Return the folder of a robot's paths, or of another ``kind``, beside its poses."""
     if descriptor.settings(TeachKeys).poses is not None:
-        return file_of(descriptor).parent / "paths"
-    return state_folder() / "paths" / descriptor.name
+        return file_of(descriptor).parent / kind
+    return state_folder() / kind / descriptor.name
 
 
 def paths_in(folder: Path) -> dict[str, Path]:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from robotd.api import InvalidArgument, unknown_name
-from robotd.api.robots import Robot, TrajectoryRequest
+from robotd.api.robots import JointGroup, Robot, TrajectoryRequest
 from robotd_shared.pose_file import check_name, file_of, read_poses, write_poses
 from robotd_teach.joint_groups import (
     beyond_limits,
@@ -133,11 +133,15 @@ class Poses:
             NotReady, TrajectoryRejected: the joints cannot be commanded; nothing has moved.
             OperationError: the motion ended elsewhere, with the reason.
         """
+        group, request = self.plan(name, speed)
+        follow(self._robot, group, request, f"to {name}")
+
+    def plan(self, name: str, speed: float = SPEED) -> tuple[JointGroup, TrajectoryRequest]:
+        """Return the joints of a pose and their motion to it; see ``go``. Nothing moves."""
         joints = self.known(name)
         seconds, group = self.duration_s(joints, speed), group_of(self._robot, joints)
         target = np.array([[joints[joint] for joint in group.joint_names]])
-        request = TrajectoryRequest(group.joint_names, np.array([seconds]), target)
-        follow(self._robot, group, request, f"to {name}")
+        return group, TrajectoryRequest(group.joint_names, np.array([seconds]), target)
 
     def _known(self, name: str) -> dict[str, dict[str, float]]:
         """Return all poses. Raises InvalidArgument: none is called ``name``."""

@@ -181,7 +181,7 @@ class _Assembler:
         else:
             self._steps += 1
             line = self._tree.find(keys).line
-            code.append(Do(self._steps, step, keys, line, _text(step)))
+            code.append(Do(self._steps, step, keys, line, text_of(step)))
 
     def _call(self, name: str, keys: Keys) -> None:
         blocks = self._file.blocks
@@ -199,7 +199,7 @@ class _Assembler:
             self._calls.pop()
 
 
-def _text(step: Step) -> str:
+def text_of(step: Step) -> str:
     """Return a step as a line of YAML."""
     value = step.value
     if step.message is not None and not step.message.wait:

@@ -128,11 +128,8 @@ class Programs:
         Otherwise its first one. Arguments and errors: see ``run``.
         """
         with self._exclusively(on_tick) as tick:
-            run = self._run
-            same = run is not None and not run.done and run.program.text == program.text
-            if run is None or not same:
-                run = self._begin(program, tick)
-            self._go(run, tick, single=True)
+            run = self._run if self.is_unfinished(program) else None
+            self._go(run or self._begin(program, tick), tick, single=True)
 
     def resume(self, on_tick: Callable[[], None] = lambda: None) -> None:
         """Continue the program that was stopped, and return at its end, at rest.
@@ -145,6 +142,11 @@ class Programs:
             if self._run is None or self._run.done:
                 raise NotReady("no program was stopped since robotd was started: run one")
             self._go(self._run, tick)
+
+    def is_unfinished(self, program: Program) -> bool:
+        """Return True where the newest program is this one, unchanged, and not at its end."""
+        run = self._run
+        return run is not None and not run.done and run.program.text == program.text
 
     def stop(self, reason: str = OPERATOR) -> str:
         """Stop the program that is checked or runs, on its path. Any thread; does not block.

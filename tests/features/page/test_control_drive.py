@@ -96,7 +96,7 @@ def test_a_diagonal_is_no_faster_than_a_straight_line() -> None:
 
 def test_releasing_slows_down_at_once_and_delayed_heartbeats_change_nothing(client: Client) -> None:
     client.press()
-    client.held.release(client.hold)
+    client.held.release(client.hold, "released")
     assert client.ended == [JogEnd(client.hold, True, False, RELEASED)]
     braking_s, _, _ = client.rest()
     assert braking_s <= PERIODS * client.period_s

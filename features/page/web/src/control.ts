@@ -10,7 +10,10 @@ import { JogPanel } from "./jog_panel";
 import type { Description, Sample, State } from "./messages";
 import { highlight, hindranceOf } from "./next_step";
 import { OutputPanel } from "./output_panel";
+import { PreviewPanel } from "./preview_panel";
 import { TargetPanel } from "./target_panel";
+import { TEACH_NAMES } from "./teach_messages";
+import { TeachPanel } from "./teach_panel";
 import { ToolJogPanel } from "./tool_jog_panel";
 import type { Units } from "./units";
 import type { View } from "./view";
@@ -26,10 +29,17 @@ const BUTTONS: Record<string, Command> = {
   "gripper-close": { type: "gripper", closed: true },
 };
 
+interface Waiting {
+  name: string;
+  then?: ((answer: Answer) => void) | undefined;
+  isQuestion: boolean;
+}
+
 export class Control {
   private readonly link = new ControlLink(
     {
       onOpen: (welcome) => this.open(welcome),
+      onPanel: (state) => this.teach.show(state),
       onAnswer: (answer) => this.showAnswer(answer),
       onJogEnd: (end) => this.showJogEnd(end),
       onSlow: (reason) => this.toolJog.showSlow(reason),
@@ -51,12 +61,14 @@ export class Control {
   private readonly toolJog: ToolJogPanel;
   private readonly target: TargetPanel;
   private readonly drive: DrivePanel;
+  private readonly preview: PreviewPanel;
+  private readonly teach: TeachPanel;
   private readonly outputs = new OutputPanel((command) => this.send(command));
   private readonly faults = new FaultForm((command) => this.send(command));
   private readonly answer = find("answer");
   private readonly speed = find<HTMLInputElement>("speed-slider");
   private readonly pause = find<HTMLButtonElement>("pause");
-  private readonly waiting = new Map<number, string>(); // names of commands, by id
+  private readonly waiting = new Map<number, Waiting>(); // commands, by id
   private description: Description | undefined;
   private state: State | undefined;
   private isUnlocked = false;
@@ -71,6 +83,10 @@ export class Control {
     this.toolJog = new ToolJogPanel(units, this.held, () => this.target.retarget());
     this.target = new TargetPanel(view, this.link, this.held, this.toolJog);
     this.drive = new DrivePanel(this.held);
+    const send = (command: Command, then?: (answer: Answer) => void): void => this.send(command, then);
+    const ask = (command: Command, then: (answer: Answer) => void): void => this.ask(command, then);
+    this.preview = new PreviewPanel(view, this.held, ask);
+    this.teach = new TeachPanel(units, this.held, this.preview, { send, ask, seen: () => this.seen() });
     for (const [id, command] of Object.entries(BUTTONS)) find(id).addEventListener("click", () => this.send(command));
     this.speed.addEventListener("input", () => this.showSpeed(Number(this.speed.value)));
     this.speed.addEventListener("change", () => this.send({ type: "speed", speed: Number(this.speed.value) / 100 }));
@@ -104,6 +120,8 @@ export class Control {
     this.toolJog.update(state);
     this.target.update(state);
     this.drive.update(state);
+    this.preview.update(state);
+    this.teach.update(state);
     highlight(hindranceOf(state)?.button);
     if (document.activeElement !== this.speed) {
       this.speed.value = String(Math.round(100 * state.speed));
@@ -115,6 +133,7 @@ export class Control {
     if (!this.isUnlocked) return;
     this.jog.show(sample);
     this.toolJog.showSpeed();
+    this.preview.follow(sample);
   }
 
   private open(welcome: Welcome): void {
@@ -124,6 +143,8 @@ export class Control {
     this.target.open(welcome);
     this.toolJog.open(welcome);
     this.drive.open(welcome, this.description);
+    this.preview.open(this.description);
+    this.teach.open(welcome);
     this.outputs.open(welcome);
     this.faults.open(welcome, this.description);
     find("gripper").hidden = !welcome.gripper;
@@ -136,6 +157,8 @@ export class Control {
   private close(reason: string, isRejected: boolean): void {
     this.held.end("released");
     this.target.close();
+    this.preview.hide();
+    this.teach.close();
     this.waiting.clear();
     setText(find("unlock-text"), isRejected ? `Rejected: ${reason}.` : `Not connected: ${reason}.`);
     this.setUnlocked(false);
@@ -156,22 +179,32 @@ export class Control {
     return this.state && sample ? { events: this.state.seen, time_s: sample.time_s } : null;
   }
 
-  private send(command: Command): void {
+  private send(command: Command, then?: (answer: Answer) => void): void {
     const name = nameOf(command);
     const id = this.link.send(command);
     if (!id) {
       this.say(`${name}: not sent, there is no connection`, "bad");
       return;
     }
-    this.waiting.set(id, name);
+    this.waiting.set(id, { name, then, isQuestion: false });
     this.isHeldNewest = false;
     this.say(`${name} …`, "busy");
   }
 
-  private showAnswer({ id, ok, text }: Answer): void {
-    const name = this.waiting.get(id) ?? "";
+  // Ask what changes nothing; whoever asks shows the answer.
+  private ask(command: Command, then: (answer: Answer) => void): void {
+    const id = this.link.send(command);
+    if (id) this.waiting.set(id, { name: "", then, isQuestion: true });
+  }
+
+  private showAnswer(answer: Answer): void {
+    const { id, ok, text } = answer;
+    const { name, then, isQuestion } = this.waiting.get(id) ?? { name: "", isQuestion: false };
     this.waiting.delete(id);
-    this.say(ok ? `${name}: ${text}` : `${name} rejected: ${text}`, ok ? "good" : "bad");
+    then?.(answer);
+    if (isQuestion) return;
+    const end = name === TEACH_NAMES["program_run"] ? "" : " rejected"; // a program ends early, after many steps
+    this.say(this.teach.shortened(`${name}${ok ? "" : end}: ${text}`), ok ? "good" : "bad");
   }
 
   private showJogEnd(end: JogEnd): void {
@@ -195,6 +228,7 @@ export class Control {
 }
 
 function nameOf(command: Command): string {
+  if (command.type in TEACH_NAMES) return TEACH_NAMES[command.type]!;
   switch (command.type) {
     case "servos":
       return command.on ? "Servos on" : "Servos off";

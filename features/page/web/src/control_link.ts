@@ -1,6 +1,7 @@
 // Connection of the control side: opened with the token, and again when it is lost.
 
 import type { Answer, Command, ControlMessage, JogEnd, Reached, ReleaseReason, Seen, Welcome } from "./control_messages";
+import type { TeachBeat, TeachState } from "./teach_messages";
 
 const RETRY_MS = 1000;
 const REJECTED = 1008; // WSCloseCode.POLICY_VIOLATION
@@ -8,6 +9,7 @@ const STORED = "robotd-token"; // of this tab, so that it survives a reload
 
 export interface ControlReceiver {
   onOpen(welcome: Welcome): void;
+  onPanel(state: Partial<TeachState>): void;
   onAnswer(answer: Answer): void;
   onJogEnd(end: JogEnd): void;
   onSlow(reason: string): void;
@@ -93,6 +95,10 @@ export class ControlLink {
     this.put({ type: "drive", seen: this.seen(), hold, linear, lateral, angular });
   }
 
+  teach(hold: number, beat: TeachBeat): void {
+    this.put({ seen: this.seen(), hold, ...beat });
+  }
+
   release(hold: number, reason: ReleaseReason): void {
     this.put({ type: "release", hold, reason });
   }
@@ -107,6 +113,9 @@ export class ControlLink {
         this.isOpen = true;
         sessionStorage.setItem(STORED, token);
         this.receiver.onOpen(message);
+        break;
+      case "panel":
+        this.receiver.onPanel(message.state);
         break;
       case "answer":
         this.receiver.onAnswer(message);

@@ -1,5 +1,7 @@
 // Messages of the control side; features/page/robotd_page/control_server.py makes and takes them.
 
+import type { TeachCommand, TeachDescription, TeachState } from "./teach_messages";
+
 export interface FaultField {
   name: string;
   type: "integer" | "number" | "boolean";
@@ -38,6 +40,7 @@ export interface Welcome {
   outputs: Record<string, string>; // address such as "out0.3", by name
   output_bytes: number;
   faults: Record<string, FaultField[]>; // by kind; empty on hardware
+  panel: TeachDescription | null; // null: nothing can be taught
 }
 
 export interface Answer {
@@ -45,6 +48,7 @@ export interface Answer {
   id: number;
   ok: boolean;
   text: string;
+  data?: unknown; // of a question
 }
 
 export interface JogEnd {
@@ -78,7 +82,13 @@ export interface RequestError {
   text: string;
 }
 
-export type ControlMessage = Welcome | Answer | JogEnd | SlowReason | Reached | RequestError;
+// Parts of the panel's state that have changed.
+export interface PanelMessage {
+  type: "panel";
+  state: Partial<TeachState>;
+}
+
+export type ControlMessage = Welcome | PanelMessage | Answer | JogEnd | SlowReason | Reached | RequestError;
 
 // State that the page showed when a button was pressed: the robot rejects a command that came too late.
 export interface Seen {
@@ -95,6 +105,7 @@ export type Command =
   | { type: "output"; name: string; value: boolean }
   | { type: "output_bit"; byte: number; bit: number; value: boolean }
   | { type: "output_byte"; byte: number; value: number }
+  | TeachCommand
   | { type: "inject"; fault: Record<string, Record<string, number | boolean>> };
 
 export type ReleaseReason = "released" | "window lost focus" | "tab hidden" | "page left" | "page stalled";

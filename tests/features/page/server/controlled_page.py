@@ -18,6 +18,7 @@ from robotd_page.page_feed import RobotSource
 from robotd_page.page_server import PageServer
 from robotd_recorder.recorder import observed
 from robotd_scenario.fault_schedule import FaultSchedule, RequestedFaults
+from robotd_teach.page_panel import TeachPanel
 from robotd_tool_space.feature import open_tool_space
 
 HOLD_TIMEOUT_S = 600.0  # so that what stops a jog here is never the missing heartbeat
@@ -40,7 +41,7 @@ class Served:
 
 
 @contextmanager
-def serve(folder: Path, robot: str | Path = "cr3a") -> Iterator[Served]:
+def serve(folder: Path, robot: str | Path = "cr3a", *, teaches: bool = False) -> Iterator[Served]:
     """A simulated robot in paced time, which no stall of the computer disturbs."""
     made = build_robot(robot, "sim", clock=PacedClock(1.0))
     host = FeatureHost(made, (), "/", print)
@@ -49,6 +50,7 @@ def serve(folder: Path, robot: str | Path = "cr3a") -> Iterator[Served]:
             made,
             RequestedFaults(FaultSchedule(made)),
             tools=tools or {},
+            panel=TeachPanel(made) if teaches else None,
             hold_timeout_s=HOLD_TIMEOUT_S,
         )
         source = RobotSource(recorder.tap, made.descriptor.nodes, has_control=True)
