@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from robotd.control.groups.reduced_speed import ReducedSpeed
     from robotd.control.loop.rearming import Interruption
     from robotd.control.loop.setpoint_source import Outcome
+    from robotd.control.sources.contact import Contact, ContactLimits
     from robotd.control.sources.stream_source import MovingReference, StreamMode
     from robotd.control.sources.trajectory_execution import TrajectoryExecution
     from robotd.device.axes import Jog, Move, each
@@ -54,6 +55,8 @@ else:
 __all__ = [
     "ZERO_TWIST",
     "Backend",
+    "Contact",
+    "ContactLimits",
     "Factors",
     "Gripper",
     "Interruption",

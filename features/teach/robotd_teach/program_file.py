@@ -20,6 +20,7 @@ MAX_ANGLE = 12.5  # of an arc about a centre, rad
 
 Speed = Annotated[float, Field(ge=0.01, le=1.0)]
 Seconds = Annotated[float, Field(gt=0, le=MAX_TIME_S)]
+Torque = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Text = Annotated[str, Field(min_length=1, max_length=500)]
 # YAML reads 0.3, byte 0 and bit 3, as a number.
 IoName = Annotated[
@@ -67,16 +68,29 @@ class Target(Section):
             yield ("frame",), "belongs to `by`", self.frame
 
 
+class Until(Section):
+    """Contact at which a motion ends.
+
+    Attributes:
+        torque: change of a joint's torque since the motion began, N·m or N: of any joint, or of
+            some by name.
+    """
+
+    torque: Torque | Annotated[dict[Name, Torque], Field(min_length=1)]
+
+
 class MoveToPose(Target):
-    """Motion of all joints together, directly to a target."""
+    """Motion of all joints together, directly to a target, or until a contact on the way."""
 
     speed: Speed | None = None
+    until: Until | None = None
 
 
 class MoveOnLine(Target):
-    """Straight line of the tool."""
+    """Straight line of the tool to a target, or until a contact on the way."""
 
     speed: Speed | None = None
+    until: Until | None = None
 
 
 class MoveOnArc(Section):
@@ -143,6 +157,9 @@ class SequenceSegment(Section):
 
     def problems(self) -> Iterator[SectionProblem]:
         yield from _one_of(self, ("move", "line", "arc", "spline"))
+        for key, motion in (("move", self.move), ("line", self.line)):
+            if motion is not None and motion.until is not None:
+                yield (key, "until"), "belongs to a step of its own", motion.until.torque
 
 
 class Sequence_(Section):  # noqa: N801 - beside that of collections.abc

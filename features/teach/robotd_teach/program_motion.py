@@ -16,7 +16,7 @@ from robotd.api import (
     Unsupported,
     unknown_name,
 )
-from robotd.api.robots import Robot
+from robotd.api.robots import ContactLimits, Robot
 from robotd_teach.io_names import bit_of
 from robotd_teach.joint_groups import beyond_limits, commands_at_rest, joint_group
 from robotd_teach.path_curve import PathCurve
@@ -147,6 +147,35 @@ class StepPlanner:
             return start[None]
         self._require_within(route.positions[-1])
         return route.positions
+
+    def contact(self, step: Step) -> ContactLimits | None:
+        """Return the torques at which a step ends; None: at its target only.
+
+        Raises InvalidArgument: unknown joint; NotReady: its torque is not reported.
+        """
+        motion = step.move or step.line
+        if motion is None or motion.until is None:
+            return None
+        names, wanted = list(self.group.joint_names), motion.until.torque
+        torque = np.full(len(names), np.inf if isinstance(wanted, dict) else wanted)
+        for name, limit in wanted.items() if isinstance(wanted, dict) else ():
+            if name not in names:
+                raise InvalidArgument(unknown_name("joint", name, names))
+            torque[names.index(name)] = limit
+        contact = ContactLimits(torque)
+        measured = self._robot.image.copy().torque[list(self.group.joint_axes)]
+        contact.require_torques(self.group.follower.limits, measured)
+        return contact
+
+    def way(self, first: FloatArray, last: FloatArray) -> str:
+        """Return how far the tool, or a joint, is from one to another of positions (n,)."""
+        if self.tool is not None:
+            kinematics = self.tool.kinematics_of(self.tool.tool_name)
+            ends = (kinematics.forward(positions)[:3, 3] for positions in (first, last))
+            return f"the tool {1e3 * float(np.linalg.norm(np.subtract(*ends))):.2f} mm"
+        limits, distances = self.group.follower.limits, np.abs(last - first)
+        joint = int(distances.argmax())
+        return f"{limits.names[joint]} {distances[joint]:.4f} {limits.units[joint]}"
 
     def need_tool(self) -> RobotTool:
         """Return the tool. Raises Unsupported: the group has none."""

@@ -17,7 +17,7 @@ from robotd.api import (
     wait_until,
 )
 from robotd.api.features import EventKind, Level
-from robotd.api.robots import Interruption, Outcome, Robot, TrajectoryExecution
+from robotd.api.robots import ContactLimits, Interruption, Outcome, Robot, TrajectoryExecution
 from robotd_teach.io_names import bit_of
 from robotd_teach.program_check import chosen, grip_position, gripper_of, is_motion
 from robotd_teach.program_code import Again, Begin, Branch, Do, Jump, Program
@@ -197,7 +197,8 @@ class ProgramRun:
             self._unfinished = Unfinished(self._planner.plan(step, self._planner.here()), 0.0)
         else:
             self._unfinished = Unfinished(self._rest(step, self._unfinished), 0.0)
-        self._follow(self._unfinished.motion, after=self.part)
+        contact = self._planner.contact(step)
+        self._follow(self._unfinished.motion, after=self.part, contact=contact)
         self._unfinished = None
 
     def _rest(self, step: Step, unfinished: Unfinished) -> ToolMotion:
@@ -217,17 +218,23 @@ class ProgramRun:
             self._follow(plan_fast_motion(limits, here, on_path, RETURN_SPEED))
         return self._planner.rest(step, place, motion, time_s)
 
-    def _follow(self, motion: ToolMotion, after: float | None = None) -> None:
+    def _follow(
+        self,
+        motion: ToolMotion,
+        after: float | None = None,
+        contact: ContactLimits | None = None,
+    ) -> None:
         """Execute a motion.
 
         ``after``: part of the step that is over before; where the motion ends early is kept then.
         None: the motion leads to the path of the step only.
+        ``contact``: at which it has to end.
         """
         self._tick()
         ticket, request = self._group.motion.ticket(), motion.request(self._group.joint_names)
         execution, outputs = None, OutputSetter(self._robot.io, motion.outputs)
         try:
-            with self._group.follower.follow(request, ticket=ticket) as execution:
+            with self._group.follower.follow(request, ticket=ticket, contact=contact) as execution:
                 if self._interruptions() != self._began:  # a stop that did not find it yet
                     raise NotReady("motion was stopped before this step began")
                 while not self._has_ended(execution, motion, outputs, after):
@@ -238,9 +245,15 @@ class ProgramRun:
                     time_s = min(execution.progress().time_s, motion.duration_s)
                     self._unfinished = Unfinished(motion, time_s)
                 self._left = self._group.motion.command()
-        if execution.outcome is not Outcome.SUCCEEDED:
+        wanted = Outcome.SUCCEEDED if contact is None else Outcome.CONTACT
+        if execution.outcome is not wanted:
             raise OperationError(execution.message)
-        outputs.advance(motion.duration_s)
+        if (found := execution.contact) is not None:
+            rest = self._robot.image.copy().position[list(self._group.joint_axes)]
+            way = self._planner.way(found.positions, rest)
+            self._note(f"{execution.message}; at rest {way} further")
+        else:
+            outputs.advance(motion.duration_s)
 
     def _has_ended(
         self,

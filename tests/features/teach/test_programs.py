@@ -168,6 +168,10 @@ def test_a_repeated_way_adds_up(robot: Robot, programs: Programs) -> None:
             r"cell\.yaml:2: steps\.0\.line: needs exactly one of pose, joints, at, by",
         ),
         ("steps:\n  - line: {by: {z: .1}, speed: 2}\n", r"line\.speed: must be at most 1"),
+        (
+            "steps:\n  - sequence: {segments: [{line: {by: {z: .1}, until: {torque: 5}}}]}\n",
+            r"segments\.0\.line\.until: belongs to a step of its own",
+        ),
         ("steps:\n  - call: pick\n", r"cell\.yaml:2: steps\.0\.call: there is no block 'pick'"),
         (
             "blocks:\n  a: [{call: b}]\n  b: [{call: a}]\nsteps: [{gripper: open}]\n",

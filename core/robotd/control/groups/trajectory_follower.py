@@ -17,6 +17,7 @@ from robotd.control.groups.axis_limits import joint_limits, trajectory_rules
 from robotd.control.groups.joint_motion import JointMotion
 from robotd.control.loop.rearming import CommandSource, Rearming
 from robotd.control.loop.setpoint_source import Outcome
+from robotd.control.sources.contact import ContactLimits
 from robotd.control.sources.device_trajectory import DeviceTrajectory
 from robotd.control.sources.streamed_trajectory import StreamedTrajectory
 from robotd.control.sources.trajectory_execution import PlannedGoal, TrajectoryExecution
@@ -126,6 +127,7 @@ class TrajectoryFollower:
         tolerances: Tolerances | None = None,
         start_ns: int | None = None,
         ticket: int = 0,
+        contact: ContactLimits | None = None,
     ) -> Iterator[TrajectoryExecution]:
         """Start a trajectory as a context; leaving it cancels the execution.
 
@@ -134,10 +136,13 @@ class TrajectoryFollower:
             tolerances: for the path and the goal; None: the defaults.
             start_ns: monotonic time at which the trajectory's time 0 is; None: now.
             ticket: of ``JointMotion.ticket``, for requests that workers take up in any order.
+            contact: torques at which it ends by the ordinary stop, with ``Outcome.CONTACT``; None:
+                it ends at its last point only.
 
         Raises:
             TrajectoryRejected: the request is not acceptable; a running trajectory continues.
-            NotReady: a joint cannot be commanded now, or a newer request was started already.
+            NotReady: a joint cannot be commanded now, a newer request was started already, or the
+                torque of a joint of ``contact`` is not reported.
         """
         limits, allowed = self.limits, tolerances or self.tolerances()
 
@@ -156,6 +161,7 @@ class TrajectoryFollower:
                 allowed,
                 self.rules.stopped_velocity,
                 request.rate_bounds,
+                contact,
             )
             if self._on_device is not None:
                 return partial(
@@ -165,6 +171,9 @@ class TrajectoryFollower:
 
         with ExitStack() as claim:
             try:
+                if contact is not None:
+                    torque = self._axes.image.copy().torque[self._joint_axes]
+                    contact.require_torques(limits, torque)
                 with self._motion.lock, untimed(self._clock):
                     if start_ns is not None and len(request.times_s):
                         delay_s = (start_ns - self._clock.now_ns()) / NANOSECONDS

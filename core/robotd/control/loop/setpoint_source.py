@@ -23,6 +23,7 @@ class Outcome(Enum):
     PREEMPTED = auto()
     PATH_TOLERANCE = auto()
     GOAL_TOLERANCE = auto()
+    CONTACT = auto()  # of a motion that ends at one
     STOPPED = auto()  # by the operator or a stop input
     FAULT = auto()
 

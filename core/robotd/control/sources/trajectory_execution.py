@@ -14,12 +14,14 @@ from robotd.arrays import FloatArray, IntArray
 from robotd.clock import NANOSECONDS, Clock
 from robotd.clock.simulated import ticks
 from robotd.control.loop.setpoint_source import Outcome
+from robotd.control.sources.contact import Contact, ContactLimits, ContactWatch
 from robotd.control.sources.joint_source import STALL_S, JointSource, SourcePhase
 from robotd.device.process_image import ProcessImage
 from robotd.errors import Unsupported
 from robotd.motion import JointLimits, RateBounds, Tolerances, Trajectory, Violation
 
-TOLERANCES = frozenset({Outcome.PATH_TOLERANCE, Outcome.GOAL_TOLERANCE})
+# Joints that could not follow, whose command returns to them: nothing is pressed on.
+HELD_UP = frozenset({Outcome.PATH_TOLERANCE, Outcome.GOAL_TOLERANCE, Outcome.CONTACT})
 MIN_ERROR = 0.005  # rad or m; less is lag and sag of a healthy drive, and stays
 PEAK_VELOCITY, PEAK_ACCELERATION = 1.875, 5.7735  # of 10u³ - 15u⁴ + 6u⁵, for 1 in 1 s
 
@@ -32,6 +34,7 @@ class PlannedGoal:
         axes: (m,) index of each joint's axis.
         stopped_velocity: (m,) rad/s or m/s below which a joint is at rest.
         rate_bounds: of what the joints move; None: changes of speed keep their accelerations only.
+        contact: torques at which the motion ends; None: it ends at its last point only.
     """
 
     trajectory: Trajectory
@@ -40,6 +43,7 @@ class PlannedGoal:
     tolerances: Tolerances
     stopped_velocity: FloatArray
     rate_bounds: RateBounds | None = None
+    contact: ContactLimits | None = None
 
 
 class TrajectoryExecution(JointSource):
@@ -81,12 +85,18 @@ class TrajectoryExecution(JointSource):
         self._history = CommandHistory() if feedback_period_s + response_s > 0.0 else None
         goal_s = trajectory.goal_s
         self._passage = None if goal_s is None else GoalPassage(trajectory, goal_s, goal.tolerances)
+        self._contact = None if goal.contact is None else ContactWatch(goal.contact, goal.limits)
         self._returning = False  # the command, to joints that did not follow it
 
     @property
     def max_error(self) -> FloatArray:
         """(m,) largest following error so far, rad or m."""
         return self._tracking.max_error
+
+    @property
+    def contact(self) -> Contact | None:
+        """The contact that has ended it; None: there was none."""
+        return None if self._contact is None else self._contact.contact
 
     @property
     def outcome(self) -> Outcome | None:
@@ -155,6 +165,8 @@ class TrajectoryExecution(JointSource):
         self._tracking.update(image.measured[:2, self.columns], time_s)
         self._check_drives(image, self.time_s, pause_ns)
         if self._phase in (SourcePhase.RUNNING, SourcePhase.ARRIVING):
+            if self._contact is not None and self.completion.requested is None:
+                self._look_for_contact(self._contact, image)
             self._check_path(time_ns, pause_ns)
         if self._passage is not None and self._phase in (SourcePhase.RUNNING, SourcePhase.ARRIVING):
             self._pass_goal(self._passage, time_ns)
@@ -171,6 +183,12 @@ class TrajectoryExecution(JointSource):
                 self._hold(due_ns, period_ns, image)
                 self._rest(time_ns, image)
         return self.streams
+
+    def _look_for_contact(self, watch: ContactWatch, image: ProcessImage) -> None:
+        """Request the end at a contact, and where a torque is not known."""
+        if reason := watch.look(image, self.columns):
+            outcome = Outcome.FAULT if watch.contact is None else Outcome.CONTACT
+            self.completion.request(outcome, f"{reason}, at {self.time_s:.3f} s")
 
     def _check_path(self, time_ns: int, pause_ns: int) -> None:
         """Check the path tolerance; begin to stop when an end is requested."""
@@ -217,7 +235,7 @@ class TrajectoryExecution(JointSource):
         ready = self._is_settled(time_ns, at_rest=not moving and not self._is_active(image))
         if self.completion.requested is None or not (ready or self._returning):
             return
-        if self._returning or (self.completion.requested[0] in TOLERANCES and not moving):
+        if self._returning or (self.completion.requested[0] in HELD_UP and not moving):
             # Once begun it ends, also when a joint that is free again moves.
             offset = self._tracking.measured[0] - image.position_command[self.columns]
             self._returning = self._return_command(time_ns, offset)
@@ -234,6 +252,7 @@ class TrajectoryExecution(JointSource):
             f"goal {passed}; largest following error"
             f" {self.max_error[worst]:.4f} {self._limits.units[worst]}"
             f" ({self.trajectory.names[worst]})"
+            + (f"; no contact: {self._contact.most}" if self._contact is not None else "")
         )
 
     @property
