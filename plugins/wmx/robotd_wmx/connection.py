@@ -53,6 +53,7 @@ class WmxConnection:
         self.clock = clock
         self.scaling = Scaling(robot, options)
         self._devices: dict[str, Device] = {}
+        self._name = ""  # of the devices
         self._lost = False
         self._lost_because = ""
         self._after_open: list[Callable[[], None]] = []
@@ -90,7 +91,7 @@ class WmxConnection:
         opened: dict[str, Device] = {}
         try:
             for role in ROLES:
-                opened[role] = self._create(path, name if role == "command" else f"{name}.{role}")
+                opened[role] = self._create(path, _name_of(name, role))
         except CallError as error:
             for device in opened.values():
                 _close_quietly(device, keep_engine=False)
@@ -101,7 +102,7 @@ class WmxConnection:
             failure.code = code
             raise failure from error
         self._lost = False
-        self._devices = opened
+        self._devices, self._name = opened, name
 
     def after_open(self, call: Callable[[], None]) -> None:
         """Call ``call`` in ``prepare``."""
@@ -173,6 +174,11 @@ class WmxConnection:
         except CallError:
             return []
 
+    def predecessors(self) -> list[str]:
+        """Names of other devices that are named as ours: of another robotd of this robot."""
+        ours = {_name_of(self._name, role) for role in ROLES}
+        return [name for name in self.others() if name in ours]
+
     def _device(self, role: str) -> Device:
         device = self._devices.get(role)
         if device is None:
@@ -209,6 +215,10 @@ class WmxConnection:
             yield False
             self.clock.sleep_until_ns(self.clock.now_ns() + LOCK_RETRY_NS)
         yield True
+
+
+def _name_of(name: str, role: str) -> str:
+    return name if role == "command" else f"{name}.{role}"
 
 
 def _close_quietly(device: Device, *, keep_engine: bool) -> None:

@@ -32,6 +32,7 @@ from robotd_wmx.errors import name_of, text_of, translate, translated
 log = get_logger("wmx")
 
 LINK_RETRY_NS = 300_000_000  # between two requests while the network link comes up
+CLOSING_S = 1.0  # for the engine to close the devices of a killed process, beyond `watchdog_s`
 LICENCE = "the licence is invalid or has expired"
 
 
@@ -45,6 +46,7 @@ class WmxDevice(DeviceDriver):
     def open(self, path: str = "", name: str = "") -> None:
         self.connection.open(path, name or self.connection.robot.name)
         try:
+            self._end_predecessor()
             self.connection.prepare()
         except RobotdError as error:
             self.close()
@@ -173,6 +175,22 @@ class WmxDevice(DeviceDriver):
                 f"axes {unscaled} have the engine's default gear ratio 1/1, by which 1 rad is one"
                 " encoder count: name the robot's parameters_file, or backends.wmx.units_per_si"
             )
+
+    def _end_predecessor(self) -> None:
+        """Let the engine end what a killed robotd of this robot has left: motion, and servos on.
+
+        It would end with that process' devices, ``watchdog_s`` later, had ours not been opened.
+        """
+        connection, options = self.connection, self.connection.options
+        if options.shared or not connection.predecessors():
+            return
+        timeout_s = options.watchdog_s + CLOSING_S
+        log.warning("a robotd of this robot still has devices: they are waited for", s=timeout_s)
+        if not wait_until(lambda: not connection.predecessors(), timeout_s, connection.clock):
+            log.warning("they are still open: another robotd of this robot runs on this engine")
+        elif not connection.others():
+            log.warning("it was killed: communication is stopped, and with it the servos")
+            self.stop_communication(options.engine_timeout_s)
 
     def _engine_lives(self) -> bool:
         return self.connection.state() in (ConnectionState.RUNNING, ConnectionState.COMMUNICATING)
