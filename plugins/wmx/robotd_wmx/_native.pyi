@@ -245,8 +245,14 @@ class PositionStream:
         buffer_s: float,
         priority: int,
         /,
-    ) -> None: ...
+        threaded: bool = True,
+    ) -> None:
+        """``threaded=False``: ``turn`` is called where time is simulated."""
+
     def begin(self, axes: list[int], /) -> None: ...
+    def turn(self) -> bool:
+        """Send the oldest setpoint, and end streams at rest; False without a setpoint."""
+
     def put(self, position: Numbers, velocity: Numbers, due_ns: int, /) -> None:
         """Shapes (n_axes,); NaN for axes that have no setpoint."""
 

@@ -13,13 +13,16 @@ struct AxisLimits {
 
 // Fades to zero as the core's StallRecovery does (decision 8), but gently, because the setpoints
 // themselves recover meanwhile: with half of the acceleration limit while its rate is large, then with
-// a tenth of it and 2 % of the velocity limit. It never reverses a moving path.
+// a tenth of it and 2 % of the velocity limit. Path and deviation together keep the limit, except for
+// a tenth of it where the path needs all. It never reverses a moving path.
 struct Deviation {
-    double offset = 0, rate = 0;
+    double offset = 0, rate = 0, path = 0;  // path: velocity of the setpoints, in the cycle before
 
     // One cycle of the engine, while the setpoints move with `path_velocity`.
     void fade(double path_velocity, double cycle_s, const AxisLimits &limits) {
         if (offset == 0 && rate == 0) return;
+        const double change = path_velocity - path;
+        path = path_velocity;
         const double fastest = SHARE * limits.velocity, moving = MOVING * limits.velocity;
         const double speed = std::fabs(path_velocity);
         const double constant_s = std::max(TIME_CONSTANT_S, 2 * fastest / (GENTLE * limits.acceleration));
@@ -27,8 +30,11 @@ struct Deviation {
         if (back * path_velocity < 0 && speed > moving) back = std::clamp(back, -speed, speed);
         const bool large = std::fabs(rate) > LARGE * limits.velocity;
         const double step = (large ? HARD : GENTLE) * limits.acceleration * cycle_s;
-        const double before = rate;
-        rate += std::clamp(back - rate, -step, step);
+        const double least = GENTLE * limits.acceleration * cycle_s;
+        const double most = limits.acceleration * cycle_s, before = rate;
+        const double down = std::min(step, std::max(most + change, least));
+        const double up = std::min(step, std::max(most - change, least));
+        rate += std::clamp(back - rate, -down, up);
         offset += (before + rate) / 2 * cycle_s;
         if (std::fabs(offset) < NEGLIGIBLE * limits.velocity && std::fabs(rate) < moving)
             offset = rate = 0;

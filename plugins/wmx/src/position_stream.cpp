@@ -17,6 +17,14 @@ constexpr double GAP_PERIODS = 1.5;         // as the core's: a longer gap is an
 constexpr double BURST_PERIODS = 2;
 constexpr double MAX_RATE_CHANGE = 0.01, RATE_PER_TARGET = 0.05, DEPTH_FILTER = 0.05;
 constexpr double STEEPEST_S = 1e-3;         // shortest ramp to rest
+constexpr double STANDING = 1e-9;           // user units/s
+
+// One cycle of the engine for an axis.
+void set(CyclicBufferMultiAxisCommands &command, int axis, double position) {
+    command.cmd[axis].type = CyclicBufferCommandType::AbsolutePos;
+    command.cmd[axis].command = position;
+    command.cmd[axis].intervalCycles = 1;
+}
 
 template <class Buffer, class = void>
 struct HasQuickStop : std::false_type {};
@@ -43,6 +51,7 @@ PositionStream::PositionStream(Device &device, Settings settings)
       states_(axes_.size()), open_(axes_.size(), false) {
     for (auto &state : states_) state = OFF;
     commands_.reserve(256);
+    if (!settings_.threaded) return;
     thread_ = std::thread(&PositionStream::run, this);
     if (settings_.priority > 0) {
         const sched_param priority{settings_.priority};
@@ -155,19 +164,21 @@ void PositionStream::quick_stop(const std::vector<int> &axes) {
 }
 
 void PositionStream::run() {
-    Setpoint setpoint;
-    while (true) {
-        const bool next = queue_.take(setpoint, !in_state(STOPPING).empty());
-        std::lock_guard guard(engine_);
-        if (queue_.closed()) return;
-        try {
-            if (next) send(setpoint);
-        } catch (const CallFailed &failed) {
-            report(describe(failed));
-            for (int axis : in_state(STREAMING)) slow(axis);
-        }
-        end_drained();
+    while (queue_.wait(!in_state(STOPPING).empty())) turn();
+}
+
+bool PositionStream::turn() {
+    const bool next = queue_.take(taken_);
+    std::lock_guard guard(engine_);
+    if (queue_.closed()) return false;
+    try {
+        if (next) send(taken_);
+    } catch (const CallFailed &failed) {
+        report(describe(failed));
+        for (int axis : in_state(STREAMING)) slow(axis);
     }
+    end_drained();
+    return next;
 }
 
 // Takes those out of `axes` whose buffer does not run: after a failure of the drive, or a stop that
@@ -220,8 +231,11 @@ bool PositionStream::try_send(const Setpoint &setpoint) {
     const double gap_s = (setpoint.due_ns - last_due_ns_) * 1e-9;
     if (axes.empty()) return true;
     // The engine does not execute: what it were given would be executed when it does, late. The
-    // control loop waits as for dry buffers, until these are less full.
+    // control loop waits as for dry buffers, until these are less full, and continues from rest.
     if (fill.depth > overfull() || fill.room < CAPACITY / 2) {
+        commands_.clear();
+        slow_down(axes);
+        add(axes);
         queue_.wait_for_gap();
         return true;
     }
@@ -276,7 +290,7 @@ void PositionStream::rejoin(const std::vector<int> &axes, const Setpoint &setpoi
         if (fill.dry) mine.sent_velocity = 0;
         mine.position = setpoint.position[axis];
         mine.velocity = setpoint.velocity[axis];
-        mine.deviation = {mine.sent - mine.position, mine.sent_velocity - mine.velocity};
+        mine.deviation = {mine.sent - mine.position, mine.sent_velocity - mine.velocity, mine.velocity};
     }
     if (fill.dry && fill.depth < target_) hold(axes, target_ - fill.depth);
     sampled_s_ = 0;
@@ -303,10 +317,8 @@ void PositionStream::sample(const std::vector<int> &axes, const Setpoint &setpoi
                                     slope_out * mine.velocity + slope_in * setpoint.velocity[axis];
             mine.deviation.fade(velocity, cycle_s_, settings_.limits[axis]);
             mine.sent = position + mine.deviation.offset;
-            mine.sent_velocity = velocity + mine.deviation.rate;
-            command.cmd[axis].type = CyclicBufferCommandType::AbsolutePos;
-            command.cmd[axis].command = mine.sent;
-            command.cmd[axis].intervalCycles = 1;
+            mine.sent_velocity = velocity * rate_ + mine.deviation.rate;
+            set(command, axis, mine.sent);
         }
         sampled_s_ = time_s;
     }
@@ -319,11 +331,7 @@ void PositionStream::sample(const std::vector<int> &axes, const Setpoint &setpoi
 // Commands that keep the axes at their last one.
 void PositionStream::hold(const std::vector<int> &axes, unsigned int cycles) {
     CyclicBufferMultiAxisCommands command;
-    for (int axis : axes) {
-        command.cmd[axis].type = CyclicBufferCommandType::AbsolutePos;
-        command.cmd[axis].command = axes_[axis].sent;
-        command.cmd[axis].intervalCycles = 1;
-    }
+    for (int axis : axes) set(command, axis, axes_[axis].sent);
     commands_.insert(commands_.end(), cycles, command);
 }
 
@@ -334,28 +342,35 @@ void PositionStream::add(const std::vector<int> &axes) {
           buffer_.AddCommand(&chosen, commands_.data(), static_cast<int>(commands_.size())));
 }
 
-// Slow down from the last command with the axis' own deceleration; ``end_drained`` does the rest.
+// Commands from the last one to rest: all axes in the time that the slowest of them needs.
+void PositionStream::slow_down(const std::vector<int> &axes) {
+    double ramp_s = 0;
+    for (int axis : axes)
+        if (const double speed = std::fabs(axes_[axis].sent_velocity); speed > STANDING)
+            ramp_s = std::max({ramp_s, speed / settings_.limits[axis].acceleration, STEEPEST_S});
+    ramp_s = std::min(ramp_s, CAPACITY / 2 * cycle_s_);
+    if (ramp_s == 0) return;
+    for (double time_s = cycle_s_; time_s < ramp_s + cycle_s_; time_s += cycle_s_) {
+        const double t = std::min(time_s, ramp_s);
+        CyclicBufferMultiAxisCommands &command = commands_.emplace_back();
+        for (int axis : axes)
+            set(command, axis, axes_[axis].sent + axes_[axis].sent_velocity * (t - t * t / (2 * ramp_s)));
+    }
+    for (int axis : axes) {
+        axes_[axis].sent += axes_[axis].sent_velocity * ramp_s / 2;
+        axes_[axis].sent_velocity = 0;
+    }
+}
+
+// Slow down from the last command; ``end_drained`` does the rest.
 void PositionStream::brake(int axis) {
-    Axis &mine = axes_[axis];
     CyclicBufferSingleAxisStatus status;
     check("CyclicBuffer::GetStatus", Api::CyclicBuffer, buffer_.GetStatus(axis, &status));
-    if (status.state == CyclicBufferState::WaitingForCommand) mine.sent_velocity = 0;
-    const double speed = std::fabs(mine.sent_velocity);
-    const double ramp_s = std::min(std::max(speed / settings_.limits[axis].acceleration, STEEPEST_S),
-                                   CAPACITY / 2 * cycle_s_);
-    std::vector<CyclicBufferSingleAxisCommand> ramp;
-    if (speed > 1e-9)
-        for (double time_s = cycle_s_; time_s < ramp_s + cycle_s_; time_s += cycle_s_) {
-            const double t = std::min(time_s, ramp_s);
-            CyclicBufferSingleAxisCommand &command = ramp.emplace_back();
-            command.type = CyclicBufferCommandType::AbsolutePos;
-            command.command = mine.sent + mine.sent_velocity * (t - t * t / (2 * ramp_s));
-            command.intervalCycles = 1;
-        }
+    if (status.state == CyclicBufferState::WaitingForCommand) axes_[axis].sent_velocity = 0;
+    commands_.clear();
+    slow_down({axis});
     states_[axis] = STOPPING;
-    if (!ramp.empty())
-        check("CyclicBuffer::AddCommand", Api::CyclicBuffer,
-              buffer_.AddCommand(axis, ramp.data(), static_cast<int>(ramp.size())));
+    add({axis});
 }
 
 // Abort stops within a cycle: only where the last command has been executed.

@@ -30,7 +30,8 @@ public:
         std::vector<double> units;         // user units per SI unit
         std::vector<AxisLimits> limits;    // their acceleration is that of a stop, too
         double period_s, buffer_s;
-        int priority;  // SCHED_FIFO of the sending thread, 0: as it is
+        int priority;   // SCHED_FIFO of the sending thread, 0: as it is
+        bool threaded;  // false: `turn` is called instead, where time is simulated
     };
     PositionStream(Device &device, Settings settings);
     ~PositionStream();
@@ -44,6 +45,8 @@ public:
     void stop(const std::vector<int> &axes);
     void quick_stop(const std::vector<int> &axes);
     void close();
+    // Sends the oldest setpoint, and ends streams that have come to rest; false without a setpoint.
+    bool turn();
 
     bool active(int axis) const { return states_[axis] != OFF; }
     bool stopping(int axis) const { return states_[axis] == STOPPING; }
@@ -75,6 +78,7 @@ private:
     void sample(const std::vector<int> &axes, const Setpoint &setpoint);
     void hold(const std::vector<int> &axes, unsigned int cycles);
     void add(const std::vector<int> &axes);
+    void slow_down(const std::vector<int> &axes);
     void brake(int axis);
     void end_drained();
     void open(const std::vector<int> &axes);
@@ -88,6 +92,7 @@ private:
     wmx3Api::CyclicBuffer buffer_;
     const Settings settings_;
     SetpointQueue queue_;
+    Setpoint taken_;  // needs no lock: of the sending thread
     std::vector<Axis> axes_, before_;  // before_: of the setpoint before
     std::vector<std::atomic<State>> states_;
     std::vector<bool> open_;

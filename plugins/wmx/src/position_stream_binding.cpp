@@ -15,13 +15,14 @@ using Values = std::vector<double>;
 void bind_position_stream(nb::module_ &module) {
     nb::class_<PositionStream>(module, "PositionStream")
         .def("__init__", [](PositionStream *self, Device &device, Values units, Values velocity,
-                            Values acceleration, double period_s, double buffer_s, int priority) {
+                            Values acceleration, double period_s, double buffer_s, int priority, bool threaded) {
             std::vector<AxisLimits> limits;
             for (std::size_t axis = 0; axis < units.size(); axis++)
                 limits.push_back({velocity.at(axis), acceleration.at(axis)});
             new (self) PositionStream(device, {std::move(units), std::move(limits), period_s,
-                                               buffer_s, priority});
-        }, nb::keep_alive<1, 2>())
+                                               buffer_s, priority, threaded});
+        }, nb::keep_alive<1, 2>(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(),
+           nb::arg(), nb::arg("threaded") = true)
         .def("begin", &PositionStream::begin, Unlocked())
         .def("put", [](PositionStream &self, Numbers position, Numbers velocity, long long due_ns) {
             if (position.shape(0) != self.axes() || velocity.shape(0) != self.axes())
@@ -32,6 +33,7 @@ void bind_position_stream(nb::module_ &module) {
         .def("stop", &PositionStream::stop, Unlocked())
         .def("quick_stop", &PositionStream::quick_stop, Unlocked())
         .def("close", &PositionStream::close, Unlocked())
+        .def("turn", &PositionStream::turn, Unlocked())
         .def("active", &PositionStream::active)
         .def("stopping", &PositionStream::stopping)
         .def_prop_ro("fault", &PositionStream::fault)

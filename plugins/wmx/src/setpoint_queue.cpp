@@ -59,12 +59,17 @@ void SetpointQueue::restart(bool discard) {
     if (discard) count_ = 0;
 }
 
-bool SetpointQueue::take(Setpoint &setpoint, bool polling) {
+bool SetpointQueue::wait(bool polling) {
     std::unique_lock lock(mutex_);
     const auto any = [this] { return count_ > 0 || woken_ || closed_; };
     if (polling) changed_.wait_for(lock, POLL, any);
     else changed_.wait(lock, any);
     woken_ = false;
+    return !closed_;
+}
+
+bool SetpointQueue::take(Setpoint &setpoint) {
+    std::lock_guard guard(mutex_);
     if (count_ == 0) return false;
     setpoint = ring_[first_];
     first_ = (first_ + 1) % CAPACITY;

@@ -30,8 +30,10 @@ public:
     void wait_for_gap();
     // Ignores nothing any more; with `discard` it drops all setpoints, too.
     void restart(bool discard);
-    // Waits for the oldest setpoint; false after `wake` and `close`, and where it is `polling`, after 2 ms.
-    bool take(Setpoint &setpoint, bool polling);
+    // Waits for a setpoint, `wake` or `close`, and where it is `polling`, 2 ms; false after `close`.
+    bool wait(bool polling);
+    // Takes the oldest setpoint; false without one.
+    bool take(Setpoint &setpoint);
     void wake();
     void close();
     bool closed() const;
