@@ -10,8 +10,10 @@ from tests.witness.canopen_bench import CanopenBench
 from tests.witness.dobot_bench import DobotBench
 from tests.witness.ethercat_bench import EthercatBench
 from tests.witness.model_bench import ArmBench, MujocoBench, SimBench
+from tests.witness.one_by_one import one_by_one
 from tests.witness.play import FAULTS, WitnessPlay
 from tests.witness.servo_bench import ServoBench
+from tests.witness.wmx_bench import WmxBench
 
 RATE_HZ = 100.0
 BENCHES: dict[str, Callable[..., Bench]] = {
@@ -24,6 +26,7 @@ BENCHES: dict[str, Callable[..., Bench]] = {
     "dobot": DobotBench,
     "feetech": partial(ServoBench, "feetech"),
     "dynamixel": partial(ServoBench, "dynamixel"),
+    "wmx": WmxBench,
     "sim-base": partial(SimBench, axes=1, base=True),
     "canopen-base": partial(CanopenBench, axes=1, base=True),
     "keeping-base": partial(CanopenBench, axes=1, base=True, keeps=True),
@@ -39,8 +42,9 @@ def run_seed(
 
     ``log``: takes all commands.
     """
-    play = WitnessPlay(BENCHES[name](rate_hz=RATE_HZ), faults)
-    findings = play.play(seed)
+    with one_by_one():
+        play = WitnessPlay(BENCHES[name](rate_hz=RATE_HZ), faults)
+        findings = play.play(seed)
     if log is not None:
         log += play.log
     if not findings:

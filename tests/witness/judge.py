@@ -18,7 +18,7 @@ SILENT_PERIODS = 1.5  # between two commands: more is a silence
 MAX_PULL_RAD = 0.2  # the load of a joint sinks by 0.15 before it has torque, and on meanwhile
 MAX_SEED_RAD = 0.07  # 0.05 that a joint may move unnoticed, and the way of a hand in a period
 REST_RAD_S = 0.05  # what may remain of a motion after a stop
-ROUNDING = 3e-6  # rad: counts of the encoders here, and floats
+ROUNDING = 3e-6  # rad: counts of most encoders here, and floats
 
 
 @dataclass(frozen=True)
@@ -166,6 +166,10 @@ class Judge:
         """Allow the harder ramp of a quick stop that was asked for."""
         hardest, end_s = self._braking
         self._braking = max(acceleration, hardest), max(until_s, end_s)
+
+    def may_brake(self, time_s: float) -> bool:
+        """Return True during the harder ramp that ``allow_ramp`` has allowed."""
+        return time_s < self._braking[1]
 
     def execute(self, command: Command) -> None:
         """Judge a command that the drive executes while its power stage is on."""

@@ -33,7 +33,7 @@ from robotd_serial_servo.servo_record import ServoRecord
 FIELDBUSES = ("canopen", "ethercat")
 SERVOS = ("feetech", "dynamixel")
 LOAD_NM = 0.8
-EVERY = (*FIELDBUSES, "sim", "arm", "dobot", *SERVOS)
+EVERY = (*FIELDBUSES, "sim", "arm", "dobot", "wmx", *SERVOS)
 
 
 @pytest.fixture(params=EVERY)
@@ -51,8 +51,15 @@ def servos(request: pytest.FixtureRequest) -> Iterator[Bench]:
     yield from started(request.param)
 
 
-def started(name: str) -> Iterator[Bench]:
-    made = BENCHES[name](rate_hz=100.0)
+@pytest.fixture
+def wmx(request: pytest.FixtureRequest) -> Iterator[Bench]:
+    yield from started("wmx", **getattr(request, "param", {}))
+
+
+def started(name: str, **options: float) -> Iterator[Bench]:
+    if name == "wmx":
+        pytest.importorskip("nanobind", reason="make -C plugins/wmx tools")
+    made = BENCHES[name](rate_hz=100.0, **options)
     with made.requested():
         made.robot.start()
     yield made
@@ -144,6 +151,30 @@ def test_targets_that_a_controller_gets_late() -> None:
     made.robot.shutdown()
     made.close()
     assert any("periods ago" in finding for finding in made.findings)
+
+
+@pytest.mark.parametrize("wmx", [{"stream_buffer_s": 0.1}], indirect=True)
+def test_commands_that_wait_in_the_engine(wmx: Bench) -> None:
+    """As with more commands ahead than the robot's file says."""
+    move(wmx)
+    assert any("periods ago" in finding for finding in wmx.findings)
+
+
+def test_a_buffer_that_is_ended_in_motion(wmx: Bench) -> None:
+    """As in a stop without its ramp."""
+    positions = vars(wmx.robot.axes._driver)["wrapped"]._positions
+    move(wmx, at_half=positions.close)
+    assert any("has no command" in finding for finding in wmx.findings)
+
+
+def test_a_ramp_of_the_sender_that_is_too_hard(wmx: Bench) -> None:
+    """As with the acceleration limit in another unit."""
+    positions = vars(wmx.robot.axes._driver)["wrapped"]._positions
+    scaling = positions._connection.scaling
+    scaling.stop_deceleration = 10.0 * scaling.stop_deceleration
+    positions.close()  # it is bound anew
+    move(wmx, at_half=lambda: positions.stop([0]))
+    assert any("velocity of the target changes" in finding for finding in wmx.findings)
 
 
 def test_wheels_that_move_by_themselves(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -82,13 +82,19 @@ Faults::Faults() {
     if (const char *times = std::getenv("WMX_STANDIN_LOCKED")) device_locked = std::atoi(times);
 }
 
+void (*sleep_hook)(double) = nullptr;
+
 std::int64_t now_ns() {
+    if (block().stepped) return block().time_ns;
     timespec time{};
     clock_gettime(CLOCK_MONOTONIC, &time);
     return time.tv_sec * 1'000'000'000ll + time.tv_nsec;
 }
 
-void sleep_ms(double milliseconds) { usleep(static_cast<useconds_t>(milliseconds * 1000)); }
+void sleep_ms(double milliseconds) {
+    if (sleep_hook) sleep_hook(milliseconds);
+    else usleep(static_cast<useconds_t>(milliseconds * 1000));
+}
 
 Block &block() {
     static Block *mapped = map_block();

@@ -45,11 +45,13 @@ struct CyclicQueue {
         double position;
         unsigned int cycles;
         bool relative;
+        long long added;  // cycle of the engine
     };
     unsigned int capacity, first, count, done, cycles;
     bool executing;
     QueueState state;
     double max_acc, from, to;
+    long long age;  // cycles since the command under way was added
     Command commands[CYCLIC_COMMANDS];
 };
 
@@ -90,6 +92,7 @@ struct Device {
     DeviceType::T type;
     unsigned int watchdog_ms;
     std::int64_t fed_ns;
+    int life;  // of the process, where time is stepped
     char name[constants::maxDeviceName];
 };
 
@@ -103,7 +106,8 @@ struct Slave {
 struct Faults {  // survive a restart of the engine, so that they can be set before it starts
     int device_locked, process_locked, communication_rejected, name_rejected;
     int idle_ms, communication_ms, hot_connect_ms, hot_connect_abort, drives, io_modules;
-    bool licence_expired, loop_back, frozen;
+    int busy;  // so many calls are rejected; below 0: all
+    bool licence_expired, loop_back, frozen, status_lost;
     bool half_spline, fast_spline, swapped_spline;  // a spline is run in another way than asked
     Faults();  // none
 };
@@ -116,6 +120,9 @@ struct Block {
     Device devices[constants::maxDevices];
     pid_t engine_pid;
     bool stopped, auto_quit, quit;
+    bool stepped;  // time is `time_ns`, and the engine runs in `standin_run`
+    int life;
+    std::int64_t time_ns, needed_ns;
     std::int64_t starting_ns, heartbeat_ns, running_ns, communicate_ns;
     EngineState::T state;
     long long cycle;
@@ -140,6 +147,7 @@ struct Block {
 
 std::int64_t now_ns();
 void sleep_ms(double milliseconds);
+extern void (*sleep_hook)(double milliseconds);  // in place of a sleep, where time is stepped
 
 // The block, mapped and set up by the first process. Aborts when there is no shared memory.
 Block &block();
@@ -147,6 +155,10 @@ bool running(pid_t pid);  // a process, and no zombie
 bool engine_alive(const Block &block);
 bool communicating(const Block &block);
 void reset_engine(Block &block);  // what a start of the engine finds
+void begin_engine(Block &block, std::int64_t now);  // by the process that runs its cycles
+void run_cycle(Block &block, std::int64_t now);
+bool is_needed(Block &block, std::int64_t now);  // some process uses the engine, or did a moment ago
+void end_engine(Block &block);
 double counts_per_unit(const Block &block, int axis);
 
 // Holds the block's mutex; the death of a holder is survived. With `engine` a stopped holder is, too:

@@ -12,9 +12,9 @@ namespace standin {
 // Behind WMX3Api::dev. Its thread feeds the device's watchdog.
 class Handle {
 public:
-    explicit Handle(int id);
+    Handle(int id, const Block &block);
     ~Handle();
-    const int id;
+    const int id, life;
 
 private:
     void feed();
@@ -32,10 +32,15 @@ template <class Command>
 int with_engine(const WMX3Api *api, Command command) {
     Lock block;
     if (int code = check_device(*block, api)) return code;
+    if (block->faults.busy) {
+        if (block->faults.busy > 0) block->faults.busy--;
+        return ErrorCode::APIChannelTimeOut;
+    }
     return command(*block);
 }
 
-// The same, and waits until the engine has taken the command in (ApiWaitUntilMotionStart).
+// The same, and waits until the engine has taken the command in (ApiWaitUntilMotionStart),
+// unless time is stepped.
 template <class Command>
 int with_motion(const WMX3Api *api, Command command) {
     long long cycle = 0;
@@ -43,7 +48,7 @@ int with_motion(const WMX3Api *api, Command command) {
         cycle = block.cycle;
         return command(block);
     });
-    for (int tries = 0; code == 0 && tries < 100; tries++) {
+    for (int tries = 0; code == 0 && !sleep_hook && tries < 100; tries++) {
         sleep_ms(0.5);
         Lock block;
         if (block->cycle > cycle || !communicating(*block)) break;

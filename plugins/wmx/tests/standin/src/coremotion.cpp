@@ -54,7 +54,7 @@ WMX3APIFUNC CoreMotion::GetStatus(CoreMotionStatus *pStatus) {
     if (!pStatus) return ErrorCode::ArgumentIsNull;
     if (!wmx3Api || !wmx3Api->dev) return ErrorCode::DeviceIsNull;
     Lock block;
-    if (!engine_alive(*block)) return ErrorCode::StatusChannelError;
+    if (!engine_alive(*block) || block->faults.status_lost) return ErrorCode::StatusChannelError;
     std::memcpy(static_cast<void *>(pStatus), &block->status, sizeof *pStatus);
     return ErrorCode::None;
 }

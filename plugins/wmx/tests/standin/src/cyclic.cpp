@@ -65,7 +65,7 @@ int add(Block &block, int axis, int count, Of of) {
             return ErrorCode::ArgumentOutOfRange;
         queue.commands[(queue.first + queue.count++) % CYCLIC_COMMANDS] = {
             command.command, command.intervalCycles,
-            command.type == CyclicBufferCommandType::RelativePos};
+            command.type == CyclicBufferCommandType::RelativePos, block.cycle};
     }
     return ErrorCode::None;
 }

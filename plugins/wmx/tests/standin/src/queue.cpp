@@ -21,6 +21,7 @@ void run_queue(Block &block, int index) {
         queue.to = next.relative ? axis.command + next.position : next.position;
         queue.cycles = next.cycles;
         queue.done = 0;
+        queue.age = block.cycle - next.added;
     }
     queue.state = EXECUTING;
     queue.done++;

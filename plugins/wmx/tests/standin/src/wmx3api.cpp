@@ -15,7 +15,9 @@ extern char **environ;
 
 namespace standin {
 
-Handle::Handle(int id) : id(id), feeder(&Handle::feed, this) {}
+Handle::Handle(int id, const Block &block) : id(id), life(block.life) {
+    if (!block.stepped) feeder = std::thread(&Handle::feed, this);
+}
 
 Handle::~Handle() {
     {
@@ -23,7 +25,7 @@ Handle::~Handle() {
         closing = true;
     }
     wake.notify_all();
-    feeder.join();
+    if (feeder.joinable()) feeder.join();
 }
 
 void Handle::feed() {
@@ -40,8 +42,10 @@ void Handle::feed() {
 int check_device(const Block &block, const WMX3Api *api) {
     if (!api || !api->dev) return ErrorCode::DeviceIsNull;
     if (!engine_alive(block)) return ErrorCode::APIChannelError;
-    const Device &device = block.devices[static_cast<Handle *>(api->dev)->id];
-    return device.used && device.pid == getpid() ? ErrorCode::None : ErrorCode::DeviceIsNotInUse;
+    const Handle &handle = *static_cast<Handle *>(api->dev);
+    const Device &device = block.devices[handle.id];
+    const bool mine = device.pid == getpid() && device.life == handle.life && handle.life == block.life;
+    return device.used && mine ? ErrorCode::None : ErrorCode::DeviceIsNotInUse;
 }
 
 namespace {
@@ -55,6 +59,11 @@ int start_engine(const char *path) {
         Lock block;
         if (engine_alive(*block)) return ErrorCode::None;
         const std::int64_t now = now_ns();
+        if (block->stepped) {
+            if (block->engine_pid) end_engine(*block);
+            begin_engine(*block, now);
+            return ErrorCode::None;
+        }
         if (block->starting_ns && now - block->starting_ns < 2'000'000'000) return ErrorCode::None;
         const std::string program = engine_program(path);
         if (access(program.c_str(), X_OK) != 0) return ErrorCode::RtssFileNotFoundError;
@@ -125,8 +134,8 @@ WMX3APIFUNC WMX3Api::CreateDevice(const char *path, DeviceType::T type, unsigned
     Lock block;
     for (int id = 0; id < constants::maxDevices; id++) {
         if (block->devices[id].used) continue;
-        block->devices[id] = Device{true, getpid(), type, 0, now_ns(), {}};
-        dev = new Handle(id);
+        block->devices[id] = Device{true, getpid(), type, 0, now_ns(), block->life, {}};
+        dev = new Handle(id, *block);
         return ErrorCode::None;
     }
     return ErrorCode::ReachMaxChannelNumber;
@@ -146,11 +155,12 @@ WMX3APIFUNC WMX3Api::CloseDevice() {
 #endif
     if (!dev) return ErrorCode::DeviceIsNull;
     Handle *handle = static_cast<Handle *>(dev);
-    const int id = handle->id;
+    const int id = handle->id, life = handle->life;
     dev = nullptr;
     delete handle;
     Lock block;
-    if (block->devices[id].pid == getpid()) block->devices[id].used = false;
+    if (block->devices[id].life != life) return ErrorCode::DeviceIsNotInUse;
+    if (block->devices[id].pid == getpid() && life == block->life) block->devices[id].used = false;
     bool last = exitNoDev && block->auto_quit;
     for (const Device &device : block->devices) last = last && !device.used;
     if (last && engine_alive(*block)) block->quit = true;

@@ -1,0 +1,253 @@
+"""Robot of joints on the stand-in for the WMX engine, in simulated time.
+
+The judge gets what each servo was commanded in each cycle of the engine, from its own record. The
+engine runs in this process, as far as simulated time has come (``plugins/wmx/tests/standin``). The
+thread that sends positions is replaced by calls at the same simulated times.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib
+import os
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from functools import cache
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+from tests.witness.bench import OVERCURRENT, Bench
+from tests.witness.judge import Command, Judge
+
+from robotd.clock import NANOSECONDS
+from robotd.descriptor import RobotDescriptor
+from robotd.device.capabilities import Capability
+from robotd.plugin.manager import Backend, PluginOrigin
+from robotd.robot import Robot
+
+ROOT = Path(__file__).parents[2]
+PARAMETERS = ROOT / "robots" / "cr3a" / "wmx_parameters.xml"
+CYCLE_NS = 1_000_000
+CYCLE_S = CYCLE_NS / NANOSECONDS
+BUFFER_S = 0.02
+EXECUTING, WAITING = 2, 3  # queue of a ``Row``
+MOVING_RAD_S = 0.3  # of a stream whose buffer runs dry
+MIN_BUSY = 2  # calls that are rejected
+DROPPED_S = 0.5  # a cable that is cut longer ends the communication
+EXCUSED_S = 0.3  # after a fault, in which buffers may run dry
+ROUNDING = 1e-7  # rad
+
+
+class Row(ctypes.Structure):
+    """What an axis was commanded in a cycle; as in ``standin/src/stepped.cpp``."""
+
+    _fields_ = [
+        ("command", ctypes.c_double),
+        ("velocity", ctypes.c_double),
+        ("zero", ctypes.c_double),
+        ("age", ctypes.c_double),
+        ("servo_on", ctypes.c_int32),
+        ("queue", ctypes.c_int32),
+    ]
+
+
+@cache
+def standin() -> ctypes.CDLL:
+    """Build the stand-in and the backend, unless they are built; return the engine's library."""
+    os.environ.setdefault("WMX_STANDIN_SHM", f"wmx-witness-{os.getpid()}")
+    sys.path.insert(0, str(ROOT / "plugins" / "wmx" / "tests"))
+    build = importlib.import_module("standin_build")
+    sys.path.insert(0, str(build.build_all()))
+    return ctypes.CDLL(str(build.SDK / "lib" / "libimdll.so"))
+
+
+class WmxBench(Bench):
+    """A robot that is not yet started; ``close`` when it is not needed any more."""
+
+    def __init__(self, axes: int = 2, rate_hz: float = 100.0, **options: Any) -> None:
+        self.prepare(axes, rate_hz, base=False)
+        self._engine = standin()
+        self._plugin = importlib.import_module("robotd_wmx.plugin")
+        period_s = 1.0 / rate_hz
+        for judge in self.judges:
+            judge.period_s, judge.rounding = CYCLE_S, ROUNDING
+            # Twice the commands that are held ahead, those of a burst, and of the next setpoint.
+            judge.max_age_periods = (2 * BUFFER_S + 3 * period_s) / CYCLE_S + 2
+        self._options = {"stream_buffer_s": BUFFER_S, **options}
+        self._rate_hz, self._period_s = rate_hz, period_s
+        self._rows = (Row * axes)()
+        self._before: list[Row | None] = [None] * axes
+        self._ends: list[tuple[float, Callable[[], None]]] = []  # of faults
+        self._senders: list[Any] = []
+        self._send_s = self._late_s = 0.0  # no turn of the sender before; then so far apart
+        self._excused_s = 0.0
+        self._ran_ns = self.clock.now_ns()
+        self._hook = ctypes.CFUNCTYPE(None, ctypes.c_double)(self._pass_time)
+        self._engine.standin_step_time(ctypes.c_int64(self._ran_ns), self._hook)
+        self.port("reset")
+        self._patches = ExitStack()
+        native = importlib.import_module("robotd_wmx._native")
+        made = native.PositionStream
+
+        def make_sender(*arguments: Any) -> Any:
+            sender = made(*arguments, threaded=False)
+            self._senders.append(sender)
+            return sender
+
+        self._patches.enter_context(patch.object(native, "PositionStream", make_sender))
+        self.clock.advanced = self.settle
+        self.robot = self.make_robot()
+
+    def make_robot(self) -> Robot:
+        descriptor = RobotDescriptor.model_validate({
+            **self.describe(self._rate_hz), "backend": "wmx", "backends": {"wmx": self._options},
+            "parameters_file": str(PARAMETERS),
+        })  # fmt: skip
+        backend = Backend(PluginOrigin("wmx", "robotd_wmx", "wmx", "0.1.0"), self._plugin)
+        backend.capabilities |= {Capability.SIMULATED}  # here: the engine uses this clock
+        return self.take(Robot(descriptor, backend, self.clock))
+
+    def close(self) -> None:
+        self._patches.close()
+        self._senders.clear()
+        self.port("reset")
+
+    def unplug(self) -> None:
+        self._engine.standin_kill()
+        self._senders.clear()
+
+    def port(self, command: str, *arguments: int) -> None:
+        """Run a command of the stand-in's fault port."""
+        words = [b"", command.encode(), *(str(argument).encode() for argument in arguments)]
+        count = len(words)
+        failed = self._engine.standin_port(count, (ctypes.c_char_p * count)(*words))
+        assert not failed, words
+
+    def _pass_time(self, milliseconds: float) -> None:
+        """Let time pass while a call of the SDK waits."""
+        self.run(milliseconds / 1000)
+
+    def settle(self) -> None:
+        """Let the engine live up to the present."""
+        now_ns = self.clock.now_ns()
+        self._send()
+        while self._ran_ns < now_ns:
+            self._ran_ns = min(now_ns, self._ran_ns + CYCLE_NS)
+            ran = self._engine.standin_run(
+                ctypes.c_int64(self._ran_ns), self._rows, len(self.judges)
+            )
+            if ran:
+                time_s = self._ran_ns / NANOSECONDS
+                for axis, judge in enumerate(self.judges):
+                    self._judge(judge, axis, time_s)
+            self._send()
+        for end in [end for end in self._ends if end[0] <= self.now_s]:
+            self._ends.remove(end)
+            end[1]()
+
+    def stall(self, seconds: float) -> None:
+        self._send_s = max(self._send_s, self.now_s + seconds)  # the whole process is suspended
+        self._excuse(seconds)
+        super().stall(seconds)
+
+    def _send(self) -> None:
+        now_s = self._ran_ns / NANOSECONDS
+        if now_s < self._send_s:
+            return
+        if self._late_s:
+            self._send_s = now_s + self._late_s
+        for sender in self._senders:
+            while sender.turn():
+                pass
+
+    def _judge(self, judge: Judge, axis: int, time_s: float) -> None:
+        row = Row.from_buffer_copy(self._rows[axis])
+        before, self._before[axis] = self._before[axis], row
+        judge.power(time_s, bool(row.servo_on))
+        if not row.servo_on or before is None or not before.servo_on or before.zero != row.zero:
+            judge.own_ramp()
+        elif row.queue == EXECUTING:
+            slows = abs(row.velocity) < abs(before.velocity) - ROUNDING / CYCLE_S
+            # The ramp of a stop is sent at once.
+            sent_s = None if slows else time_s - row.age * CYCLE_S
+            judge.execute(Command(time_s, row.command, sent_s=sent_s, place=before.command))
+        else:
+            self._judge_end(judge, before, row, time_s)
+            if row.queue != WAITING:
+                judge.own_ramp()
+                judge.profile(time_s, (row.command - before.command) / CYCLE_S)
+                judge.bounds(time_s, row.command, before.command)
+
+    def _judge_end(self, judge: Judge, before: Row, row: Row, time_s: float) -> None:
+        """Judge a buffer that has no command any more: the axis rests at once."""
+        moved = before.queue == EXECUTING and abs(before.velocity) > MOVING_RAD_S
+        excused = time_s <= self._excused_s or judge.may_brake(time_s)
+        if moved and row.velocity == 0.0 and not excused:
+            judge.findings.append(
+                f"{time_s:.3f} s: {judge.name} has no command at {before.velocity:+.2f} rad/s"
+            )
+
+    def _excuse(self, seconds: float) -> None:
+        self._excused_s = max(self._excused_s, self.now_s + seconds + EXCUSED_S)
+
+    # Faults
+
+    def _until(self, seconds: float, begin: Sequence[Any], end: Sequence[Any]) -> None:
+        self._excuse(seconds)
+        self.port(*begin)
+        self._ends.append((self.now_s + seconds, lambda: self.port(*end)))
+
+    def silence(self, seconds: float, axes: Sequence[int] = (), how: str = "both") -> None:
+        """Let the engine stand still; or slaves be offline, no status be read, nothing be sent."""
+        if how == "commands":  # the sending thread gets no processor
+            self._excuse(seconds)
+            self._send_s = self.now_s + seconds
+        elif how == "answers":
+            self._until(seconds, ("status_lost", 1), ("status_lost", 0))
+        elif axes:
+            for axis in axes:
+                self._until(seconds, ("slave_lost", axis), ("slave_back", axis))
+        else:
+            self._until(seconds, ("freeze", 1), ("freeze", 0))
+
+    def delay(self, seconds: float, delay_s: float, axes: Sequence[int] = ()) -> None:
+        """Let the sending thread run late."""
+        self._excuse(seconds)
+        self._late_s = delay_s
+        self._ends.append((self.now_s + seconds, self._be_punctual))
+
+    def _be_punctual(self) -> None:
+        self._late_s = 0.0
+
+    def block(self, seconds: float) -> None:
+        """Let the engine reject all calls."""
+        self._until(seconds, ("busy", -1), ("busy", 0))
+
+    def cut_cable(self, seconds: float) -> None:
+        if seconds > DROPPED_S:
+            self._excuse(seconds)
+            self.port("drop_communication")
+            return
+        for axis in range(len(self.judges)):
+            self._until(seconds, ("slave_lost", axis), ("slave_back", axis))
+
+    def reset(self, axis: int) -> None:
+        """Let a servo switch itself off."""
+        self._excuse(0.0)
+        self.port("servo_off", axis)
+
+    def trip(self, axis: int) -> None:
+        self._excuse(0.0)
+        self.port("amp_alarm", axis, OVERCURRENT)
+
+    def refuse(self, axis: int) -> None:
+        self._excuse(0.0)
+        self.port("busy", MIN_BUSY)
+
+    def heal(self) -> None:
+        for _, end in self._ends:
+            end()
+        self._ends.clear()
+        self._send_s = 0.0
