@@ -17,7 +17,6 @@ from robotd.api import (
     ProfiledAxes,
 )
 from robotd_serial_servo.device import ServoDevice
-from robotd_serial_servo.exchange import Job
 from robotd_serial_servo.options import PlannedServo, ServoPlan
 from robotd_serial_servo.servo_faults import TEXTS, Fault
 from robotd_serial_servo.switching import catch, clear, energise
@@ -54,8 +53,6 @@ class ServoAxes(ProfiledAxes):
         self._device, self._plan, self._fault_text = device, context.options, fault_text
         self._without_bus = without_bus
         self._shown: IntArray = np.zeros(robot.axes, np.int64)  # activations
-        # Axes that were let go, and what holds them again; None: nothing yet.
-        self._let_go: dict[int, Job | None] = {}
         self._uncaught: dict[int, str] = {}  # why an axis is off that was to be held
 
     @property
@@ -81,9 +78,8 @@ class ServoAxes(ProfiledAxes):
     def read_feedback(self, image: ProcessImage) -> None:
         exchange = self._device.exchange
         if exchange is None or not self._device.communicating:
-            self._let_go.clear()
             return
-        guided = self._let_go.copy()
+        guided = exchange.let_go.copy()
         # Before the feedback, which shows that they are held.
         caught = {axis: job for axis, job in guided.items() if job and job.done.is_set()}
         feedback = exchange.feedback
@@ -106,7 +102,7 @@ class ServoAxes(ProfiledAxes):
         for axis in guided:
             lost = guided[axis] is None and (feedback.alarm[axis] or feedback.offline[axis])
             if lost or axis in caught:
-                self._let_go.pop(axis, None)
+                exchange.let_go.pop(axis, None)
         for axis, job in caught.items():
             if job.error is not None:
                 self._uncaught[axis] = str(job.error)
@@ -124,25 +120,29 @@ class ServoAxes(ProfiledAxes):
         exchange = self._device.connected
         for job in [exchange.switch_off(axis) for axis in axes]:
             exchange.wait(job, timeout_s)
-        self._let_go |= dict.fromkeys(axes)
+        exchange.let_go |= dict.fromkeys(axes)
 
     def catch(self, axes: Sequence[int]) -> None:
         exchange, deadline_ns = self._device.connected, self._deadline_ns(CATCH_S)
-        for axis in axes:
+        if not self._device.communicating:
+            return  # all servos go off, and stay off
+        # An axis that was let go before communication began again is off, and stays off.
+        for axis in [axis for axis in axes if axis in exchange.let_go]:
             record = exchange.records[axis]
             steps = catch(exchange.bus, record, self.clock, deadline_ns, record.releases)
-            self._let_go[axis] = exchange.submit(steps)
+            exchange.let_go[axis] = exchange.submit(steps)
 
     def is_let_go(self, axis: int) -> bool:
-        return axis in self._let_go
+        exchange = self._device.exchange
+        return exchange is not None and axis in exchange.let_go
 
     def servo(self, axis: int, on: bool, timeout_s: float) -> None:
         exchange = self._device.connected
         if on and not self._device.communicating:
             raise NotReady("the servos do not communicate")
-        if on and axis in self._let_go:
+        if on and axis in exchange.let_go:
             raise NotReady("it is guided by hand, or being held again")
-        catching = None if on else self._let_go.pop(axis, None)
+        catching = None if on else exchange.let_go.pop(axis, None)
         if on:
             record, deadline_ns = exchange.records[axis], self._deadline_ns(timeout_s)
             job = exchange.submit(energise(exchange.bus, record, self.clock, deadline_ns))

@@ -116,6 +116,7 @@ class ServoDevice(DeviceDriver):
         if not wait_until(known, timeout_s, self.clock):
             silent = [record.servo for record in exchange.records if record.missed]
             raise DeviceTimeout(f"servo {', '.join(map(str, silent))} does not answer")
+        exchange.let_go.clear()  # all were switched off when communication ended
         self.communicating = True
 
     def stop_communication(self, timeout_s: float) -> None:

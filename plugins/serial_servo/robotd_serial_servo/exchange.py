@@ -98,6 +98,8 @@ class Exchange:
     Attributes:
         feedback: of the last exchange, replaced as a whole.
         failure: why the port is lost; "" while it is there.
+        let_go: axes that a hand guides, with the job that holds each again (None: nothing yet);
+            of the driver of the axes. It ends with communication.
         late, longest_s: exchanges that began more than half a period late, and the longest one.
     """
 
@@ -112,6 +114,7 @@ class Exchange:
     ) -> None:
         self.bus, self.failure = bus, ""
         self.records = [ServoRecord(plan) for plan in servos]
+        self.let_go: dict[int, Job | None] = {}
         self.late, self.longest_s = 0, 0.0
         self._clock, self._lost_after_s, self._priority = clock, lost_after_s, priority
         self._period_ns = round(period_s * NANOSECONDS)

@@ -370,3 +370,16 @@ def test_the_end_of_robotd_switches_a_guided_arm_off(bus: StsBus, tmp_path: Path
         robot.axes.begin_guiding([0, 1])
     assert [bus[number].get("torque") for number in ANGLES] == [0, 0]
     assert jumps(bus) == []
+
+
+def test_an_arm_that_was_guided_when_its_port_was_lost_comes_on_again(
+    bus: StsBus, tmp_path: Path
+) -> None:
+    with served(bus, tmp_path) as robot:
+        robot.axes.begin_guiding([0, 1])
+        bus.unplug()
+        until(lambda: "port lost" in robot.connection.fault, "the loss is named")
+        bus.plug_in()
+        robot.recover()
+        until(lambda: bool(robot.image.copy().servo_on.all()), "the servos are on again")
+    assert jumps(bus) == []
