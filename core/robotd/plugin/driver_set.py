@@ -9,6 +9,7 @@ from robotd.device.capabilities import Capability
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
 from robotd.device.fault_injector import FaultInjector
 from robotd.device.passive_joints import PassiveJoints
+from robotd.device.profiled_axes import ProfiledAxes
 from robotd.device.world import World
 from robotd.plugin.driver_signatures import signature_problems
 from robotd.plugin.fault_isolation import isolated
@@ -124,10 +125,18 @@ class Drivers:
 
     def _has(self, contract: type, name: str) -> bool:
         driver = self._driver(contract)
+        contract, name = _of_backend(driver, contract, name)
         return driver is not None and getattr(type(driver), name) is not getattr(contract, name)
 
     def _text(self, contract: type, name: str) -> str:
         driver = self._driver(contract)
         if driver is None:
             return f"there is no {contract.__name__} for {name}()"
-        return f"{type(driver).__name__} has no method {name}()"
+        return f"{type(driver).__name__} has no method {_of_backend(driver, contract, name)[1]}()"
+
+
+def _of_backend(driver: object, contract: type, name: str) -> tuple[type, str]:
+    """Return the method that a backend writes where ``name`` of the contract is needed."""
+    if name == "begin_guiding" and isinstance(driver, ProfiledAxes):
+        return ProfiledAxes, "let_go"
+    return contract, name
