@@ -44,6 +44,8 @@ class WmxDevice(DeviceDriver):
         self._attached = False  # whether we take part in the communication
 
     def open(self, path: str = "", name: str = "") -> None:
+        if self._engine_lives():
+            return
         self.connection.open(path, name or self.connection.robot.name)
         try:
             self._end_predecessor()
