@@ -191,6 +191,7 @@ def steepest(joints: list[Any]) -> float:
 def moving(client: Client) -> tuple[Any, list[Any]]:
     """A goal that moves all joints alike, at more than 1 rad/s now, and the joint states."""
     joints = client.listen(JointState, "/joint_states")
+    client.next(joints)  # else the motion may be over before the subscription is matched
     goal = FollowJointTrajectory.Goal()
     goal.trajectory.joint_names = [f"joint{axis}" for axis in range(1, 7)]
     point = JointTrajectoryPoint(positions=[1.5] * 6)

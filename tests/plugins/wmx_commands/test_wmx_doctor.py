@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -36,16 +37,25 @@ def sdk(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.fixture
+def not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The backend is not there, although a test before may have imported it from its folder."""
+    for name in [name for name in sys.modules if f"{name}.".startswith("robotd_wmx.")]:
+        monkeypatch.delitem(sys.modules, name)
+
+
 def bad(findings: list[Finding]) -> list[str]:
     return [finding.what for finding in findings if finding.verdict != "ok"]
 
 
+@pytest.mark.usefixtures("not_installed")
 def test_a_known_backend_that_is_not_installed_is_named_with_its_remedy(robotd: Robotd) -> None:
     result = robotd("--robot", "cr3a", "--backend", "wmx")
     assert result.exit_code == ExitCode.PLUGIN
     assert "backend 'wmx' is not installed; 'robotd wmx doctor' shows" in result.output
 
 
+@pytest.mark.usefixtures("not_installed")
 def test_the_doctor_runs_without_sdk_and_backend(robotd: Robotd, tmp_path: Path) -> None:
     result = robotd("wmx", "doctor", "--sdk", str(tmp_path / "nothing"))
     assert result.exit_code == 1
@@ -55,6 +65,7 @@ def test_the_doctor_runs_without_sdk_and_backend(robotd: Robotd, tmp_path: Path)
     assert "QuickStopDec of 100000 rad/s²" in result.output
 
 
+@pytest.mark.usefixtures("not_installed")
 def test_a_scan_without_the_backend_says_how_to_install_it(robotd: Robotd) -> None:
     result = robotd("wmx", "scan")
     assert result.exit_code == ExitCode.PLUGIN
