@@ -207,6 +207,7 @@ def assert_all_rejected(commanders: Commanders, seen: Restarted) -> None:
         wait_until(lambda topic=topic: is_named(topic), f"{topic} among {seen.problems}")
     rounds = commanders.rounds
     wait_until(lambda: commanders.rounds > rounds + RATE_HZ / 2, "further commands")
+    wait_until(lambda: seen.states, "states of the axes")
     assert seen.way < STANDSTILL
 
 

@@ -208,7 +208,8 @@ def robot(way: Any, scenario: Path) -> Iterator[Robot]:
 
 
 def test_every_kind_is_tested() -> None:
-    assert tuple(case.kind for case in CASES) == FAULTS
+    """But a hand, which moves a joint that is guided: see tests/features/scenario/test_faults."""
+    assert [case.kind for case in CASES] == [kind for kind in FAULTS if kind != "moved_by_hand"]
 
 
 @pytest.mark.parametrize(

@@ -351,7 +351,7 @@ def test_a_servo_that_does_not_go_on_says_why(open_rig: OpenRig) -> None:
     with open_rig(SMALL, enable=False) as harness:
         harness.inject("1 statusword 0x0250")
         with pytest.raises(DeviceTimeout, match=r"axis 0: node 1: .*switch on disabled"):
-            harness.robot.axes._driver.servo(0, True, 0.2)
+            harness.robot.axes._driver.servo(0, True, 1.0)
 
 
 @pytest.mark.parametrize("fault", ["trip 0x3210", "silence"])

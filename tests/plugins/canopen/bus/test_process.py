@@ -80,7 +80,7 @@ def test_power_off_and_on_of_all_drives(drives: DrivesProcess, tmp_path: Path) -
     with served(tmp_path) as harness:
         stop = broken(harness, drives.stop, healthy=())
         assert stop.execution.outcome is Outcome.FAULT
-        assert "node 1" in stop.execution.message
+        assert re.search(r"node \d", stop.execution.message)  # whichever is missed first
         assert "has not come for" in stop.execution.message
         assert harness.robot.connection.fault.endswith("more nodes")
         # The module, which has no cyclic PDO, is missed by its heartbeat; a start leaves out a node
