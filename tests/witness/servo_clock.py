@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from types import SimpleNamespace
 from typing import Any
 
@@ -94,7 +95,7 @@ class ServoClock(WitnessClock):
     def kill_bus(self) -> None:
         """End the bus thread where it is, as the end of its process does."""
         self._killed = True
-        if self._wake_ns is not None:
+        while self._wake_ns is not None:  # what it does at its end waits as well
             self.resume_bus()
 
 
@@ -112,8 +113,9 @@ class BusThread(threading.Thread):
 
     def run(self) -> None:
         try:
-            self._clock.park(self._clock.now_ns())
-            super().run()
+            with suppress(SystemExit):  # it was killed
+                self._clock.park(self._clock.now_ns())
+                super().run()
         finally:
             self._ended = True
             self._clock.leave()
