@@ -176,7 +176,7 @@ class StreamedTrajectory(TrajectoryExecution):
         if not self._due_ns:
             return SourcePhase.RUNNING
         stop_plan = plan_stop(self.trajectory, self.time_s, self._limits, self.rate)
-        self._stop_plan = stop_plan, self._due_ns  # before `time_ns` where a period is missing
+        self._stop_plan = stop_plan, time_ns
         return SourcePhase.STOPPING
 
     def _return_command(self, time_ns: int, offset: FloatArray) -> bool:
