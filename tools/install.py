@@ -3,7 +3,7 @@
 ``python -m tools.install ARGUMENTS``: the arguments of ``pip install``. uv needs a fifth of pip's
 processor time for what ``make run`` installs, but does not read pip's settings. They are handed to
 it, so that a package mirror is set once, for pip. If uv fails, pip tries the same.
-docs/decisions/past/0039 has the figures.
+docs/decisions/past.md (0039) has the figures.
 """
 
 from __future__ import annotations
