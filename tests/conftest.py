@@ -31,6 +31,16 @@ REAL_TIME = (
 
 It is a test's own folder that counts: `ros/unit` is not among them."""
 
+PROCESSES = (
+    "contract/test_ament_prefix.py",
+    "features/inventory/test_dying_plugins.py",
+    "features/new_robot/test_robot_package.py",
+    "plugins/dobot/test_conformance.py",
+    "plugins/dynamixel/test_conformance.py",
+    "plugins/feetech/test_conformance.py",
+)
+"""Files elsewhere that are long as a whole: each test starts processes that take seconds."""
+
 SLOWEST = (
     "features/conformance/runs/test_mutants.py",
     "features/conformance/runs/test_other_mutants.py",
@@ -45,7 +55,7 @@ SLOWEST = (
 )
 """Files of minutes, which begin first: a worker that began one in the end would work on alone."""
 
-TURNS = 2  # runs of the gate that have all long tests between them
+TURNS = 5  # runs of the gate that have all long tests between them
 
 pytest_plugins = ["tests.command_line", "tests.installed_plugin"]
 
@@ -86,8 +96,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Mark what is long; shuffle on request, and keep the tests of a file together."""
     first = {HERE / name: place for place, name in enumerate(SLOWEST)}
     items.sort(key=lambda item: first.get(item.path, len(SLOWEST)))
+    processes = {HERE / name for name in PROCESSES}
     for item in items:
-        if is_in_real_time(item.path) and not item.get_closest_marker("daily"):
+        in_real_time = is_in_real_time(item.path) and not item.get_closest_marker("daily")
+        if in_real_time or item.path in processes:
             item.add_marker("long")
     if (turn := config.getoption("--turn")) is not None:
         others = set(not_in_turn(turn, items))

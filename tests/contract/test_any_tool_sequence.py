@@ -245,7 +245,10 @@ def _moved(pose: FloatArray, way: list[float]) -> FloatArray:
     return result
 
 
-@pytest.mark.parametrize("seed", range(6))
+LONG = [pytest.param(seed, marks=pytest.mark.long) for seed in range(5)]
+
+
+@pytest.mark.parametrize("seed", [*LONG, 5])
 def test_no_link_comes_close_to_a_guarded_body(tmp_path: Path, seed: int) -> None:
     file = tmp_path / "robot.yaml"
     file.write_text(ROBOT, encoding="utf-8")

@@ -135,6 +135,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return os.environ | {"PYTHONPATH": str(site)}
 
 
+@pytest.mark.long
 def test_a_third_party_feature_is_listed_checked_and_offered(
     installed: dict[str, str], tmp_path: Path
 ) -> None:
@@ -159,6 +160,7 @@ def test_a_third_party_feature_is_listed_checked_and_offered(
     assert "csv.rate: unknown key; did you mean" in unknown.stdout
 
 
+@pytest.mark.long
 def test_a_third_party_feature_runs_beside_the_robot(
     installed: dict[str, str], tmp_path: Path
 ) -> None:

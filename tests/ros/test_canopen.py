@@ -29,7 +29,7 @@ from wmx_ros2_message.srv import (
     SetIoBytes,
 )
 
-pytestmark = [pytest.mark.daily, pytest.mark.ros]
+pytestmark = pytest.mark.ros
 
 JOINTS = [f"joint{number}" for number in range(1, 7)]
 SPAN = 8  # samples
@@ -186,7 +186,6 @@ def test_an_alarm_and_the_way_back(
     succeed(client, 1, 0.0)
 
 
-@pytest.mark.long
 def test_a_lost_drive_and_the_way_back(
     client: Client, joints: list[Any], drives: DrivesProcess
 ) -> None:

@@ -56,7 +56,6 @@ def texts(message: DiagnosticArray) -> list[str]:
     return [problem.text for problem in read_problems(message)]
 
 
-@pytest.mark.daily
 def test_status_is_1_in_alarm_and_names_it_with_its_remedy(
     simulated: RobotProcess, operator: Client
 ) -> None:

@@ -59,7 +59,6 @@ def inject(domain: int, axis: int, delta: float) -> None:
     assert code == 0, error
 
 
-@pytest.mark.daily
 def test_an_arm_is_led_by_hand_until_ctrl_c_and_held(arm: RobotProcess) -> None:
     with guide(arm.domain, *PATIENT) as process:
         inject(arm.domain, 0, 0.1)

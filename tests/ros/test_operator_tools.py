@@ -61,7 +61,6 @@ def joints(arm_client: Client) -> list[Any]:
     return arm_client.listen(JointState, "/joint_states")
 
 
-@pytest.mark.daily
 def test_inputs_and_outputs_are_served_by_their_names(
     arm: RobotProcess, arm_client: Client
 ) -> None:

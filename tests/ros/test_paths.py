@@ -81,7 +81,6 @@ def wipe(arm: RobotProcess, client: Client) -> None:
     assert " points, at most 0.00" in output
 
 
-@pytest.mark.daily
 def test_a_recorded_jog_is_played_reversed_and_stopped_in_the_middle(
     arm: RobotProcess, client: Client, wipe: None
 ) -> None:

@@ -221,7 +221,6 @@ def assert_released(commanders: Commanders, seen: Restarted, *, silence_s: float
     wait_until(lambda: seen.way > 0.1, "motion")
 
 
-@pytest.mark.daily
 def test_every_stream_of_an_arm() -> None:
     """Afterwards the last of them, alone, moves the arm when it was silent."""
     with restarting(STREAMS, 3, *SLOWLY, backend="sim"):
@@ -257,7 +256,6 @@ def test_a_client_that_is_new_after_the_restart_moves_the_arm_at_once() -> None:
         client.close()
 
 
-@pytest.mark.daily
 @pytest.mark.parametrize(
     ("robot", "topic", "message_type"),
     [

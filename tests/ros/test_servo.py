@@ -145,7 +145,6 @@ def test_the_arm_ends_where_servo_halts_and_nothing_is_rejected(
     assert arm.position == pytest.approx(jog.states[-1, 1:], abs=1e-3)
 
 
-@pytest.mark.daily
 def test_the_arm_stops_by_the_time_out_when_messages_end_in_motion(arm: Arm) -> None:
     jog = arm.run(ServoEmulator(use_smoothing=False), lambda _: SPEED, 1.0)
     assert jog.messages[-1].velocity[-1][0] > 0.0  # less than SPEED where this process was late

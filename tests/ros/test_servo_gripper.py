@@ -50,7 +50,6 @@ def to(client: Client, position: float) -> Any:
     return result(client, GripperCommand, SINGLE, goal)
 
 
-@pytest.mark.daily
 def test_it_goes_to_the_position_of_a_goal(client: Client) -> None:
     for position in (0.8, OPEN):
         found = to(client, position)
@@ -59,7 +58,6 @@ def test_it_goes_to_the_position_of_a_goal(client: Client) -> None:
     assert to(client, 2.5) is None
 
 
-@pytest.mark.daily
 def test_the_parallel_action_names_its_joint(client: Client) -> None:
     goal = ParallelGripperCommand.Goal()
     goal.command.name, goal.command.position = ["gripper"], [0.5]
@@ -70,7 +68,6 @@ def test_the_parallel_action_names_its_joint(client: Client) -> None:
     assert result(client, ParallelGripperCommand, PARALLEL, goal) is None
 
 
-@pytest.mark.daily
 def test_the_command_opens_and_closes_it(so101: RobotProcess, client: Client) -> None:
     for command, text, position in (
         ("close", "gripper is closed", CLOSED), ("open", "gripper is open", OPEN)

@@ -182,7 +182,6 @@ def test_steps_that_make_no_sense_are_rejected(client: Client, periods: int) -> 
     assert f"periods: {periods} is outside 1..1000000" in answer.message
 
 
-@pytest.mark.daily
 def test_a_fault_is_injected_and_a_wrong_one_rejected(client: Client) -> None:
     states = client.listen(AxisState, "/wmx/axis/state")
     assert "did you mean 'axis'?" in client.inject("amp_alarm", axs=1).message

@@ -17,7 +17,7 @@ from tests.ros.robot_process import LATCHED, Client, RobotProcess, command_until
 from robotd.control.groups.problem import ProblemKind
 from robotd_ros.problem_messages import read_problems
 
-pytestmark = [pytest.mark.daily, pytest.mark.ros]
+pytestmark = pytest.mark.ros
 
 ROBOT = Path(__file__).parents[1] / "plugins" / "canopen" / "bus" / "torque_drives.yaml"
 TOPIC = "/forward_effort_controller/commands"

@@ -11,20 +11,20 @@ from tests.witness.backends import run_seed
 
 SEEDS = 100  # of each backend
 DAILY = {
-    "sim": 23,
-    "arm": 30,
-    "mujoco": 5,
-    "dobot": 20,
+    "sim": 12,
+    "arm": 15,
+    "mujoco": 3,
+    "dobot": 10,
     "feetech": 2,
     "dynamixel": 1,
-    "wmx": 10,
-    "canopen": 6,
-    "keeping": 4,
-    "ethercat": 6,
-    "sim-base": 12,
-    "canopen-base": 4,
-    "keeping-base": 4,
-    "ethercat-base": 5,
+    "wmx": 6,
+    "canopen": 4,
+    "keeping": 2,
+    "ethercat": 4,
+    "sim-base": 8,
+    "canopen-base": 2,
+    "keeping-base": 2,
+    "ethercat-base": 3,
 }
 FAILED = [
     # Servos stayed on after a shutdown with stale values, and would have obeyed.

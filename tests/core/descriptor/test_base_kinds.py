@@ -55,6 +55,7 @@ def run(env: dict[str, str], *words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, env=env, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.long
 def test_a_third_party_kind_is_checked_by_its_own_model(
     installed: dict[str, str], tmp_path: Path
 ) -> None:
@@ -70,6 +71,7 @@ def test_a_third_party_kind_is_checked_by_its_own_model(
     assert "(available: differential, mecanum, omni, skid_steer, tricycle)" in unknown.stdout
 
 
+@pytest.mark.long
 def test_a_third_party_base_moves_sideways(installed: dict[str, str]) -> None:
     done = run(installed, "-c", PROGRAM, str(EXAMPLE / "robot.yaml"))
     assert done.returncode == 0, done.stderr
