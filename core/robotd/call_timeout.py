@@ -62,7 +62,7 @@ os.register_at_fork(after_in_child=_CallThread.idle.clear)
 
 
 def call_with_timeout(budget_s: float, call: Callable[[], Result], name: str) -> Result:
-    """The result of ``call``, or what it raised. Any thread; costs about 0.03 ms.
+    """Return the result of ``call``, or raise its error. Any thread; costs about 0.03 ms.
 
     It runs in an idle thread, called ``name`` meanwhile, or in a new one where there is none. A
     call that never returns keeps its thread, a daemon: Python cannot end it.

@@ -83,7 +83,7 @@ class Names(NamedTuple):
     refused: Mapping[PluginOrigin, str]
 
     def require(self, name: str) -> tuple[PluginOrigin, EntryPoint] | None:
-        """Return what has ``name``; None where nothing does. Raises PluginError: it is refused."""
+        """Return the entry called ``name``; None without one. Raises PluginError: it is refused."""
         reasons = [text for origin, text in self.refused.items() if origin.name == name]
         if name not in self.entries and reasons:
             raise PluginError("\n".join(reasons))

@@ -341,7 +341,7 @@ class Robot:
         return self.axes.speed.text
 
     def reset(self) -> str:
-        """Allow motion again after ``stop`` or the stop input; return what was reset. Any worker.
+        """Allow motion again after ``stop`` or the stop input; return the reason. Any worker.
 
         Nothing moves: each client has to command motion anew, and one that went on commanding has
         to be released first.

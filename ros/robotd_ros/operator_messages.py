@@ -11,6 +11,7 @@ from robotd_ros.node_registry import OPERATOR_NODE
 OWNERS = f"{OPERATOR_NODE}/owners"
 LEVELS = f"{OPERATOR_NODE}/io"
 RECOVERY = f"{OPERATOR_NODE}/recovery"
+REJECTIONS = f"{OPERATOR_NODE}/rejections"
 
 Levels = Mapping[str, bool | None]  # by name; None: unknown
 

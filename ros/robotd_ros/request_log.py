@@ -20,7 +20,7 @@ MAX_KNOWN = 256
 
 
 class RequestLog:
-    """Logs what a client has asked for in vain; what comes within a second is counted. Any thread.
+    """Log of rejected requests of clients; repeats within a second are counted. Any thread.
 
     The client has the reason of each rejection in its answer.
     """

@@ -118,7 +118,7 @@ def test_a_topic_moves_one_arm_while_a_goal_moves_the_other(client: Client, go: 
     )
     status, result = right.result()
     assert status == SUCCEEDED, result.error_string
-    both = {"left_joint1": topic, "right_joint1": "follow_joint_trajectory"}
+    both = {"left_joint1": topic, "right_joint1": "trajectory"}
     assert any(both.items() <= found.items() for found in owners)
 
 

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
         validate_section,
     )
     from robotd.descriptor.files import beside, is_file, read_limited
-    from robotd.descriptor.group_parameters import ACTION_PARAMETER, default_action, group_prefixes
     from robotd.descriptor.group_settings import ALL_JOINTS
     from robotd.descriptor.problems import validate
     from robotd.descriptor.section import MAX_AXES, NAME
@@ -51,7 +50,6 @@ else:
     __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
-    "ACTION_PARAMETER",
     "ALL_JOINTS",
     "MAX_AXES",
     "MAX_URDF_BYTES",
@@ -67,11 +65,9 @@ __all__ = [
     "UrdfRobot",
     "YamlNode",
     "beside",
-    "default_action",
     "default_search_path",
     "find_mesh",
     "frame",
-    "group_prefixes",
     "is_file",
     "is_xacro",
     "list_robots",

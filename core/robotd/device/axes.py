@@ -519,7 +519,7 @@ class Axes(NamedAxes):
         return commands
 
     def _end_stream(self, axes: Sequence[int]) -> None:
-        """End streaming and wait until the image shows it; what does not end is stopped."""
+        """End streaming and wait until the image shows it; stop axes that go on."""
         try:
             self._driver.end_stream(axes)
         except RobotdError as error:

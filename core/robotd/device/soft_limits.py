@@ -1,4 +1,4 @@
-"""Soft-limit guard: stops axes at their position limits, and what has left them."""
+"""Soft-limit guard: stops axes at, and outside of, their position limits."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class SoftLimitGuard:
         self._ended: set[int] = set()  # axes whose velocity command was ended, until it shows
 
     def look(self, image: ProcessImage) -> None:
-        """Stop what has just room enough left. Control loop, once a period."""
+        """Stop axes that have just room enough to brake. Control loop, once a period."""
         operations = image.operation.tolist()
         self._stop_outside(image, operations)
         if Operation.VELOCITY not in operations:

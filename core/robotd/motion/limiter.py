@@ -248,7 +248,7 @@ class SetpointLimiter:
         return int(np.count_nonzero((state > lowest) & (state < highest))) == state.size
 
     def _trackable(self, reference: FloatArray) -> list[bool]:
-        """Return the joints whose reference is within what they can track."""
+        """Return the joints that can track their reference."""
         limits = self._bounds.highest_velocity, self._bounds.highest_acceleration
         rows = (*reference.tolist(), *limits, self._lower, self._upper)
         return [

@@ -1,4 +1,4 @@
-"""Bounds of the rate of a trajectory, for the accelerations of what it moves beside the joints."""
+"""Bounds of the rate of a trajectory, for accelerations of bodies that the joints move."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ LEAST_SHARE = 0.02  # of an acceleration limit, where the path uses all of it by
 
 @dataclass(frozen=True, eq=False)
 class RateBounds:
-    """How fast the rate of trajectory time may change, such as for the tool of an arm. Immutable.
+    """Bounds of the change of a trajectory's rate, such as for the tool of an arm. Immutable.
 
     At rate r = ds/dt a body with velocity v and acceleration a at rate 1 accelerates with
     a·r² + v·dr/dt. It is within its limit.

@@ -27,7 +27,7 @@ class Finding:
 
     Attributes:
         verdict: "failed": a robot cannot run here; "warning": it runs worse than it could.
-        what: what was found, one line.
+        what: the finding, one line.
         advice: the command, or the step, that mends it; "" for none.
     """
 

@@ -9,15 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from robotd.api.models import (
-    ACTION_PARAMETER,
-    JointSettings,
-    JointType,
-    RobotDescriptor,
-    default_action,
-    group_prefixes,
-)
+from robotd.api.models import JointSettings, JointType, RobotDescriptor
 from robotd_export.export_input import ExportInput
+from robotd_ros.group_parameters import ACTION_PARAMETER, default_action, group_prefixes
 
 SERVER = "follow_joint_trajectory_server"
 GRIPPER_NODE = "gripper_controller"

@@ -39,7 +39,7 @@ from robotd_shared.foreign_process import OWN_DISTRIBUTION, end_of, note_step, r
 
 @dataclass
 class Examined:
-    """What a distribution adds, and what is wrong with it.
+    """Parts that a distribution adds, and its mistakes.
 
     Attributes:
         name, version: of the distribution.

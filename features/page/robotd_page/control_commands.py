@@ -47,7 +47,7 @@ class Seen(Message):
 
 
 class Access(NamedTuple):
-    """What a command may use.
+    """Objects that a command may use.
 
     Attributes:
         robot: that it commands.

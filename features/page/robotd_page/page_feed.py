@@ -165,7 +165,7 @@ class WorldObjects:
 
 
 class GuardedSolids:
-    """What the arms of a robot keep away from, in each link. One thread."""
+    """Bodies that the arms of a robot keep away from, in each link. One thread."""
 
     def __init__(self, robot: Robot) -> None:
         self._limits = [group.motion_limits for group in robot.groups.values()]

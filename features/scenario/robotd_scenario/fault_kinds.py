@@ -38,7 +38,7 @@ class FaultKind(Part):
 
     @property
     def target(self) -> tuple[Any, ...]:
-        """What it changes: faults of one target override each other."""
+        """The thing that it changes: faults of one target override each other."""
         names = ("axis", "byte", "bit")
         return type(self), *(getattr(self, name) for name in names if hasattr(self, name))
 

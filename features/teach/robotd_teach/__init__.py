@@ -1,1 +1,1 @@
-"""What a person teaches a robot: poses by name, and programs of steps."""
+"""Teaching: poses by name, paths, and programs of steps."""

@@ -67,7 +67,7 @@ class HandGuiding:
 
     @property
     def reason(self) -> str:
-        """Why guiding has ended the last time; "" while it goes on. Any thread."""
+        """Reason of the last end of guiding; "" while it goes on. Any thread."""
         return self._session.reason if self._session else ""
 
     def begin(

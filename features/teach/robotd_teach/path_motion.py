@@ -30,7 +30,7 @@ APPROACH_SPEED = 0.2  # of the joints' limits, on the way to a path
 
 
 class PathTiming(Enum):
-    """What the speed of a path is a part of."""
+    """Reference of the speed of a path."""
 
     RECORDED = "recorded"  # of the recorded one; slower where the limits demand it
     LIMITS = "limits"  # of the joints' limits of velocity and acceleration

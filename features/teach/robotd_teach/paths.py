@@ -45,7 +45,7 @@ SPEEDS = {PathTiming.RECORDED: 1.0, PathTiming.LIMITS: 0.2}
 
 @dataclass(frozen=True)
 class Playback:
-    """How a path is played.
+    """Options of a playback.
 
     Attributes:
         speed: 0.01 to 1, a part of what ``timing`` names; None: 1 of the recorded speed, or 0.2 of
@@ -80,7 +80,7 @@ class Playback:
 
 
 class PathPlan(NamedTuple):
-    """What is played: the joints, their motion, and a sentence about it."""
+    """Planned playback: the joints, their motion, and a sentence about it."""
 
     group: JointGroup
     motion: PathMotion

@@ -46,7 +46,7 @@ class Components(Section):
 
 
 class Target(Section):
-    """Where to go: exactly one of ``pose``, ``joints``, ``at`` and ``by``.
+    """Target of a motion: exactly one of ``pose``, ``joints``, ``at`` and ``by``.
 
     Attributes:
         pose: name of a pose: of the program, or a taught one.
@@ -216,7 +216,7 @@ class Path_(Section):  # noqa: N801 - beside that of pathlib
 
 
 class SetGripper(Section):
-    """Where a gripper goes.
+    """Target of a gripper.
 
     Attributes:
         to: "open", "close", or a position between them: m, or rad of a joint that turns.

@@ -67,7 +67,7 @@ class LeaderFollower:
 
     @property
     def end(self) -> str:
-        """Why the robot follows no more; "" while it does."""
+        """Reason of the end; "" while the robot follows."""
         ended = [stream.message for stream, _ in self._streams if not stream.open]
         return ended[0] if ended else ""
 

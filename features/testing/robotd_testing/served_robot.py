@@ -10,15 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from robotd.api import NANOSECONDS, InvalidArgument
-from robotd.api.models import (
-    ACTION_PARAMETER,
-    default_action,
-    group_prefixes,
-    load_robot_descriptor,
-)
+from robotd.api.models import load_robot_descriptor
 from robotd.api.robots import PacedClock, Robot, load_backend
 from robotd_ros.client.motion_client import Arm, Ending, move
 from robotd_ros.client.ros_client import RosClient
+from robotd_ros.group_parameters import ACTION_PARAMETER, default_action, group_prefixes
 from robotd_ros.host import RosHost
 from robotd_ros.middleware import use_profiles
 from robotd_ros.plugin import built_in_nodes

@@ -1,4 +1,4 @@
-"""What collisions do not check, for ``robotd check``."""
+"""Pairs and links that the collision guard does not check, for ``robotd check``."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ NO_LENGTH_S = 1e-6  # a piece below it is left out
 
 @dataclass(frozen=True)
 class Blend:
-    """How far from the pose between two curves the path may leave them; 0: it stops there.
+    """Distance from the pose between two curves within which the path leaves them; 0: it stops.
 
     Attributes:
         linear: m.

@@ -67,7 +67,7 @@ MODES = {
 
 @dataclass(frozen=True)
 class Dialect:
-    """What differs between the generations of controllers.
+    """Differences between the generations of controllers.
 
     Attributes:
         modes: text of each mode that ``MODES`` lacks.

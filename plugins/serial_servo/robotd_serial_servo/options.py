@@ -133,7 +133,7 @@ class PlannedServo:
 
 @dataclass(frozen=True)
 class ServoPlan:
-    """What the device works with: the options, and a servo for each axis, in their order."""
+    """Validated options, and a servo for each axis, in their order."""
 
     options: SerialServoOptions
     servos: tuple[PlannedServo, ...]

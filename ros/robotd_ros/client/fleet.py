@@ -56,7 +56,7 @@ class RobotIdentity:
 
 
 def read_identity(text: str) -> RobotIdentity:
-    """Return the identity of a message of ``IDENTITY``; what it does not have is "?"."""
+    """Return the identity in a message of ``IDENTITY``; a missing value is "?"."""
     try:
         given = dict(json.loads(text))
     except (ValueError, TypeError):  # of another program
@@ -87,7 +87,7 @@ class Neighbour:
 
 
 def read_neighbour(text: str) -> Neighbour:
-    """Return the robot of a message of ``SUMMARY``; what it does not have is "?" or 0."""
+    """Return the robot in a message of ``SUMMARY``; a missing value is "?" or 0."""
     numbers = {"pid": 0, "sharing": 0}
     try:
         given = dict(json.loads(text))

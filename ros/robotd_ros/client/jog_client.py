@@ -7,8 +7,8 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import TwistStamped
+from robotd_msgs.msg import CommandRejection
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 from wmx_ros2_message.msg import AxisState, AxisVelocity
@@ -24,10 +24,9 @@ from robotd_ros.client.status_client import (
     axis_reports,
     read_axes,
 )
-from robotd_ros.node_registry import OPERATOR_NODE
+from robotd_ros.operator_messages import REJECTIONS
 
 JOG = "wmx/axis/jog"
-REJECTIONS = f"{OPERATOR_NODE}/rejections"
 RAMP_S = 0.2  # to the speed, of axes in velocity mode
 AT_REST = 0.01  # rad/s or m/s
 TWISTS = "servo_node/delta_twist_cmds"
@@ -69,7 +68,7 @@ class JogClient:
         self._publisher = client.node.create_publisher(self.message_type, self.topic, 1)
         self._axes = stack.enter_context(client.listen(AxisState, AXIS_STATE))
         self._problems = ProblemListener(client, stack)
-        client.node.create_subscription(DiagnosticStatus, REJECTIONS, self._note_rejection, 10)
+        client.node.create_subscription(CommandRejection, REJECTIONS, self._note_rejection, 10)
         self._axes.wait()
         self._problems.wait()
         client.wait(self._publisher.get_subscription_count, f"subscription of {self.topic}")
@@ -106,9 +105,9 @@ class JogClient:
         self._axes.wait()
         self._client.wait(at_rest, "standstill")
 
-    def _note_rejection(self, rejection: DiagnosticStatus) -> None:
-        if rejection.name == self.topic:
-            self._rejection = escaped(rejection.message)
+    def _note_rejection(self, rejection: CommandRejection) -> None:
+        if rejection.topic == self.topic:
+            self._rejection = escaped(rejection.reason)
 
 
 class ToolJogClient(JogClient):

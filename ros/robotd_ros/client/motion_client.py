@@ -20,10 +20,10 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 from unique_identifier_msgs.msg import UUID
 
-from robotd.descriptor.group_parameters import ACTION_PARAMETER, GROUPS, JOINTS
 from robotd.errors import DeviceTimeout, InvalidArgument, OperationError, unknown_name
 from robotd_ros.client.operator_client import reason_of_silence
 from robotd_ros.client.ros_client import RosClient
+from robotd_ros.group_parameters import ACTION_PARAMETER, GROUPS, JOINTS
 from robotd_ros.trajectory_messages import duration_s, trajectory_of
 
 JOINT_STATES = "joint_states"

@@ -52,7 +52,7 @@ class StopOfAll:
         self._reached = count
 
     def close(self) -> None:
-        """End what it has made at the client's node."""
+        """Destroy the publisher."""
         self._node.destroy_publisher(self._publisher)
 
 
@@ -135,7 +135,7 @@ class StopRequest:
         return f"no robot found yet in namespace {own} (robotd stop --all: in all)"
 
     def close(self) -> None:
-        """End what it has made at the client's node."""
+        """Destroy its publishers and clients at the client's node."""
         if self._reached > 1:
             self._publisher.wait_for_all_acked(Duration(seconds=DELIVERY_S))
         self._stopped.__exit__()

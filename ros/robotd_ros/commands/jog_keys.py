@@ -45,7 +45,7 @@ class JogKeys:
         self._tail = b""
 
     def feed(self, data: bytes, now_s: float) -> None:
-        """Take what was typed since the last call, all the time, also nothing.
+        """Take the keys typed since the last call, all the time, also none.
 
         After a pause of the program, what was typed may be old, and moves nothing.
         """
@@ -104,7 +104,7 @@ class KeyInput:
             self.lost = True
 
     def read(self) -> bytes:
-        """Return what was typed since the last call; never waits."""
+        """Return the keys typed since the last call; never waits."""
         if self.lost or not select.select([self._descriptor], [], [], 0.0)[0]:
             return b""
         try:

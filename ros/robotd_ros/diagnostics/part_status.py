@@ -134,7 +134,7 @@ def cycle_status(
     """Status of the control loop: ERROR when stopped, WARN for missed deadlines.
 
     Args:
-        rate_hz: what it should run at.
+        rate_hz: nominal rate.
         realtime: the scheduling that was granted, for people.
         running, missing: whether it ran, and missed deadlines, lately.
     """

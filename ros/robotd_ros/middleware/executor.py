@@ -1,4 +1,4 @@
-"""Executor of rclpy's choice for many services, and the end of what it served.
+"""Executor of rclpy's choice for many services, and the end of its nodes.
 
 Works around: rclpy's ``SingleThreadedExecutor`` builds a wait set of all entities for every event.
 Its ``EventsExecutor`` does not, but with an endless time-out it never runs a callback in some

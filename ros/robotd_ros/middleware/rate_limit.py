@@ -24,7 +24,7 @@ Item = TypeVar("Item")
 
 
 class RateLimit:
-    """``share`` of the time, and ``BURST_S`` of it saved for what comes at once. One thread.
+    """Token bucket: refills at ``share`` of the time, holds at most ``BURST_S``. One thread.
 
     Attributes:
         is_news: whether the last rejection was the first for ``NEWS_SILENCE_S``.

@@ -40,7 +40,7 @@ class TypeMismatchCheck:
         self._timer = node.create_timer(PERIOD_S, self.check, clock=steady)
 
     def check(self) -> None:
-        """Compare with what was there before. Executor thread."""
+        """Compare with the last state. Executor thread."""
         offers = self._node.get_publishers_info_by_topic(self._topic)
         strangers = [offer for offer in offers if offer.topic_type != self._taken]
         others = frozenset(offer.topic_type for offer in strangers)

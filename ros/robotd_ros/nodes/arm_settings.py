@@ -7,15 +7,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from robotd.descriptor import RobotDescriptor
-from robotd.descriptor.group_parameters import (
+from robotd.descriptor.joint_settings import JointSettings, JointType
+from robotd.plugin.parameter_reader import ParameterReader
+from robotd_ros.group_parameters import (
     ACTION_PARAMETER,
     GROUPS,
     JOINTS,
     default_action,
     group_prefixes,
 )
-from robotd.descriptor.joint_settings import JointSettings, JointType
-from robotd.plugin.parameter_reader import ParameterReader
 
 FILE_MEANING = "parameter file; empty: the robot's"
 GOAL_TIME = "constraints.goal_time"  # s after the end to reach the goal; 0: without an end

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
-from robotd_msgs.msg import AxisOwners, IoLevels, RecoveryReport
+from robotd_msgs.msg import AxisOwners, CommandRejection, IoLevels, RecoveryReport
 from robotd_msgs.srv import SetSpeed
 from std_msgs.msg import Bool, Empty, Float64, String
 from std_srvs.srv import SetBool, Trigger
@@ -31,6 +31,7 @@ from robotd_ros.operator_messages import (
     LEVELS,
     OWNERS,
     RECOVERY,
+    REJECTIONS,
     levels_message,
     owners_message,
 )
@@ -68,7 +69,7 @@ class OperatorNode(Node):
         self._owners_topic = self.create_publisher(AxisOwners, OWNERS, LATCHED)
         self._problems_topic = self.create_publisher(DiagnosticArray, "~/problems", LATCHED)
         self._problems: list[Problem] | None = None  # not published yet
-        self._rejections_topic = self.create_publisher(DiagnosticStatus, "~/rejections", 10)
+        self._rejections_topic = self.create_publisher(CommandRejection, REJECTIONS, 10)
         self._recovery_topic.publish(RecoveryReport())
         self._robot_topic = self.create_publisher(String, IDENTITY, LATCHED)
         told = {**identity(robot, self.get_namespace()), "features": [*features]}
@@ -166,10 +167,7 @@ class OperatorNode(Node):
 
     def publish_rejection(self, topic: str, axes: Sequence[int], reason: str) -> None:
         """Publish that a command on ``topic`` was rejected. Any thread."""
-        values = [KeyValue(key="axes", value=json.dumps([*axes]))]
-        rejection = DiagnosticStatus(
-            level=DiagnosticStatus.WARN, name=topic, message=reason, values=values
-        )
+        rejection = CommandRejection(topic=topic, axes=[*axes], reason=reason)
         publish_if_alive(self._rejections_topic, rejection)
 
 

@@ -192,6 +192,6 @@ def test_a_device_that_interpolates_by_itself_rejects_it(harness: Harness) -> No
 def test_the_joints_have_an_owner_until_they_rest(harness: Harness) -> None:
     with harness.follower.follow(passing(harness)) as execution:
         harness.until(lambda: execution.outcome is not None)
-        with pytest.raises(NotReady, match="in use by follow_joint_trajectory"):
+        with pytest.raises(NotReady, match="in use by trajectory"):
             harness.move(0, 0.0)
         harness.end(execution)

@@ -81,7 +81,7 @@ def test_a_servo_cannot_be_switched_on_under_a_running_goal(harness: Harness) ->
         harness.run(0.4)
         harness.robot.axes.servo(1, True)  # it is on: no effect
         harness.robot.axes.servo(1, False)
-        with pytest.raises(NotReady, match="joint2: in use by follow_joint_trajectory"):
+        with pytest.raises(NotReady, match="joint2: in use by trajectory"):
             harness.robot.axes.servo(1, True)
         harness.end(execution)
     assert_works(harness)

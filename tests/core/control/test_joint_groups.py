@@ -171,8 +171,8 @@ def test_a_client_owns_the_joints_of_its_group(harness: Harness) -> None:
     robot, left = harness.robot, harness.robot.groups["left"]
     with goal(harness, "left", 1.0), robot.groups["right"].stream(owner="policy"):
         owners = [robot.axes.owner(axis) for axis in range(4)]
-        assert owners == ["follow_joint_trajectory"] * 2 + ["policy"] * 2
-        with pytest.raises(NotReady, match="joint1: in use by follow_joint_trajectory"):
+        assert owners == ["trajectory"] * 2 + ["policy"] * 2
+        with pytest.raises(NotReady, match="joint1: in use by trajectory"):
             left.stream(owner="policy")
         with (
             pytest.raises(NotReady, match="joint4: in use by policy"),

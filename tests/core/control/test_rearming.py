@@ -487,7 +487,7 @@ def test_a_rejected_topic_claims_no_joints(harness: Harness) -> None:
     assert harness.robot.axes.owner(0) == ""
     with harness.goal([0.0] * 3):  # a goal is a new command
         harness.run(0.5)
-        assert harness.robot.axes.owner(0) == "follow_joint_trajectory"
+        assert harness.robot.axes.owner(0) == "trajectory"
 
 
 def test_a_stream_that_a_fault_has_ended_does_not_go_on_by_itself(harness: Harness) -> None:

@@ -308,7 +308,7 @@ def test_after_a_stall_a_goal_takes_over_from_where_the_stream_is(stall_s: float
 def test_joints_of_another_owner_are_rejected_by_its_name(robot: Harness) -> None:
     with robot.goal([1.0] * 3, seconds=2.0):
         robot.run(0.5)
-        with pytest.raises(NotReady, match="joint1: in use by follow_joint_trajectory"):
+        with pytest.raises(NotReady, match="joint1: in use by trajectory"):
             robot.robot.stream()
 
 

@@ -263,7 +263,7 @@ def test_a_goal_is_rejected_while_the_axes_are_claimed(harness: Harness) -> None
 
 def test_a_goal_is_rejected_while_an_axis_moves(harness: Harness) -> None:
     harness.move(1, 0.5)
-    text = "joint2: follow_joint_trajectory needs an idle axis, this one is in position"
+    text = "joint2: trajectory needs an idle axis, this one is in position"
     with pytest.raises(NotReady, match=text), harness.goal(FAR):
         pass
     assert not harness.axes_in(Operation.STREAM)
@@ -271,7 +271,7 @@ def test_a_goal_is_rejected_while_an_axis_moves(harness: Harness) -> None:
 
 def test_the_axes_are_free_again_after_the_block(harness: Harness) -> None:
     with harness.goal(FAR) as execution:
-        with pytest.raises(NotReady, match="joint1: in use by follow_joint_trajectory"):
+        with pytest.raises(NotReady, match="joint1: in use by trajectory"):
             harness.move(0, 0.0)
         harness.end(execution)
     assert not harness.axes_in(Operation.STREAM)

@@ -252,7 +252,7 @@ def test_a_joint_that_moves_for_another_client_is_rejected_by_its_name(client: C
     with client.robot.follower.follow(request):
         client.run(0.2)
         client.press()
-        assert "in use by follow_joint_trajectory" in client.end().reason
+        assert "in use by trajectory" in client.end().reason
         client.run(3.0)
 
 

@@ -1,4 +1,4 @@
-"""What callers hold: joint groups, streams, the base, servos, recovery, problems.
+"""Objects that callers hold: joint groups, streams, the base, servos, recovery, problems.
 
 ROS nodes, features and programs call it, in worker threads: most calls block until a plan is made,
 an axis rests or a drive has answered. Sending a command to an open stream or to the base never

@@ -24,7 +24,7 @@ from robotd.motion import MotionState, Trajectory
 
 log = get_logger("axes")
 
-OWNER = "follow_joint_trajectory"
+OWNER = "trajectory"
 TAKEOVER_LEAD_S = 0.03  # planning time of a source that takes over from a moving one
 STOP_TIMEOUT_S = 10.0  # of a controlled stop
 MIN_COMMAND_CHANGE_RAD = 1e-6  # change of a command that counts as motion

@@ -127,7 +127,7 @@ class ControlLoop:
 
     @property
     def started_ns(self) -> int:
-        """Start of the current period on the loop's clock: the time of what it publishes."""
+        """Start of the current period on the loop's clock: the stamp of its topics."""
         return self._deadlines.start_ns
 
     @property

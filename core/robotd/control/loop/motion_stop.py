@@ -115,7 +115,7 @@ class MotionStop:
             )
 
     def reset(self, timeout_s: float) -> str:
-        """Allow motion again; returns what was reset, as text. Any worker. Nothing moves.
+        """Allow motion again; returns the reason that was reset. Any worker. Nothing moves.
 
         Raises:
             NotReady: the input forbids motion or cannot be read, or motion is stopped again.

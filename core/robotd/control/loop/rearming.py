@@ -330,7 +330,7 @@ class Interruptions:
         completion.on_end = note
 
     def look(self, image: ProcessImage) -> None:
-        """Note what cannot move any more. Control loop, once a period."""
+        """Record axes that have become unable to move. Control loop, once a period."""
         inactive, before = self._axes.stop_latch.inactive, self._inactive
         self._inactive = inactive
         if inactive and not before:

@@ -434,7 +434,7 @@ class StreamMotion(JointSource):
         self.stall_recovery.sent(self.setpoint[:2], due_ns)
 
     def _take_commands(self, time_ns: int) -> None:
-        """Take what has arrived; slow to rest when nothing has, or an end was requested."""
+        """Take new commands; slow to rest without any, or when an end was requested."""
         if self.completion.requested is None and self._due_ns > self._settled_until_ns:
             while self._commands:
                 command = self._commands.popleft()

@@ -87,7 +87,7 @@ class TorqueMotion(JointSource):
         self._driver.stream_torque(self._torque, due_ns)
 
     def _faded(self, torque: FloatArray, velocity: FloatArray, scale: float) -> FloatArray:
-        """Return ``torque`` (m,) without what would drive a joint beyond its scaled limit."""
+        """Return ``torque`` (m,), reduced where it would drive a joint beyond its scaled limit."""
         share = np.abs(velocity) / (scale * self._limits.velocity)
         left = np.clip((1.0 - share) / (1.0 - FADE_SHARE), 0.0, 1.0)
         return np.where(torque * velocity > 0.0, torque * left, torque)

@@ -1,4 +1,4 @@
-"""What is shown and done while something happens, to one axis, again, and far from zero."""
+"""State and effect of events during motion: on one axis, repeated, and far from zero."""
 
 from __future__ import annotations
 
