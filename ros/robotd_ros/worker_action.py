@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from rclpy.action import CancelResponse, GoalResponse
 from rclpy.node import Node
@@ -22,6 +22,12 @@ if TYPE_CHECKING:
     from structlog.typing import FilteringBoundLogger
 
 FEEDBACK_PERIOD_NS = 40_000_000  # of the robot's clock
+
+
+class Cancelable(Protocol):
+    """Execution that any thread can stop."""
+
+    def cancel(self) -> None: ...
 
 
 class WorkerAction(ABC):
@@ -43,7 +49,7 @@ class WorkerAction(ABC):
         self, node: Node, host: RosHost, action_type: Any, name: str, log: FilteringBoundLogger
     ) -> None:
         self._host, self._type, self._log = host, action_type, log
-        self._executions: dict[bytes, TrajectoryExecution] = {}
+        self._executions: dict[bytes, Cancelable] = {}
         self._live = 0  # goals that have not ended
         self._server = worker_action_server(
             node,
@@ -90,12 +96,16 @@ class WorkerAction(ABC):
 
         The client can cancel it from now on.
         """
-        self._executions[bytes(goal.goal_id.uuid)] = execution
+        self.let_cancel(goal, execution)
         with execution.ticks(FEEDBACK_PERIOD_NS, clock) as ticks:
             for _ in ticks:
-                if goal.is_cancel_requested:  # before it was in the table
-                    execution.cancel()
                 goal.publish_feedback(feedback())
+
+    def let_cancel(self, goal: Any, execution: Cancelable) -> None:
+        """Worker: let the client cancel the goal by stopping ``execution`` from now on."""
+        self._executions[bytes(goal.goal_id.uuid)] = execution
+        if goal.is_cancel_requested:  # before it was in the table
+            execution.cancel()
 
     def _admit(self, request: Any) -> GoalResponse:
         try:

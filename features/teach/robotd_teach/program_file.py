@@ -241,7 +241,7 @@ class Condition(Section):
     level: bool = Field(True, alias="is")
 
 
-class Wait(Section):
+class Wait_(Section):  # noqa: N801 - beside that of sequences
     """Wait for a time, or for an input.
 
     Attributes:
@@ -296,7 +296,7 @@ class Step(Section):
     sequence: Sequence_ | None = None
     gripper: Annotated[SetGripper | None, _short("to")] = None
     output: SetOutput | None = None
-    wait: Wait | None = None
+    wait: Wait_ | None = None
     tool: str | None = None
     work_frame: str | None = None
     message: Annotated[ShowMessage | None, _short("text")] = None

@@ -21,7 +21,7 @@ from robotd.api.robots import ContactLimits, Interruption, Outcome, Robot, Traje
 from robotd_teach.io_names import bit_of
 from robotd_teach.program_check import chosen, grip_position, gripper_of, is_motion
 from robotd_teach.program_code import Again, Begin, Branch, Do, Jump, Program
-from robotd_teach.program_file import SetGripper, Step, Wait
+from robotd_teach.program_file import SetGripper, Step, Wait_
 from robotd_teach.program_motion import StepPlanner
 from robotd_tool_space.path_outputs import OutputSetter
 from robotd_tool_space.tool_motion import (
@@ -294,7 +294,7 @@ class ProgramRun:
         if not state.at_rest:
             raise OperationError("the gripper got another command, or its fingers do not rest")
 
-    def _wait(self, wait: Wait) -> None:
+    def _wait(self, wait: Wait_) -> None:
         if wait.time_s is not None:
             self._until(lambda: False, wait.time_s)
             return

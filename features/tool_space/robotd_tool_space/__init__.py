@@ -24,7 +24,15 @@ if TYPE_CHECKING:
         rotation_vectors,
         rpy_of,
     )
-    from robotd_tool_space.segments import Arc, ArcAbout, JointMove, Line, MotionSegment, Spline
+    from robotd_tool_space.segments import (
+        Arc,
+        ArcAbout,
+        JointMove,
+        Line,
+        MotionSegment,
+        Spline,
+        Wait,
+    )
     from robotd_tool_space.tool_groups import ToolGroups
 else:  # commands that read a robot's file need the keys of the feature only
     __getattr__, __dir__ = lazy_names(__name__)
@@ -45,6 +53,7 @@ __all__ = [
     "Task",
     "ToolGroups",
     "Unreachable",
+    "Wait",
     "inverse_pose",
     "pose_differences",
     "pose_of",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -19,7 +19,6 @@ from robotd.api import (
 )
 from robotd.api.features import EventKind, Level, ProcessImage
 from robotd.api.robots import Interruption, Outcome, TrajectoryExecution, TrajectoryRejected
-from robotd_tool_space.path_outputs import OutputSetter
 from robotd_tool_space.rotations import (
     COMPONENTS,
     checked_components,
@@ -28,8 +27,10 @@ from robotd_tool_space.rotations import (
     pose_of,
     rpy_of,
 )
-from robotd_tool_space.segments import Line, MotionSegment, check_speed
+from robotd_tool_space.segments import Line, MotionSegment, SequenceStep, check_speed
+from robotd_tool_space.sequence_parts import Planner, SequenceMotion, SequencePart, plan_parts
 from robotd_tool_space.sequence_plan import plan_sequence
+from robotd_tool_space.sequence_run import SequenceRun
 from robotd_tool_space.tool_curves import ToolSpeed
 from robotd_tool_space.tool_frames import ToolFrames
 from robotd_tool_space.tool_motion import ToolMotion, plan_joint_motion
@@ -212,11 +213,41 @@ class RobotTool(ToolFrames):
         if not segments:
             raise InvalidArgument("a sequence needs a segment")
         in_base = [segment.in_base(self.work_frame) for segment in segments]
-        kinematics, limits, start = self._kinematics, self.group.follower.limits, self.start()
+        plan, start = self._planner(constant_speed=constant_speed), self.start()
         with self._noted():
+            return plan(start, in_base, None)
+
+    def plan_parts(
+        self, steps: Sequence[SequenceStep], *, constant_speed: bool = False
+    ) -> list[SequencePart]:
+        """Return the motions of a sequence and the waits between them, planned whole.
+
+        Arguments and errors: see ``plan_sequence``.
+        """
+        if not steps:
+            raise InvalidArgument("a sequence needs a segment")
+        start = self.start()
+        with self._noted():
+            plan = self._planner(constant_speed=constant_speed)
+            return plan_parts([step.in_base(self.work_frame) for step in steps], start, plan)
+
+    def _planner(self, *, constant_speed: bool) -> Planner:
+        kinematics, limits, speed = self._kinematics, self.group.follower.limits, self.speed
+
+        def plan(
+            start: FloatArray, segments: Sequence[MotionSegment], first: int | None
+        ) -> ToolMotion:
             return plan_sequence(
-                kinematics, limits, start, in_base, self.speed, constant_speed=constant_speed
+                kinematics,
+                limits,
+                start,
+                segments,
+                speed,
+                constant_speed=constant_speed,
+                first=first,
             )
+
+        return plan
 
     def move_to(self, pose: FloatArray, speed: float = 1.0) -> None:
         """Move to a pose, and return when the tool is there. Arguments: see ``plan_move``.
@@ -235,37 +266,52 @@ class RobotTool(ToolFrames):
         arrival = self.arrive()
         self.execute(self.plan_lines(poses, speed, blend_m), arrival)
 
-    def move_sequence(self, *segments: MotionSegment, constant_speed: bool = False) -> None:
-        """Move along segments as one motion, and return when the tool is at their end.
+    def move_sequence(self, *steps: SequenceStep, constant_speed: bool = False) -> None:
+        """Move along segments, with waits between them, and return when the tool is at their end.
 
         Arguments: see ``plan_sequence``; errors: see ``move_to``.
         """
         arrival = self.arrive()
-        self.execute(self.plan_sequence(segments, constant_speed=constant_speed), arrival)
+        run = self.sequence(self.plan_parts(steps, constant_speed=constant_speed), arrival)
+        _require_success(*run.run())
+
+    def sequence(self, parts: Sequence[SequencePart], arrival: Arrival) -> SequenceRun:
+        """Return the execution of a sequence, checked whole. Arguments, errors: of the class."""
+        with self._noted():
+            return SequenceRun(self._robot, self, parts, arrival)
 
     def execute(self, motion: ToolMotion, arrival: Arrival | None = None) -> None:
         """Execute a planned motion as ``follow``, and set its outputs on the way.
 
         Raises OperationError: it ended elsewhere; or, of an output, its error, which stops the arm.
         """
-        outputs = OutputSetter(self._robot.io, motion.outputs)
-        with self.follow(motion, arrival) as execution:
-            self.wait(execution, outputs)
-            outcome, message = execution.outcome, execution.message
-            if outcome is Outcome.SUCCEEDED:
-                outputs.advance(motion.duration_s)
-        if outcome is not Outcome.SUCCEEDED:
-            raise OperationError(f"the motion of the tool ended early: {message}")
+        run = self.sequence([SequenceMotion(0, (), motion)], arrival or self.arrive())
+        _require_success(*run.run())
 
-    def wait(self, execution: TrajectoryExecution, outputs: OutputSetter | None = None) -> None:
-        """Wait for the end of a motion, and set outputs meanwhile; a stepped clock is stepped."""
+    def check(self, motion: ToolMotion) -> None:
+        """Check a motion from rest at its start; nothing moves. Raises TrajectoryRejected."""
+        request = motion.request(self.group.joint_names)
+        self.group.follower.check(request, motion.positions[0])
+
+    def wait(
+        self,
+        execution: TrajectoryExecution,
+        on_tick: Callable[[float], None] = lambda _: None,
+        *,
+        every_period: bool = False,
+    ) -> None:
+        """Wait for the end of a motion; a stepped clock is stepped.
+
+        Args:
+            on_tick: called meanwhile with the time of the motion, s.
+            every_period: so often, instead of every 10 ms.
+        """
 
         def ended() -> bool:
-            if outputs is not None:
-                outputs.advance(execution.progress().time_s)
+            on_tick(execution.progress().time_s)
             return execution.outcome is not None
 
-        poll_s = POLL_S if outputs is None else 1.0 / self._robot.descriptor.cycle.rate_hz
+        poll_s = 1.0 / self._robot.descriptor.cycle.rate_hz if every_period else POLL_S
         while not wait_until(ended, 60.0, self._robot.clock, poll_s):
             pass
 
@@ -313,3 +359,8 @@ class RobotTool(ToolFrames):
                 EventKind.GOAL, "tool", f"goal rejected: {error}", level=Level.WARNING, data=data
             )
             raise
+
+
+def _require_success(outcome: Outcome, message: str) -> None:
+    if outcome is not Outcome.SUCCEEDED:
+        raise OperationError(f"the motion of the tool ended early: {message}")

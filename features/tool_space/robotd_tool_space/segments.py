@@ -1,4 +1,4 @@
-"""Segments of one motion: moves of the joints, and lines, arcs and splines of the tool."""
+"""Segments of a sequence: moves of the joints, lines, arcs and splines of the tool, and waits."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from robotd_tool_space.tool_path import Blend
 
 MIN_SPEED = 0.01
 MAX_ANGLE = 4.0 * np.pi  # of an arc, rad
+MAX_WAIT_S = 86_400.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -189,6 +190,43 @@ class Spline(ToolSegment):
         for pose in self.poses:
             kinematics.require_possible(start, pose)
         return SplineCurve.through([start, *self.poses], speed)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wait:
+    """Rest between two segments, for a time or until an input has a level; real time, not scaled.
+
+    The segment before it ends at rest, whatever its blend. Exactly one of ``time_s`` and ``input``.
+
+    Attributes:
+        time_s: s.
+        input: byte and bit of the image of inputs; ``robot.io.inputs`` has those with names.
+        level: of the input.
+        timeout_s: after which the sequence ends where the input has another level; None: none.
+    """
+
+    kind: ClassVar[str] = "wait"
+    time_s: float | None = None
+    input: tuple[int, int] | None = None
+    level: bool = True
+    timeout_s: float | None = None
+
+    def check(self) -> None:
+        """Raise InvalidArgument for a value beyond its bounds."""
+        if (self.time_s is None) == (self.input is None):
+            raise InvalidArgument("a wait needs exactly one of time_s and input")
+        for name, value in (("time_s", self.time_s), ("timeout_s", self.timeout_s)):
+            if value is not None and not 0.0 < value <= MAX_WAIT_S:
+                raise InvalidArgument(f"{name} is {value:g}, must be above 0, to {MAX_WAIT_S:g}")
+        if self.timeout_s is not None and self.input is None:
+            raise InvalidArgument("timeout_s belongs to an input")
+
+    def in_base(self, work_frame: FloatArray) -> Self:
+        """Return itself: it has no poses."""
+        return self
+
+
+SequenceStep = MotionSegment | Wait
 
 
 def check_speed(speed: float) -> None:

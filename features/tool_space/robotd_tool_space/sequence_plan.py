@@ -48,6 +48,7 @@ def plan_sequence(
     speed: ToolSpeed,
     *,
     constant_speed: bool = False,
+    first: int | None = None,
 ) -> ToolMotion:
     """Return the motion along segments, one after the other.
 
@@ -60,13 +61,15 @@ def plan_sequence(
         segments: with poses in the base; the first begins where the tool is.
         speed: of the tool; that of each segment is a part of it.
         constant_speed: the tool keeps one speed between two stops, except at their ends.
+        first: number of segments of the sequence that come before, for messages; None: these are
+            all, and a single one has no number.
 
     Raises:
         Unreachable: a segment leaves the limits or the reach, or is singular; with the place.
         InvalidArgument: a value of a segment is out of its bounds, the motion takes more than an
             hour or is too long to be planned at once, or the constant speed cannot be kept.
     """
-    planned = plan_route(kinematics, limits, start, segments, speed)
+    planned = plan_route(kinematics, limits, start, segments, speed, first)
     if planned is None:
         return standing(start, len(segments))
     route: Route | EvenRoute = planned
@@ -76,8 +79,9 @@ def plan_sequence(
     of_joints = limits.velocity, ACCELERATION_SHARE * limits.acceleration
     timing = time_route(route, kinematics, of_joints, speed, SMOOTH_S)
     motion = _kept(route, timing, kinematics, limits, speed)
-    outputs = tuple(_outputs(motion, kinematics, segments))
-    notes = tuple(_notes(planned, segments))
+    names = _names(segments, first)
+    outputs = tuple(_outputs(motion, kinematics, segments, names))
+    notes = tuple(_notes(planned, segments, names))
     return replace(motion, path_s=float(route.at_s[-1]), notes=notes, outputs=outputs)
 
 
@@ -87,11 +91,13 @@ def plan_route(
     start: FloatArray,
     segments: Sequence[MotionSegment],
     speed: ToolSpeed,
+    first: int | None = None,
 ) -> Route | None:
     """Return the route along segments; None: it has no length. See ``plan_sequence``."""
     builder = _RouteBuilder(kinematics, limits.velocity, start, speed)
-    for number, segment in enumerate(segments):
-        name = f"segment {number + 1}, {segment.kind}" if len(segments) > 1 else ""
+    is_named = len(segments) > 1 or first is not None
+    for number, (segment, text) in enumerate(zip(segments, _names(segments, first), strict=True)):
+        name = text if is_named else ""
         try:
             segment.check()
             builder.add(number, segment, name)
@@ -100,6 +106,12 @@ def plan_route(
         except InvalidArgument as error:
             raise InvalidArgument(f"{name}: {error}" if name else str(error)) from None
     return builder.route(len(segments))
+
+
+def _names(segments: Sequence[MotionSegment], first: int | None) -> list[str]:
+    """Return the names of segments in messages."""
+    numbered = enumerate(segments, (first or 0) + 1)
+    return [f"segment {number}, {segment.kind}" for number, segment in numbered]
 
 
 class _CurveBehind(NamedTuple):
@@ -251,7 +263,10 @@ def _deviation(
 
 
 def _outputs(
-    motion: ToolMotion, kinematics: Kinematics, segments: Sequence[MotionSegment]
+    motion: ToolMotion,
+    kinematics: Kinematics,
+    segments: Sequence[MotionSegment],
+    names: Sequence[str],
 ) -> Iterator[TimedOutput]:
     """Yield the outputs of all segments. Raises InvalidArgument: one is beside the path."""
     if not any(segment.outputs for segment in segments):
@@ -259,7 +274,7 @@ def _outputs(
     times_s, tool = tool_poses(kinematics, motion)
     steps = np.linalg.norm(np.diff(tool[:, :3, 3], axis=0), axis=1)
     ways = np.concatenate([[0.0], np.cumsum(steps)])
-    for number, (segment, end_s) in enumerate(zip(segments, motion.ends_s, strict=True)):
+    for name, segment, end_s in zip(names, segments, motion.ends_s, strict=True):
         for output in segment.outputs:
             way, time_s = float(np.interp(end_s, times_s, ways)) + output.at_m, end_s
             if output.at_m:
@@ -267,20 +282,20 @@ def _outputs(
             time_s += output.at_s
             if not (0.0 <= time_s <= motion.duration_s and -SAME_M <= way <= ways[-1] + SAME_M):
                 raise InvalidArgument(
-                    f"segment {number + 1}, {segment.kind}: output {output.byte}.{output.bit} at"
+                    f"{name}: output {output.byte}.{output.bit} at"
                     f" {output.at_m:g} m and {output.at_s:g} s from its end is not on the path"
                 )
             yield TimedOutput(time_s, output)
 
 
-def _notes(route: Route, segments: Sequence[MotionSegment]) -> Iterator[str]:
+def _notes(route: Route, segments: Sequence[MotionSegment], names: Sequence[str]) -> Iterator[str]:
     """Yield what is not as it was asked for: corners that are stops."""
     rests_s = route.at_s[list(route.rests)]
-    for number, (segment, end_s) in enumerate(zip(segments[:-1], route.ends_s, strict=False)):
+    for name, segment, end_s in zip(names, segments[:-1], route.ends_s, strict=False):
         asked = segment.blend_m > 0.0 or (segment.blend_rad or 0.0) > 0.0
         if asked and len(rests_s) and np.abs(rests_s - end_s).min() < NO_LENGTH_S:
             turn = "" if segment.blend_rad is None else f" and {segment.blend_rad:g} rad"
             yield (
-                f"segment {number + 1}, {segment.kind}, ends at rest: no corner to the next one is"
+                f"{name}, ends at rest: no corner to the next one is"
                 f" within {segment.blend_m:g} m{turn}"
             )

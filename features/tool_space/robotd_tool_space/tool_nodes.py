@@ -1,4 +1,4 @@
-"""Services, topics and the action of tool space on the node ``robotd``."""
+"""Services, topics and the actions of tool space on the node ``robotd``."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from robotd_ros.nodes.tool_pose_topic import fill_transform
 from robotd_ros.qos import LATCHED
 from robotd_ros.run_nodes import NodeContext
 from robotd_tool_space.scene_services import SceneServices
+from robotd_tool_space.sequence_services import MoveSequenceAction
 from robotd_tool_space.tool_groups import ToolGroups
 from robotd_tool_space.tool_services import MoveToolAction, ToolServices
 
@@ -24,10 +25,11 @@ STATIC_TOPIC = "/tf_static"
 
 @contextmanager
 def add_tool_nodes(context: NodeContext, tools: ToolGroups) -> Iterator[None]:
-    """Add services, topics and the action."""
+    """Add services, topics and the actions."""
     frames = FrameTopics(context, tools)
     ToolServices(context, tools)
     MoveToolAction(context, tools)
+    MoveSequenceAction(context, tools)
     SceneServices(context, tools)
     frames.publish()
     yield

@@ -33,6 +33,7 @@ from robotd_tool_space import (
     Line,
     PathOutput,
     Unreachable,
+    Wait,
     pose_differences,
     pose_of,
 )
@@ -380,3 +381,41 @@ def test_a_group_whose_tool_no_chain_moves_says_why(monkeypatch: pytest.MonkeyPa
         groups.of("left")
     with pytest.raises(InvalidArgument, match="group 'middle' is none of right"):
         groups.of("middle")
+
+
+def test_a_sequence_rests_in_its_waits(robot: Robot, tool: RobotTool) -> None:
+    start, there = tool.pose, tool.pose_relative(y=0.05)
+    rests_ns = []
+
+    def look(image: ProcessImage) -> None:
+        measured = tool.measured_pose(image)
+        if measured is not None and np.abs(measured - there).max() < 1e-5:
+            rests_ns.append(robot.clock.now_ns())
+
+    robot.control_loop.every(robot.descriptor.cycle.rate_hz, "look", look)
+    robot.axes.speed.set(0.5)  # of motion: a wait takes its own time
+    tool.move_sequence(Line(there, blend_m=0.02), Wait(time_s=1.5), Line(start))
+    assert (rests_ns[-1] - rests_ns[0]) / 1e9 == pytest.approx(1.5, abs=0.4)
+    assert tool.pose == pytest.approx(start, abs=1e-6)
+    with pytest.raises(InvalidArgument, match=r"segment 2, wait: time_s is -1, must be above 0"):
+        tool.move_sequence(Line(there), Wait(time_s=-1.0))
+    with pytest.raises(InvalidArgument, match="segment 1, wait: a wait needs exactly one of"):
+        tool.move_sequence(Wait(), Line(there))
+    with pytest.raises(OperationError, match=r"segment 2, wait: input 0\.3 is not on after 0\.2 s"):
+        tool.move_sequence(Line(there), Wait(input=(0, 3), timeout_s=0.2), Line(start))
+    assert tool.pose == pytest.approx(there, abs=1e-6)
+
+
+def test_a_stop_ends_a_wait(robot: Robot, tool: RobotTool) -> None:
+    start = tool.pose
+
+    def stop(image: ProcessImage) -> None:
+        if robot.clock.now_ns() > began_ns + 500_000_000:
+            robot.stop("by the operator")
+
+    began_ns = robot.clock.now_ns()
+    robot.control_loop.every(10.0, "stop", stop)
+    with pytest.raises(OperationError, match=r"segment 1, wait: motion was stopped"):
+        tool.move_sequence(Wait(time_s=10.0), Line(tool.pose_relative(z=0.05)))
+    assert robot.clock.now_ns() < began_ns + 2_000_000_000
+    assert tool.measured_pose() == pytest.approx(start, abs=1e-5)

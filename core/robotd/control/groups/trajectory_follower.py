@@ -197,13 +197,13 @@ class TrajectoryFollower:
                 claim.close()
                 self._note_result(execution)
 
-    def check(self, request: TrajectoryRequest) -> None:
-        """Check a trajectory from rest where the joints are commanded to be; nothing moves.
+    def check(self, request: TrajectoryRequest, start: FloatArray | None = None) -> None:
+        """Check a trajectory from rest at ``start`` (m,); nothing moves.
 
-        Raises TrajectoryRejected.
+        ``start`` None: where the joints are commanded to be. Raises TrajectoryRejected.
         """
-        start = MotionState.at_rest(self._motion.command())
-        self._check_path(plan(request, self.limits, self.rules, start))
+        state = MotionState.at_rest(self._motion.command() if start is None else start)
+        self._check_path(plan(request, self.limits, self.rules, state))
 
     def state_at(self, time_ns: int) -> MotionState | None:
         """Return the commanded state at monotonic ``time_ns``; rest where nothing moves.
