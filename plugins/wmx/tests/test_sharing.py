@@ -14,13 +14,16 @@ import numpy as np
 import pytest
 from robotd_testing.domain import own_domain
 
+from robotd.clock import MonotonicClock, wait_until
 from robotd.control.loop.setpoint_source import Outcome
 from robotd.device.axes import Move
 from robotd.motion.profile import Profile
 from robots import descriptor, eventually, goal, running
 from standin_build import PLUGIN, SDK, build_program, run
+from standin_port import port
 
 PROFILE = Profile(1.0, 10.0, 10.0)
+TIMEOUT_S = 30.0
 
 
 class Daemon:
@@ -49,9 +52,16 @@ class Daemon:
         report = json.loads(self.call("status", "--json", "--timeout", "20"))
         return float(report["axes"][axis]["position"])
 
-    def sees(self, axis: int, position: float) -> None:
-        """Wait until it reports the axis at ``position``."""
-        eventually(lambda: self.position(axis) == pytest.approx(position, abs=1e-4))
+    def sees(self, axis: int, position: float, other: Daemon) -> None:
+        """Wait until it reports the axis at ``position``; else fail with what all report."""
+
+        def arrived() -> bool:
+            return self.position(axis) == pytest.approx(position, abs=1e-4)
+
+        assert wait_until(arrived, TIMEOUT_S, MonotonicClock()), (
+            f"axis {axis} is not at {position:g}: {self.position(axis)} here,"
+            f" {other.position(axis)} at the other daemon, on the engine:\n{port('show')}"
+        )
 
     def wait_ready(self) -> None:
         assert self.process.stdout
@@ -84,12 +94,12 @@ def test_two_daemons_and_a_program_see_each_others_motion(tmp_path: Path) -> Non
         daemon(guest_file) as guest,
     ):
         owner.call("move", "joint1=0.2", "--time", "0.5", "--timeout", "20")
-        guest.sees(0, 0.2)
+        guest.sees(0, 0.2, owner)
         guest.call("move", "joint1=0.1", "--time", "0.5", "--timeout", "20")
-        owner.sees(0, 0.1)
+        owner.sees(0, 0.1, guest)
         assert float(run(program, f"{SDK}/", "4", "0.25")) == pytest.approx(0.25)
-        owner.sees(4, 0.25)
-        guest.sees(4, 0.25)
+        owner.sees(4, 0.25, guest)
+        guest.sees(4, 0.25, owner)
 
 
 def test_a_program_on_the_same_engine_moves_our_axis_and_we_see_it(tmp_path: Path) -> None:

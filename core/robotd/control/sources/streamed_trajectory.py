@@ -28,6 +28,7 @@ MIN_SPEED = 1e-9  # rad/s; slower joints count as standing
 BRAKE_SHARE = 0.5  # of the accelerations, to slow down before a faster part of the path
 MIN_BRAKE, MAX_BRAKE = 0.5, 10.0  # 1/s
 SAMPLES = 9  # of the path ahead; densest at its beginning
+MAX_COMMAND_ERROR = 1e-5  # rad or m, of a device's command at the last point
 
 
 class StreamedTrajectory(TrajectoryExecution):
@@ -65,6 +66,7 @@ class StreamedTrajectory(TrajectoryExecution):
             self._held[:2], start_ns, goal.limits, robot.extrapolation_s, robot.stream_buffer_s
         )
         self._command_return: CommandReturn | None = None
+        self._buffers = robot.stream_buffer_s > 0.0
 
     @property
     def rate(self) -> float:
@@ -170,6 +172,13 @@ class StreamedTrajectory(TrajectoryExecution):
         """Stay at the end of the path, or return to it."""
         self.setpoint[:] = self._held
         self._recover(due_ns, period_ns, image)
+
+    def _is_commanded(self, image: ProcessImage) -> bool:
+        """As in the base; a device that holds setpoints ahead executes them late after a stall."""
+        if not self._buffers:
+            return True
+        error = np.abs(image.position_command[self.columns] - self._held[0])
+        return bool((error <= MAX_COMMAND_ERROR).all())
 
     def _stop(self, time_ns: int) -> SourcePhase:
         """Plan the stop along the path, from the first setpoint on it at the earliest."""

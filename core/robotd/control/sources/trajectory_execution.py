@@ -15,7 +15,12 @@ from robotd.clock import NANOSECONDS, Clock
 from robotd.clock.simulated import ticks
 from robotd.control.loop.setpoint_source import Outcome
 from robotd.control.sources.contact import Contact, ContactLimits, ContactWatch
-from robotd.control.sources.joint_source import STALL_S, JointSource, SourcePhase
+from robotd.control.sources.joint_source import (
+    REST_TIMEOUT_S,
+    STALL_S,
+    JointSource,
+    SourcePhase,
+)
 from robotd.device.process_image import ProcessImage
 from robotd.errors import Unsupported
 from robotd.motion import JointLimits, RateBounds, Tolerances, Trajectory, Violation
@@ -178,7 +183,7 @@ class TrajectoryExecution(JointSource):
                     self._enter(following, time_ns)
             case SourcePhase.ARRIVING:
                 self._hold(due_ns, period_ns, image)
-                self._arrive(time_ns)
+                self._arrive(time_ns, image)
             case SourcePhase.RESTING:
                 self._hold(due_ns, period_ns, image)
                 self._rest(time_ns, image)
@@ -213,14 +218,15 @@ class TrajectoryExecution(JointSource):
             self.completion.request(Outcome.GOAL_TOLERANCE, str(passage.violation()))
             self._enter(SourcePhase.RESTING, time_ns)
 
-    def _arrive(self, time_ns: int) -> None:
-        """Wait until the joints are within the goal tolerance."""
+    def _arrive(self, time_ns: int, image: ProcessImage) -> None:
+        """Wait until the joints are within the goal tolerance, and have been asked for the goal."""
         over_s = self._phase_age_s(time_ns)
         desired, measured = self._tracking.desired, self._tracking.measured
         violation = self._tolerances.check_goal(
             self.trajectory.duration_s + over_s, desired[0], measured[0], measured[1]
         )
-        if self._settle(violation is None and not self._deviates):
+        commanded = over_s > REST_TIMEOUT_S or self._is_commanded(image)
+        if self._settle(violation is None and not self._deviates and commanded):
             self.completion.finish(Outcome.SUCCEEDED, self._success_text())
         elif violation and over_s > self._tolerances.goal_time_s:
             self.completion.request(Outcome.GOAL_TOLERANCE, str(violation))
@@ -282,6 +288,10 @@ class TrajectoryExecution(JointSource):
 
     def _hold(self, due_ns: int, period_ns: int, image: ProcessImage) -> None:
         """Stay at the end of the path; a device may do so by itself."""
+
+    def _is_commanded(self, image: ProcessImage) -> bool:
+        """Return True when the device asks its drives for the last point."""
+        return True
 
     @abstractmethod
     def _stop(self, time_ns: int) -> SourcePhase:
