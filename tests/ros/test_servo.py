@@ -55,7 +55,8 @@ class Arm:
     def __init__(self, client: Client) -> None:
         self._received = client.listen(JointState, "/joint_states")
         self._publisher = client.publisher(JointTrajectory, TOPIC)
-        self.oldest_s = 0.0  # age of the oldest state that Servo took as the present one
+        # Age of the oldest state that Servo took as the present one, or longest time between turns.
+        self.oldest_s = 0.0
         wait_until(lambda: self._received, "joint states")
 
     @property
@@ -71,14 +72,17 @@ class Arm:
         the turns of Servo's loop: a stall of this process delays the jog and takes nothing from it.
         """
         messages = []
-        due_s = time.time()
+        due_s = turned_s = time.time()
         for turn in range(round(duration_s / servo.publish_period)):
             time.sleep(max(0.0, due_s - time.time()))
             now_s = time.time()
             due_s += servo.publish_period
             if now_s > due_s + servo.publish_period:  # as rclcpp::Rate after a missed cycle
                 due_s = now_s + servo.publish_period
-            self.oldest_s = max(self.oldest_s, now_s - stamp_s(self._received[-1]))
+            self.oldest_s = max(
+                self.oldest_s, now_s - stamp_s(self._received[-1]), now_s - turned_s
+            )
+            turned_s = now_s
             speed = velocity(turn * servo.publish_period)
             if speed is None:
                 message = servo.halt(now_s, self.position)
@@ -109,7 +113,7 @@ def nothing_is_rejected(process: RobotProcess, arm: Arm) -> Iterator[None]:
     printed = len(process.output)
     yield
     for line in process.output[printed:].splitlines():
-        # Servo halts by the velocity that makes up for an old state in one period.
+        # Servo halts by the velocity that makes up for an old state, or a late turn, in one period.
         is_made_up_for = arm.oldest_s > OLD_S and "is clipped" in line
         assert "[info" in line or is_made_up_for, line
 
