@@ -40,6 +40,7 @@ from robotd.device.fieldbus import Fieldbus
 from robotd.device.gripper import Gripper
 from robotd.device.io import Io, check_names
 from robotd.device.passive_joints import PassiveJoints, finger_reader
+from robotd.device.payload import PayloadSetting
 from robotd.device.process_image import ProcessImage
 from robotd.device.reconnector import Reconnector
 from robotd.device.servo_gripper import ServoGripper, servo_grippers
@@ -81,6 +82,7 @@ class Robot:
         axes: servo, moves, jog and stop of single axes.
         io: digital inputs and outputs.
         fieldbus: fieldbus diagnostics.
+        payload: what the arm carries, where the device compensates it.
         gripper: on an output bit; None if the robot has none.
         servo_grippers: grippers that are a joint, by name.
         control_loop: reads the device and sends setpoints, once a period.
@@ -117,9 +119,8 @@ class Robot:
         limits, notes = fit_device(descriptor, driver, name)
         for note in notes:
             log.warning("limit of the device applies", reason=note)
-        self.descriptor = descriptor
+        self.descriptor, self.capabilities = descriptor, capabilities
         self.backend, self._driver = backend, driver
-        self.capabilities = capabilities
         self.clock = clock
         self.device: Any = getattr(drivers.device, "wrapped", drivers.device)
         self.joint_names = descriptor.joint_names
@@ -161,6 +162,7 @@ class Robot:
             self.events,
             self.axes.kept_at_rest,
         )
+        self.payload = PayloadSetting(drivers.payload, self.axes, self.joint_axes)
         self.gripper = self._make_gripper(drivers.passive_joints)
         self.servo_grippers = servo_grippers(descriptor, self.axes)
         self.world = drivers.world

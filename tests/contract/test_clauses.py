@@ -15,6 +15,7 @@ from tests.features.conformance.runs.mutants import all_mutants
 
 from robotd.device import drivers
 from robotd.device.fault_injector import FaultInjector
+from robotd.device.payload import PayloadDriver
 from robotd.device.process_image import ProcessImage
 from robotd_conformance.checks import aspects
 from robotd_conformance.checks import clauses as kit
@@ -26,6 +27,7 @@ CONTRACTS = (
     drivers.AxisDriver,
     drivers.IoDriver,
     drivers.FieldbusDriver,
+    PayloadDriver,
     FaultInjector,
 )
 

@@ -83,6 +83,16 @@ def test_inputs_and_outputs_are_served_by_their_names(
     assert "unknown output 'lmap'; did you mean 'lamp'? (available: lamp, horn)" in error
 
 
+def test_the_payload_is_told_and_shown(arm: RobotProcess) -> None:
+    text = "payload: 0.8 kg at x 0, y 0.01, z 0.06 m of the flange\n"
+    center = ("--center", "0", "0.01", "0.06")
+    assert robotd(arm.domain, "tool", "payload", "0.8", *center)[:2] == (0, text)
+    assert robotd(arm.domain, "tool", "payload")[:2] == (0, text)
+    code, _, error = robotd(arm.domain, "tool", "payload", "101")
+    assert code == 1
+    assert "payload: 101 kg, must be 0 or more and 100 kg at most" in error
+
+
 def test_a_jog_of_a_paused_or_stopped_robot_is_an_error(
     arm: RobotProcess, arm_client: Client
 ) -> None:

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from robotd.device.fault_injector import FaultInjector
     from robotd.device.fieldbus import object_bytes, object_text
     from robotd.device.passive_joints import PassiveJoints
+    from robotd.device.payload import Payload, PayloadDriver
     from robotd.device.process_image import ProcessImage
     from robotd.device.profiled_axes import ProfiledAxes
     from robotd.device.state import (
@@ -134,6 +135,8 @@ __all__ = [
     "OperationError",
     "ParameterReader",
     "PassiveJoints",
+    "Payload",
+    "PayloadDriver",
     "PluginError",
     "ProcessImage",
     "Profile",

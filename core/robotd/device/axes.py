@@ -425,13 +425,13 @@ class Axes(NamedAxes):
         self._waits.require_newer(self._commanded_ns)
 
     @contextmanager
-    def kept_at_rest(self, what: str) -> Iterator[None]:
+    def kept_at_rest(self, what: str, axes: Sequence[int] = ()) -> Iterator[None]:
         """Let no motion start until the block ends; stops are not delayed.
 
-        Raises NotReady, naming ``what`` and the axis, unless every axis is idle and unclaimed.
+        Raises NotReady, naming ``what`` and the axis: one of ``axes`` (none: of all) is not free.
         """
         with self._lock:
-            for axis in range(len(self)):
+            for axis in axes or range(len(self)):
                 self.check_unclaimed(axis)
                 self._check_idle(axis, what)
             yield

@@ -13,6 +13,7 @@ class Capability(StrEnum):
     - AXES: ``robotd_axes``
     - IO: ``robotd_io``
     - FIELDBUS: ``robotd_fieldbus``
+    - PAYLOAD: ``robotd_payload``
 
     Declared in ``BackendInfo``, together with the methods that they need:
 
@@ -45,6 +46,7 @@ class Capability(StrEnum):
     AXES = "axes"
     IO = "io"
     FIELDBUS = "fieldbus"
+    PAYLOAD = "payload"
     VELOCITY_MODE = "velocity_mode"
     TORQUE_MODE = "torque_mode"
     HAND_GUIDING = "hand_guiding"
@@ -63,5 +65,5 @@ class Capability(StrEnum):
     CONTACTS = "contacts"
 
 
-DERIVED = frozenset({Capability.AXES, Capability.IO, Capability.FIELDBUS})
+DERIVED = frozenset({Capability.AXES, Capability.IO, Capability.FIELDBUS, Capability.PAYLOAD})
 """Capabilities that follow from the hooks of a backend."""

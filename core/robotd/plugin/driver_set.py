@@ -9,6 +9,7 @@ from robotd.device.capabilities import Capability
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
 from robotd.device.fault_injector import FaultInjector
 from robotd.device.passive_joints import PassiveJoints
+from robotd.device.payload import PayloadDriver
 from robotd.device.profiled_axes import ProfiledAxes
 from robotd.device.world import World
 from robotd.plugin.driver_signatures import signature_problems
@@ -43,7 +44,7 @@ class Drivers:
         device, axes: always there.
         io, fieldbus: None where this robot has none.
         make_fault_injector: makes the fault injector of this device, or None.
-        passive_joints, world: None where there are none.
+        passive_joints, world, payload: None where there are none.
     """
 
     device: DeviceDriver
@@ -53,12 +54,14 @@ class Drivers:
     make_fault_injector: Callable[[], FaultInjector | None]
     passive_joints: PassiveJoints | None = None
     world: World | None = None
+    payload: PayloadDriver | None = None
 
     def capabilities(self, declared: frozenset[Capability]) -> frozenset[Capability]:
         """Return the declared capabilities and those that follow from the drivers."""
         derived = {Capability.AXES}
         derived |= {Capability.IO} if self.io is not None else set()
         derived |= {Capability.FIELDBUS} if self.fieldbus is not None else set()
+        derived |= {Capability.PAYLOAD} if self.payload is not None else set()
         return declared | derived
 
     def missing(self, declared: frozenset[Capability]) -> list[str]:
@@ -96,6 +99,7 @@ class Drivers:
             (self.fieldbus, FieldbusDriver),
             (self.passive_joints, PassiveJoints),
             (self.world, World),
+            (self.payload, PayloadDriver),
             (self.make_fault_injector(), FaultInjector),
         )
         return [
@@ -116,6 +120,7 @@ class Drivers:
             passive_joints=self.passive_joints
             and isolated(self.passive_joints, PassiveJoints, plugin, backend),
             world=self.world and isolated(self.world, World, plugin, backend),
+            payload=self.payload and isolated(self.payload, PayloadDriver, plugin, backend),
         )
 
     def _driver(self, contract: type) -> object | None:

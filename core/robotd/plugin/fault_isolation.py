@@ -20,6 +20,7 @@ from typing import Any, Generic, TypeVar, cast
 from robotd.call_timeout import CallTimeout, call_with_timeout
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
 from robotd.device.passive_joints import PassiveJoints
+from robotd.device.payload import PayloadDriver
 from robotd.device.state import ConnectionState
 from robotd.device.world import World
 from robotd.errors import (
@@ -42,6 +43,7 @@ _UNTIMED = {
     IoDriver: {"input_bytes", "output_bytes", "read_inputs", "read_outputs"},
     FieldbusDriver: {"buses", "register_bytes"},
     PassiveJoints: {"read"},
+    PayloadDriver: {"payload"},
     World: {"poses", "image"},  # a call with a limit has a thread of its own, a renderer one thread
 }
 

@@ -28,6 +28,7 @@ from robotd.device.capabilities import Capability
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
 from robotd.device.fault_injector import FaultInjector
 from robotd.device.passive_joints import PassiveJoints
+from robotd.device.payload import PayloadDriver
 from robotd.device.world import World
 from robotd.plugin.registry import NodeRegistry, RobotRegistry
 
@@ -165,6 +166,10 @@ class RobotdHooks:
         self, device: Any, context: DeviceContext[Any]
     ) -> PassiveJoints | None:
         """Make the reader of measured joints that are no axes; None where there are none."""
+
+    @hookspec(firstresult=True)
+    def robotd_payload(self, device: Any, context: DeviceContext[Any]) -> PayloadDriver | None:
+        """Make the driver of the payload; None where the device compensates none."""
 
     @hookspec(firstresult=True)
     def robotd_world(self, device: Any, context: DeviceContext[Any]) -> World | None:

@@ -22,6 +22,7 @@ from robotd.device.capabilities import DERIVED, Capability
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
 from robotd.device.fault_injector import FaultInjector
 from robotd.device.passive_joints import PassiveJoints
+from robotd.device.payload import PayloadDriver
 from robotd.device.world import World
 from robotd.entry_points import API_VERSION, PluginOrigin, installed_names, load_entry
 from robotd.errors import (
@@ -44,7 +45,11 @@ BACKENDS = "robotd.backends"
 PLUGINS = "robotd.plugins"
 HOOK_BUDGET_S = 10.0
 
-_HOOK_OF = {Capability.IO: "robotd_io", Capability.FIELDBUS: "robotd_fieldbus"}
+_HOOK_OF = {
+    Capability.IO: "robotd_io",
+    Capability.FIELDBUS: "robotd_fieldbus",
+    Capability.PAYLOAD: "robotd_payload",
+}
 
 Answer = TypeVar("Answer")
 
@@ -192,6 +197,7 @@ class Backend(Plugin):
             lambda: self._maybe("robotd_fault_injector", FaultInjector, **given),
             self._maybe("robotd_passive_joints", PassiveJoints, **given),
             self._maybe("robotd_world", World, **given),
+            self._maybe("robotd_payload", PayloadDriver, **given),
         )
         if missing := drivers.missing(self.info.capabilities):
             raise PluginError(f"plugin {self.origin}: {'; '.join(missing)}")

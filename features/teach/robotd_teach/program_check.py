@@ -159,6 +159,8 @@ class ProgramCheck:
         if step.work_frame is not None:
             frame = step.work_frame
             self._try(keys, lambda: self._planner.need_tool().work_frame_of(chosen(frame)))
+        if step.payload is not None:
+            self._try(keys, partial(self._robot.payload.check, step.payload.payload))
         if step.gripper is not None:
             self._try(keys, partial(self._check_grip, step.gripper))
         for number, segment in enumerate(step.sequence.segments if step.sequence else ()):

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
+from robotd.api import Payload
 from robotd.api.features import Name, NotNegative, Section, SectionProblem
 from robotd.api.models import YamlNode, parse_yaml, validate
 from robotd_teach.path_motion import PathTiming
@@ -241,6 +242,22 @@ class Condition(Section):
     level: bool = Field(True, alias="is")
 
 
+class SetPayload(Section):
+    """What the arm carries from now on: gripper, tool and part together.
+
+    Attributes:
+        center_m: x, y and z of its centre of mass in the frame of the flange.
+    """
+
+    mass_kg: NotNegative
+    center_m: tuple[float, float, float] = Field((0.0, 0.0, 0.0), strict=False)
+
+    @property
+    def payload(self) -> Payload:
+        """As the robot takes it."""
+        return Payload(self.mass_kg, self.center_m)
+
+
 class Wait_(Section):  # noqa: N801 - beside that of sequences
     """Wait for a time, or for an input.
 
@@ -299,6 +316,7 @@ class Step(Section):
     wait: Wait_ | None = None
     tool: str | None = None
     work_frame: str | None = None
+    payload: SetPayload | None = None
     message: Annotated[ShowMessage | None, _short("text")] = None
     repeat: Repeat | None = None
     branch: If | None = Field(None, alias="if")

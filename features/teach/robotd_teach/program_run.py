@@ -186,6 +186,8 @@ class ProgramRun:
             self._planner.need_tool().select_tool(chosen(step.tool))
         elif step.work_frame is not None:
             self._planner.need_tool().select_work_frame(chosen(step.work_frame))
+        elif step.payload is not None:
+            self._robot.payload.set_payload(step.payload.payload)
         elif step.message is not None:
             self._tell(step.message.text, waits=step.message.wait)
         self.executed += 1

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from robotd.api.commands import FILE, ExitCode, IntegerRange, import_ros
+from robotd.api.commands import FILE, ExitCode, IntegerRange, NumberRange, import_ros
 from robotd_ros.commands.robot_client import (
     ROS_EPILOG,
     client_options,
@@ -83,6 +83,35 @@ def set_reduced_speed(timeout_s: float, *, switch: str) -> ExitCode:
         require_one_robot(client)
         clients = import_ros("robotd_ros.client.tool_client")
         click.echo(clients.set_reduced_speed(client, on=switch == "on"))
+    return ExitCode.OK
+
+
+@tool.command("payload", epilog=ROS_EPILOG)
+@click.argument("mass_kg", type=NumberRange(0.0, 1000.0), metavar="[KG]", required=False)
+@click.option(
+    "--center",
+    "center_m",
+    type=float,
+    nargs=3,
+    default=(0.0, 0.0, 0.0),
+    metavar="X Y Z",
+    help="Its centre of mass in the frame of the flange, m.",
+)
+@client_options
+def payload(
+    timeout_s: float, *, mass_kg: float | None, center_m: tuple[float, float, float]
+) -> ExitCode:
+    """Tell the arm what it carries: gripper, tool and part together; without KG show it.
+
+    Nothing moves. It holds until robotd ends or another one is set.
+    """
+    with robot_client(timeout_s) as client:
+        require_one_robot(client)
+        clients = import_ros("robotd_ros.client.operator_client")
+        if mass_kg is None:
+            click.echo(f"payload: {clients.payload_text(client)}")
+        else:
+            click.echo(f"payload: {clients.set_payload(client, mass_kg, center_m)}")
     return ExitCode.OK
 
 

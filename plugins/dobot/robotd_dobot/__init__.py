@@ -13,12 +13,14 @@ from robotd.api import (
     DeviceContext,
     DeviceDriver,
     IoDriver,
+    PayloadDriver,
     hookimpl,
 )
 from robotd_dobot.axes import DobotAxes
 from robotd_dobot.device import DobotDevice
 from robotd_dobot.io import DobotIo
 from robotd_dobot.options import DobotOptions
+from robotd_dobot.payload import DobotPayload
 
 
 @hookimpl
@@ -49,6 +51,12 @@ def robotd_open_device(context: DeviceContext[DobotOptions]) -> DeviceDriver:
 def robotd_axes(device: DobotDevice, context: DeviceContext[DobotOptions]) -> AxisDriver:
     """Make the axes of the device."""
     return DobotAxes(device, context)
+
+
+@hookimpl
+def robotd_payload(device: DobotDevice) -> PayloadDriver:
+    """Make the payload of the arm."""
+    return DobotPayload(device)
 
 
 @hookimpl

@@ -161,7 +161,7 @@ class DobotAxes(ProfiledAxes):
             released = "the end of drag mode: let go of the drag button"
             wait_for(lambda values: not values.dragged, timeout_s, released)
         elif values is None or not values.enabled:
-            link.command("EnableRobot", *self._options.payload, timeout_s=timeout_s)
+            link.command("EnableRobot", *self._device.payload_to_enable, timeout_s=timeout_s)
         link.forget_rejection()
         wait_for(lambda values: values.enabled, timeout_s, "the servos to be on")
         if reason := _reason(link.feedback, link, obeys=False):

@@ -10,12 +10,14 @@ from robotd.api import (
     DeviceDriver,
     DeviceTimeout,
     NotReady,
+    Payload,
     RobotdError,
     get_logger,
     wait_until,
 )
 from robotd_dobot.link import SWITCH_OFF, ControllerLink, Feedback, switch_off
 from robotd_dobot.options import DobotOptions
+from robotd_dobot.protocol import in_kg_and_mm
 
 log = get_logger("dobot")
 
@@ -27,11 +29,13 @@ class DobotDevice(DeviceDriver):
 
     Attributes:
         communicating: values and targets are exchanged.
+        payload: that was set since the device was opened; None: that of the options applies.
     """
 
     def __init__(self, options: DobotOptions, clock: Clock) -> None:
         self.communicating = False
         self.options, self.clock = options, clock
+        self.payload: Payload | None = None
         self._link: ControllerLink | None = None
 
     @property
@@ -61,6 +65,7 @@ class DobotDevice(DeviceDriver):
     def close(self) -> None:
         self.stop_communication(CLOSE_S)
         self._disconnect()
+        self.payload = None
 
     def start_communication(self, timeout_s: float) -> None:
         began_ns = self.clock.now_ns()
@@ -93,6 +98,11 @@ class DobotDevice(DeviceDriver):
         model = values.model or "arm"
         mode = link.dialect.mode_text(values.mode)
         return f"{model} on a controller {link.dialect.name} at {self.options.address}: {mode}"
+
+    @property
+    def payload_to_enable(self) -> tuple[float, ...]:
+        """Arguments of the command that switches the arm on: kg and mm; empty: the controller's."""
+        return self.options.payload if self.payload is None else in_kg_and_mm(self.payload)
 
     def switch_off(self, timeout_s: float) -> None:
         """Switch the servos off, also where the connections are lost.

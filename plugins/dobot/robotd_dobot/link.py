@@ -17,6 +17,7 @@ from robotd.api import (
     FloatArray,
     NotReady,
     OperationError,
+    Payload,
 )
 from robotd_dobot import protocol
 from robotd_dobot.command_port import CommandPort, MotionPort, Request, TargetPort
@@ -45,6 +46,7 @@ class Feedback:
         alarm: number of the controller's alarm; 0: none.
         inputs, outputs: digital levels; bit 0 of byte 0 is terminal 1.
         model: of the arm; "" where it is not known.
+        payload: that the controller compensates.
     """
 
     time_ns: int
@@ -57,6 +59,7 @@ class Feedback:
     inputs: bytes
     outputs: bytes
     model: str
+    payload: Payload
 
     @property
     def takes_targets(self) -> bool:
@@ -231,6 +234,7 @@ class ControllerLink:
         self._implausible = ""
         if not self._know_alarm(bool(fields["error"]), time_ns):
             return
+        x, y, z = (1e-3 * fields["load_center_mm"]).tolist()
         self.feedback = Feedback(
             time_ns,
             np.radians(position),
@@ -242,6 +246,7 @@ class ControllerLink:
             fields["inputs"].tobytes(),
             fields["outputs"].tobytes(),
             MODELS.get(int(fields["model"]), ""),
+            Payload(float(fields["load_kg"]), (x, y, z)),
         )
 
     def _know_alarm(self, present: bool, now_ns: int) -> bool:

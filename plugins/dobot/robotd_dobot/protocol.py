@@ -12,7 +12,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from robotd.api import FloatArray, NotReady, OperationError
+from robotd.api import FloatArray, NotReady, OperationError, Payload
 
 JOINTS = 6
 FEEDBACK_PERIOD_S = 0.008
@@ -21,10 +21,10 @@ TEST_VALUE = 0x0123456789ABCDEF  # in each packet: both sides count the bytes al
 FEEDBACK = np.dtype(
     {
         "names": ["size", "inputs", "outputs", "mode", "test_value", "position", "velocity",
-                  "enabled", "dragged", "error", "model"],
+                  "enabled", "dragged", "error", "model", "load_kg", "load_center_mm"],
         "formats": ["<u2", "<u8", "<u8", "<u8", "<u8", ("<f8", JOINTS), ("<f8", JOINTS),
-                    "u1", "u1", "u1", "u1"],
-        "offsets": [0, 8, 16, 24, 48, 432, 480, 1026, 1027, 1029, 1031],
+                    "u1", "u1", "u1", "u1", "<f8", ("<f8", 3)],
+        "offsets": [0, 8, 16, 24, 48, 432, 480, 1026, 1027, 1029, 1031, 1168, 1176],
         "itemsize": 1440,
     }
 )  # fmt: skip
@@ -74,6 +74,7 @@ class Dialect:
         set_output: command that switches an output at once.
         has_motion_port: targets go to a port of their own, where nothing answers for certain.
         min_target_s: shortest time of a target.
+        sets_payload: with a centre, also while the arm is on.
     """
 
     name: str
@@ -81,6 +82,7 @@ class Dialect:
     set_output: str
     has_motion_port: bool
     min_target_s: float
+    sets_payload: bool
 
     def mode_text(self, mode: int) -> str:
         """Return a mode in words."""
@@ -111,6 +113,7 @@ V3 = Dialect(
     "DOExecute",
     has_motion_port=True,
     min_target_s=0.02,
+    sets_payload=False,
 )
 V4 = Dialect(
     "V4",
@@ -118,6 +121,7 @@ V4 = Dialect(
     "DOInstant",
     has_motion_port=False,
     min_target_s=0.004,
+    sets_payload=True,
 )
 DIALECTS = {"v3": V3, "v4": V4}
 GENERATION_QUERY = "GetCurrentCommandID"  # changes nothing; V3 does not know it
@@ -134,6 +138,7 @@ REASONS = {
     -8: "the certificate of the controller has expired: ask the maker",
     UNKNOWN_COMMAND: "unknown command",
     -20000: "wrong number of parameters",
+    -40001: "its first parameter is out of range",
 }
 # NOT_TCP comes without the semicolon that ends all others.
 REPLY_END = re.compile(rb"[^;]*;|\s*" + NOT_TCP.encode("ascii") + rb"\s*")
@@ -143,6 +148,11 @@ _REPLY = re.compile(r"\s*(-?\d+),\{(.*)\},(\w+)\(.*\);\s*", re.DOTALL)
 def command(name: str, *values: float) -> str:
     """Return a command: ``command("DO", 1, 0)`` is ``DO(1,0)``."""
     return f"{name}({','.join(f'{value:g}' for value in values)})"
+
+
+def in_kg_and_mm(payload: Payload) -> tuple[float, ...]:
+    """Return a payload as commands have it: mass, and its centre in mm."""
+    return payload.mass_kg, *(1e3 * value for value in payload.center_m)
 
 
 def parse_reply(text: str, name: str) -> str:

@@ -14,6 +14,7 @@ from robotd.api import (
     Capability,
     DeviceContext,
     DeviceDriver,
+    PayloadDriver,
     hookimpl,
 )
 from robotd_franka.options import FrankaOptions
@@ -54,3 +55,11 @@ def robotd_axes(device: FrankaDevice, context: DeviceContext[FrankaOptions]) -> 
     from robotd_franka.axes import FrankaAxes
 
     return FrankaAxes(device, context)
+
+
+@hookimpl
+def robotd_payload(device: FrankaDevice) -> PayloadDriver:
+    """Make the payload of the arm."""
+    from robotd_franka.payload import FrankaPayload
+
+    return FrankaPayload(device)

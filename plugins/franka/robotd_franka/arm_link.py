@@ -22,6 +22,7 @@ from robotd.api import (
     FloatArray,
     NotReady,
     OperationError,
+    Payload,
     get_logger,
 )
 from robotd_franka.code_tables import ERRORS, GUIDING, IDLE, REFLEX, alarm_of
@@ -90,16 +91,27 @@ class ArmLink:
         self._closing.set()
         self._thread.join(END_S)
 
-    def configure(self) -> None:
+    def configure(self, payload: Payload) -> None:
         """Set load and collision thresholds. Raises OperationError: the arm rejects them."""
         options = self._options
         torque, force = [options.collision_torque_nm] * JOINTS, [options.collision_force_n] * 6
-        inertia = np.diag(options.load_inertia_kg_m2).flatten().tolist()
         try:
             self._robot.set_collision_behavior(torque, torque, force, force)
-            self._robot.set_load(options.load_kg, list(options.load_center_m), inertia)
         except FAILURES as error:
-            raise OperationError(f"load or collision thresholds: {error}") from error
+            raise OperationError(f"collision thresholds: {error}") from error
+        self.set_load(payload)
+
+    def set_load(self, payload: Payload) -> None:
+        """Set the load, while nothing follows targets. Raises OperationError: it is rejected."""
+        options = self._options
+        own = payload == options.payload
+        inertia = np.diag(options.load_inertia_kg_m2 if own else (0.0, 0.0, 0.0))
+        try:
+            self._robot.set_load(
+                payload.mass_kg, list(payload.center_m), inertia.flatten().tolist()
+            )
+        except FAILURES as error:
+            raise OperationError(f"load of {payload}: {error}") from error
 
     def follow(self) -> None:
         """Start the impedance controller, which holds the measured position.

@@ -6,7 +6,6 @@ holds itself: its brakes are closed in Desk only.
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Sequence
 
 import numpy as np
@@ -46,7 +45,6 @@ class FrankaAxes(ProfiledAxes):
             feedback_lost_s=context.robot.engine.stale_after_s,
         )
         self._device, self._options = device, context.options
-        self._switching = threading.Lock()  # each command sees the effect of the one before
         self._last_target: FloatArray | None = None
         self._let_go: frozenset[int] = frozenset()  # axes without stiffness
         self._caught: frozenset[int] = frozenset()  # of them, those that are braked
@@ -92,15 +90,14 @@ class FrankaAxes(ProfiledAxes):
         link.set_target(target, velocity)
 
     def servo(self, axis: int, on: bool, timeout_s: float) -> None:
-        with self._switching:
+        with self._device.switching:
             link = self._connected()
             if on and link.state is not None and link.state.followed:
                 return
             if not on:
                 self._device.end_following(timeout_s)
                 return
-            link.follow()
-            self._device.wait_for(lambda state: state.followed, timeout_s, "the controller")
+            self._device.follow(timeout_s)
 
     def confirmed_off(self) -> Sequence[bool] | None:
         try:
@@ -110,7 +107,7 @@ class FrankaAxes(ProfiledAxes):
         return [state is not None and not state.followed] * JOINTS
 
     def clear_alarm(self, axis: int, timeout_s: float) -> None:
-        with self._switching:
+        with self._device.switching:
             link = self._connected()
             state = link.state
             code, text = alarm_of(state.mode, state.errors) if state is not None else (0, "")
@@ -125,7 +122,7 @@ class FrankaAxes(ProfiledAxes):
             )
 
     def let_go(self, axes: Sequence[int], timeout_s: float) -> None:
-        with self._switching:
+        with self._device.switching:
             link = self._connected()
             with self._lock:  # which ``catch`` and ``is_let_go`` are called with
                 self._let_go, self._caught = self._let_go | {*axes}, self._caught - {*axes}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 
 from robotd.api import (
@@ -27,11 +28,15 @@ class FrankaDevice(DeviceDriver):
 
     Attributes:
         communicating: values and targets are exchanged.
+        switching: held by what switches the impedance controller.
+        payload: that the arm compensates while it communicates.
     """
 
     def __init__(self, options: FrankaOptions, clock: Clock) -> None:
         self.communicating = False
         self.options, self.clock = options, clock
+        self.switching = threading.Lock()  # each command sees the effect of the one before
+        self.payload = options.payload
         self._link: ArmLink | None = None
 
     @property
@@ -59,11 +64,12 @@ class FrankaDevice(DeviceDriver):
     def close(self) -> None:
         self.stop_communication(CLOSE_S)
         self._disconnect()
+        self.payload = self.options.payload
 
     def start_communication(self, timeout_s: float) -> None:
         began_ns = self.clock.now_ns()
         self.wait_for(lambda state: state.time_ns > began_ns, timeout_s, "a state of the arm")
-        self.link.configure()
+        self.link.configure(self.payload)
         self.communicating = True
 
     def stop_communication(self, timeout_s: float) -> None:
@@ -87,6 +93,11 @@ class FrankaDevice(DeviceDriver):
         state = self.link.state
         joints = "" if state is None else ", ".join(f"{angle:.3f}" for angle in state.position)
         return f"arm at {self.options.address}, joints at {joints} rad"
+
+    def follow(self, timeout_s: float) -> None:
+        """Start the impedance controller and wait until the arm shows it. Hold ``switching``."""
+        self.link.follow()
+        self.wait_for(lambda state: state.followed, timeout_s, "the controller")
 
     def end_following(self, timeout_s: float) -> None:
         """End the impedance controller and wait until the arm shows it.

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from robotd.api import BackendOptions, DescriptorError, RobotDescriptor
+from robotd.api import BackendOptions, DescriptorError, Payload, RobotDescriptor
 
 JOINTS = 7
 Positive = Annotated[float, Field(gt=0)]
@@ -64,6 +64,11 @@ class FrankaOptions(BackendOptions):
                     key="backends.franka",
                 )
         return self
+
+    @property
+    def payload(self) -> Payload:
+        """The load as a payload, without its inertia."""
+        return Payload(self.load_kg, self.load_center_m)
 
     @property
     def needs_realtime(self) -> bool:

@@ -18,6 +18,7 @@ from robotd.api import (
     IoDriver,
     NodeRegistry,
     PassiveJoints,
+    PayloadDriver,
     PluginError,
     World,
     hookimpl,
@@ -101,6 +102,14 @@ def robotd_passive_joints(
     if gripper is None or not device.physics.robot_model.fingers:
         return None
     return MujocoFingers(device.physics, gripper.joints)
+
+
+@hookimpl
+def robotd_payload(device: MujocoDevice) -> PayloadDriver | None:
+    """The weight at the last link, where there is one arm."""
+    from robotd_mujoco.payload import MujocoPayload
+
+    return None if device.physics.robot_model.payload < 0 else MujocoPayload(device.physics)
 
 
 @hookimpl

@@ -17,12 +17,20 @@ from robotd.api import (
     FloatArray,
     InvalidArgument,
     NotReady,
+    Payload,
     RobotDescriptor,
     get_logger,
 )
 from robotd_mujoco.gripper_model import FINGER_TRAVEL_S
 from robotd_mujoco.options import MujocoOptions
-from robotd_mujoco.robot_model import BRAKE_NM, BRAKE_SHARE, UNLIMITED, build_model, start_positions
+from robotd_mujoco.robot_model import (
+    BRAKE_NM,
+    BRAKE_SHARE,
+    PAYLOAD_KG,
+    UNLIMITED,
+    build_model,
+    start_positions,
+)
 
 IMAGE_BYTES = 64
 AT_REST = 0.02  # rad/s or m/s, below which a brake, or the catch of a guided axis, is done
@@ -59,6 +67,7 @@ class Physics:
         encoder_offset: (n_axes,) measured minus true position.
         inputs, outputs: I/O images.
         stuck_outputs: outputs that keep a value, by byte and bit.
+        payload: what the drives expect to carry.
         tick: steps so far.
     """
 
@@ -79,7 +88,7 @@ class Physics:
         self.encoder_offset = np.zeros(self.axes)
         self.inputs, self.outputs = bytearray(IMAGE_BYTES), bytearray(IMAGE_BYTES)
         self.stuck_outputs: dict[tuple[int, int], bool] = {}
-        self.tick = 0
+        self.payload, self.tick = Payload(0.0), 0
         self._step_ns = round(options.step_s * NANOSECONDS)
         self._start_ns = clock.now_ns()
         self._catch_up = max(1, round(options.max_catch_up_s / options.step_s))
@@ -241,6 +250,13 @@ class Physics:
             velocity = self.drives[axis].velocity
             self._set_gains(velocity, gain[velocity], bias[velocity])
             self._catching[axis] = self.tick + round(CATCH_S / self.options.step_s)
+
+    def expect(self, payload: Payload) -> None:
+        """Let the drives carry a weight at the last link, within their torque limits."""
+        body = self.robot_model.payload
+        self.model.body_ipos[body] = payload.center_m
+        self.model.body_gravcomp[body] = 1.0 + payload.mass_kg / PAYLOAD_KG
+        self.payload = payload
 
     def trip(self, axis: int, code: int) -> None:
         """Put the drive into alarm."""

@@ -58,6 +58,7 @@ ROTOR_KG, ROTOR_KG_M2 = 1.0, 0.1  # of an axis that is no joint of the URDF
 BRAKE_SHARE = 1.5  # torque of a brake per torque of its drive
 BRAKE_NM = 200.0  # of one without a torque limit
 UNLIMITED = 1e6  # N·m or N
+PAYLOAD, PAYLOAD_KG = "robotd_payload", 1e-3  # body without a weight that counts
 
 log = get_logger("mujoco")
 
@@ -98,6 +99,7 @@ class RobotModel:
         rollers: of mecanum wheels; None without them.
         wrists: links behind the last joint of each arm, with a force/torque sensor.
         sensors: address of the first value of each one: force and torque.
+        payload: body whose weight the drives expect at the last link; -1: there is not one arm.
     """
 
     model: mujoco.MjModel
@@ -113,6 +115,7 @@ class RobotModel:
     rollers: Rollers | None
     wrists: list[str]
     sensors: list[int]
+    payload: int = -1
 
 
 def build_model(robot: RobotDescriptor, options: MujocoOptions) -> RobotModel:
@@ -143,7 +146,7 @@ def _build_model(robot: RobotDescriptor, options: MujocoOptions) -> RobotModel:
         add_objects(spec, scene, Path())
     objects = describe_objects(spec, links)
     _add_drives(spec, robot, options, joints)
-    wrists = _add_wrists(spec, robot)
+    wrists, payload = _add_wrists(spec, robot), _add_payload(spec, robot)
     add_gripper(spec, robot, options)
     add_cameras(spec, scene.cameras)
     if stands:
@@ -155,7 +158,9 @@ def _build_model(robot: RobotDescriptor, options: MujocoOptions) -> RobotModel:
         _exclude_touching(spec, model, links, joints, start)
         model = spec.compile()
     _tune(model, robot, joints, options)
-    return _described(model, robot, objects, wrists, joints, root, options, scene)
+    described = _described(model, robot, objects, wrists, joints, root, options, scene)
+    described.payload = model.body(payload).id if payload else -1
+    return described
 
 
 def start_positions(robot: RobotDescriptor, options: MujocoOptions) -> FloatArray:
@@ -291,14 +296,7 @@ def _add_wrists(spec: mujoco.MjSpec, robot: RobotDescriptor) -> list[str]:
 
     It measures what the link and all beyond it exert on the arm, in the frame of the link.
     """
-    names = [joint.name for joint in robot.joints if spec.joint(joint.name) is not None]
-    inner = set()
-    for name in names:
-        body = spec.joint(name).parent.parent
-        while body is not None:
-            inner |= {joint.name for joint in body.joints}
-            body = body.parent
-    wrists = [spec.joint(name).parent.name for name in names if name not in inner]
+    wrists = _last_links(spec, [joint.name for joint in robot.joints])
     for link in wrists:
         spec.body(link).add_site(name=f"{link}_wrist")
         for kind, sensor in (
@@ -310,6 +308,31 @@ def _add_wrists(spec: mujoco.MjSpec, robot: RobotDescriptor) -> list[str]:
                 objtype=mujoco.mjtObj.mjOBJ_SITE,
             )  # fmt: skip
     return wrists
+
+
+def _last_links(spec: mujoco.MjSpec, joints: Sequence[str]) -> list[str]:
+    """Return the links that those of ``joints`` move behind which there is none of them."""
+    names = [name for name in joints if spec.joint(name) is not None]
+    inner = set()
+    for name in names:
+        body = spec.joint(name).parent.parent
+        while body is not None:
+            inner |= {joint.name for joint in body.joints}
+            body = body.parent
+    return [spec.joint(name).parent.name for name in names if name not in inner]
+
+
+def _add_payload(spec: mujoco.MjSpec, robot: RobotDescriptor) -> str:
+    """Add a body whose weight the drives are to expect; return its name, "" without one arm."""
+    grippers = {settings.joint for settings in robot.servo_grippers.values()}
+    names = [joint.name for joint in robot.joints if joint.name not in grippers]
+    links = _last_links(spec, names)
+    if len(links) != 1:
+        return ""
+    body = spec.body(links[0]).add_body(name=PAYLOAD)
+    body.mass, body.inertia, body.explicitinertial = PAYLOAD_KG, [PAYLOAD_KG * 1e-6] * 3, True
+    body.gravcomp = 1.0
+    return PAYLOAD
 
 
 def _set_physics(spec: mujoco.MjSpec, options: MujocoOptions) -> None:

@@ -14,6 +14,7 @@ from robotd.api import (
     FaultInjector,
     FieldbusDriver,
     IoDriver,
+    PayloadDriver,
     hookimpl,
 )
 from robotd_sim.axes import SimAxes
@@ -22,6 +23,7 @@ from robotd_sim.fault_injector import SimFaultInjector
 from robotd_sim.fieldbus import SimFieldbus
 from robotd_sim.io import SimIo
 from robotd_sim.options import SimOptions
+from robotd_sim.payload import SimPayload
 from robotd_sim.simulation import Simulation
 
 CAPABILITIES = frozenset(
@@ -74,6 +76,12 @@ def robotd_io(device: SimDevice) -> IoDriver:
 def robotd_fieldbus(device: SimDevice) -> FieldbusDriver:
     """One EtherCAT line."""
     return SimFieldbus(device.simulation)
+
+
+@hookimpl
+def robotd_payload(device: SimDevice) -> PayloadDriver:
+    """Keeps the payload, which changes no motion."""
+    return SimPayload(device.simulation)
 
 
 @hookimpl

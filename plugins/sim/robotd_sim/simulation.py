@@ -19,6 +19,7 @@ from robotd.api import (
     FloatArray,
     NotReady,
     Operation,
+    Payload,
     RobotDescriptor,
 )
 from robotd_servo_model import Mechanics, Servo, ServoWorld
@@ -96,6 +97,7 @@ class Simulation:
         self.engine = ConnectionState.IDLE
         self.failures_left = options.fail_open
         self.lost_because = ""  # what ended the connection, until it is made again
+        self.payload = Payload(0.0)
         self.all_connected = True
         self._starts = 0  # number of the present request for communication
         self._defaults = self.parameters = self._engine_defaults()
@@ -231,7 +233,7 @@ class Simulation:
     def reset(self) -> None:
         """The engine ends: parameters go back to the defaults, I/O is cleared."""
         self.silence()
-        self.engine = ConnectionState.IDLE
+        self.engine, self.payload = ConnectionState.IDLE, Payload(0.0)
         self.io.clear()
         for axis in range(self.axes):  # at rest: a start that follows at once loads parameters
             self.motion.hold(axis, float(self.servo.command[axis]))

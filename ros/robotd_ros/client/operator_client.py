@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import posixpath
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Point
 from robotd_msgs.msg import IoLevels, RecoveryReport
-from robotd_msgs.srv import SetSpeed
+from robotd_msgs.srv import GetPayload, SetPayload, SetSpeed
 from std_srvs.srv import Trigger
 
 from robotd.control.groups.problem import Problem, ProblemKind
@@ -159,6 +160,21 @@ def _publishers(client: RosClient) -> set[bytes]:
 def set_speed(client: RosClient, speed: float) -> str:
     """Set the speed of all motion, 0 to 1; return its answer. Raises the errors of ``call``."""
     return str(client.call(SetSpeed, f"{OPERATOR_NODE}/set_speed", speed=speed).message)
+
+
+def set_payload(client: RosClient, mass_kg: float, center_m: Sequence[float]) -> str:
+    """Let the arm compensate a payload; return it in words. Raises the errors of ``call``.
+
+    ``center_m``: x, y and z of its centre of mass in the frame of the flange.
+    """
+    x, y, z = map(float, center_m)
+    values = {"mass_kg": mass_kg, "center": Point(x=x, y=y, z=z)}
+    return str(client.call(SetPayload, f"{OPERATOR_NODE}/set_payload", **values).message)
+
+
+def payload_text(client: RosClient) -> str:
+    """Return the payload that the arm compensates, in words. Raises the errors of ``call``."""
+    return str(client.call(GetPayload, f"{OPERATOR_NODE}/get_payload").message)
 
 
 def set_output(client: RosClient, name: str, on: bool) -> str:

@@ -12,11 +12,12 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 from robotd_msgs.msg import AxisOwners, CommandRejection, IoLevels, RecoveryReport
-from robotd_msgs.srv import SetSpeed
+from robotd_msgs.srv import GetPayload, SetPayload, SetSpeed
 from std_msgs.msg import Bool, Empty, Float64, String
 from std_srvs.srv import SetBool, Trigger
 
 from robotd.control.groups.problem import Problem
+from robotd.device.payload import Payload
 from robotd.device.process_image import ProcessImage
 from robotd.observation.robot_identity import identity
 from robotd.robot import Robot
@@ -81,6 +82,8 @@ class OperatorNode(Node):
             (Trigger, "pause", lambda *_: robot.pause(), True),
             (Trigger, "resume", lambda *_: robot.resume(), False),
             (Trigger, "recover", self._recover, False),
+            (SetPayload, "set_payload", self._set_payload, False),
+            (GetPayload, "get_payload", self._get_payload, False),
             (SetSpeed, "set_speed", lambda asked, _: robot.set_speed(asked.speed), False),
         ):
             add_service(self, host, service_type, f"~/{name}", handler, urgent=urgent)
@@ -108,6 +111,21 @@ class OperatorNode(Node):
     def _stop(self, request: Any, response: Any) -> str:
         self._robot.stop("by a client of the stop service")
         return "stopped, at rest"
+
+    def _set_payload(self, request: Any, response: Any) -> str:
+        center = request.center
+        payload = Payload(request.mass_kg, (center.x, center.y, center.z))
+        self._robot.payload.set_payload(payload)
+        return str(payload)
+
+    def _get_payload(self, request: Any, response: Any) -> str:
+        payload = self._robot.payload.current()
+        response.known = payload is not None
+        if payload is None:
+            return "the device does not tell its payload"
+        response.mass_kg, center = payload.mass_kg, response.center
+        center.x, center.y, center.z = payload.center_m
+        return str(payload)
 
     def _engage_stop(self, message: Any) -> None:
         """Executor thread: the control loop brings everything to rest."""

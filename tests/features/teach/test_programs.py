@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from robotd import DescriptorError, NotReady, OperationError, Robot, open_robot
+from robotd.api import Payload
 from robotd.api.features import EventKind
 from robotd.api.robots import SteppedClock, TrajectoryRequest
 from robotd_shared.pose_file import write_poses
@@ -96,6 +97,13 @@ def test_the_examples_run_on_the_arm_as_it_comes(
         state = programs.state
     assert (state.state, state.step) == ("done", example.steps)
     assert state.executed == {"pick_and_place": 26, "inspect": 7}[name]
+
+
+def test_a_payload_is_set_at_its_step(robot: Robot, programs: Programs) -> None:
+    programs.run(program(MOVE + "  - payload: {mass_kg: 0.8, center_m: [0, 0, 0.06]}\n" + MOVE))
+    assert robot.payload.current() == Payload(0.8, (0.0, 0.0, 0.06))
+    with pytest.raises(DescriptorError, match=r"payload: 120 kg, must be 0 or more and 100 kg"):
+        programs.check(program("  - payload: {mass_kg: 120}\n"))
 
 
 def test_steps_are_executed_in_their_order_and_noted(robot: Robot, programs: Programs) -> None:

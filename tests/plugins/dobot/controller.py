@@ -14,8 +14,9 @@ from tests.plugins.dobot.packet import PACKET, TEST_VALUE
 
 COMMAND = re.compile(r"\s*(\w+)\(([^()]*)\)")
 PERIOD_S = 0.008
-CR3A = 113
+CR3A, CR3A_KG = 113, 3.0
 UNKNOWN, WRONG_COUNT, WRONG_TYPE, WRONG_RANGE = -10000, -20000, -50001, -60001
+PARAMETER_RANGE = -40001  # of the first one, as V4 has it
 NOT_TCP = "Control Mode Is Not Tcp\t"
 SHORTEST_S = {"v3": 0.02, "v4": 0.004}
 Answer = tuple[int, str]
@@ -163,6 +164,8 @@ class Controller:
         if len(numbers) not in (1, 4):
             return WRONG_COUNT, ""
         values = [float(number) for number in numbers]
+        if not 0.0 <= values[0] <= CR3A_KG:
+            return PARAMETER_RANGE, ""
         self.arm.payload = (values[0], *(values[1:] or (0.0, 0.0, 0.0)))
         return 0, ""
 

@@ -22,9 +22,10 @@ from robotd.api import (
     FaultInjector,
     hookimpl,
 )
-from robotd_dobot import DobotDevice, DobotOptions, robotd_axes, robotd_io
+from robotd_dobot import DobotDevice, DobotOptions, robotd_axes, robotd_io, robotd_payload
 
-__all__ = ["robotd_axes", "robotd_io"]  # hooks of dobot: these are the drivers to be tested
+# Hooks of dobot: these are the drivers to be tested.
+__all__ = ["robotd_axes", "robotd_io", "robotd_payload"]
 
 ROOT = Path(__file__).parents[3]
 END_S = 2.0

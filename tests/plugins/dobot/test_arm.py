@@ -13,7 +13,7 @@ import pytest
 from tests.plugins.dobot.stand_in_backend import StandInFaults
 
 from robotd import open_robot
-from robotd.api import ConnectError, NotReady, RobotdError
+from robotd.api import ConnectError, NotReady, OperationError, Payload, RobotdError, Unsupported
 from robotd.api.robots import (
     Outcome,
     Robot,
@@ -232,6 +232,29 @@ def test_hand_guiding_is_drag_mode(robot: Robot, faults: StandInFaults) -> None:
     wait_until(lambda: not robot.image.operation.any(), "the arm is held")
     assert robot.image.servo_on.all()
     assert_moves(robot, -0.2)
+
+
+def test_the_controller_has_the_payload_that_was_set(
+    robot: Robot, faults: StandInFaults, generation: str
+) -> None:
+    if generation == "v3":
+        with pytest.raises(Unsupported, match="a payload on a controller V3"):
+            robot.payload.set_payload(Payload(1.2))
+        return
+    robot.payload.set_payload(Payload(1.2, (0.0, 0.01, 0.08)))
+    assert [faults.send("payload", index) for index in range(4)] == [1.2, 0.0, 10.0, 80.0]
+    robot.servos.disable()
+    robot.recover()
+    assert faults.send("payload", 0) == 1.2  # and not that of the file again
+    with pytest.raises(OperationError, match=r"SetPayload: its first parameter is out of range"):
+        robot.payload.set_payload(Payload(3.5))
+    assert robot.payload.current() == Payload(1.2, (0.0, 0.01, 0.08))
+    robot.axes.begin_guiding(list(range(6)))
+    with pytest.raises(NotReady, match="in use by hand guiding"):
+        robot.payload.set_payload(Payload(0.5))
+    robot.axes.stop(list(range(6)))
+    wait_until(lambda: not robot.image.operation.any(), "the arm is held")
+    assert_moves(robot, 0.1)
 
 
 @pytest.mark.parametrize(

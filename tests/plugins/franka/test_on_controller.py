@@ -13,7 +13,7 @@ from tests.plugins.franka.controller import Controller, controller, needs_simula
 from tests.ros.robot_process import wait_until
 
 from robotd import Robot, open_robot
-from robotd.api import Operation, RobotdError
+from robotd.api import InvalidArgument, Operation, Payload, RobotdError
 from robotd.api.robots import TrajectoryRequest
 from robotd_franka.code_tables import ERRORS, FIRST_ERROR
 
@@ -223,3 +223,20 @@ def test_a_hand_leads_the_arm_which_is_held_where_it_lets_go(
     assert robot.image.copy().servo_on.all()
     assert robot.image.copy().position_command == pytest.approx(rest, abs=0.02)
     assert "goal reached" in go(robot, start)
+
+
+def test_a_payload_is_set_at_rest_and_the_arm_follows_again(robot: Robot, unit: Controller) -> None:
+    before = unit.command()
+    robot.payload.set_payload(Payload(1.2, (0.0, 0.01, 0.05)))
+    # The control unit takes no load in a motion: there is another one.
+    wait_until(lambda: unit.command().motions == before.motions + 1, "the arm follows again")
+    assert unit.command().position == pytest.approx(before.position, abs=0.005)
+    wait_until(robot.image.servo_on.all, "the servos are shown as on")
+    with pytest.raises(InvalidArgument, match=r"3\.5 kg, must be 0 or more and 3 kg at most"):
+        robot.payload.set_payload(Payload(3.5))
+    assert robot.payload.current() == Payload(1.2, (0.0, 0.01, 0.05))
+    robot.servos.disable()
+    robot.payload.set_payload(Payload(0.5))
+    assert not robot.image.copy().servo_on.any()
+    robot.recover()
+    assert "goal reached" in go(robot, np.array(before.position) + 0.3 * STEP)

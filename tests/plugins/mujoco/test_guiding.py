@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.plugins.mujoco.cell import cell
+from tests.plugins.mujoco.cell import Cell, cell
 
-from robotd.api import Operation
+from robotd.api import Operation, Payload
 
 STRETCHED = "initial_position_rad=[0.0,-1.57,0.0,0.0,0.0,0.0]"
 PUSH_NM = 10.0
@@ -64,3 +64,44 @@ def test_an_arm_that_is_pushed_on_is_held_after_a_time() -> None:
         assert (robot.image.operation[joints] == int(Operation.IDLE)).all()
         assert abs(robot.image.velocity[0]) < 0.02
         assert not robot.image.amp_alarm.any()
+
+
+def test_the_drives_carry_the_payload_that_they_know() -> None:
+    payload = Payload(2.0, (0.0, 0.0, 0.1))
+    with cell("scene=null", STRETCHED) as arm:
+        robot = arm.robot
+        hang(arm, payload)
+        robot.step(500)
+        motor, sunk = float(robot.image.torque[1]), sag(arm)
+        robot.payload.set_payload(payload)
+        robot.step(500)
+        assert robot.image.torque[1] == pytest.approx(motor, rel=0.02)  # it had the weight before
+        assert sag(arm) < 0.05 * sunk
+        robot.axes.begin_guiding(list(robot.joint_axes))
+        start = robot.image.position.copy()
+        robot.step(1000)
+        assert robot.image.position == pytest.approx(start, abs=0.01)
+
+
+def test_a_guided_arm_sinks_by_a_weight_that_the_drives_do_not_know() -> None:
+    with cell("scene=null", STRETCHED) as arm:
+        robot = arm.robot
+        hang(arm, Payload(2.0))
+        robot.axes.begin_guiding(list(robot.joint_axes))
+        start = robot.image.position.copy()
+        robot.step(300)
+        assert np.abs(robot.image.position - start).max() > 0.05
+
+
+def hang(arm: Cell, payload: Payload) -> None:
+    """Let a weight act at the last link, whatever the drives expect there."""
+    physics = arm.physics
+    body = physics.robot_model.payload
+    physics.model.body_ipos[body] = payload.center_m
+    physics.data.xfrc_applied[body, :3] = payload.mass_kg * physics.model.opt.gravity
+
+
+def sag(arm: Cell) -> float:
+    """Return by how much the joint that carries most is off its command, rad."""
+    image = arm.robot.image
+    return float(abs(image.position_command[1] - image.position[1]))

@@ -10,6 +10,7 @@ from robotd.api import (
     DeviceContext,
     DeviceDriver,
     FaultInjector,
+    PayloadDriver,
     ProcessImage,
     hookimpl,
 )
@@ -20,6 +21,7 @@ from robotd_sim import (
     SimFieldbus,
     SimIo,
     SimOptions,
+    SimPayload,
     Simulation,
 )
 
@@ -42,6 +44,7 @@ class Mutant:
     Axes: ClassVar[type[SimAxes]] = SimAxes
     Io: ClassVar[type[SimIo]] = SimIo
     Fieldbus: ClassVar[type[SimFieldbus]] = SimFieldbus
+    ArmPayload: ClassVar[type[SimPayload]] = SimPayload
     Injector: ClassVar[type[SimFaultInjector]] = SimFaultInjector
 
     @hookimpl
@@ -68,6 +71,10 @@ class Mutant:
     @hookimpl
     def robotd_fieldbus(self, device: SimDevice) -> SimFieldbus:
         return self.Fieldbus(device.simulation)
+
+    @hookimpl
+    def robotd_payload(self, device: SimDevice) -> PayloadDriver:
+        return self.ArmPayload(device.simulation)
 
     @hookimpl
     def robotd_fault_injector(self, device: SimDevice) -> FaultInjector:
