@@ -10,7 +10,7 @@ from action_msgs.msg import GoalStatus
 from geometry_msgs.msg import Point, Pose
 from robotd_msgs.action import MoveSequence
 from robotd_msgs.msg import MotionSegment, PathOutput
-from robotd_msgs.srv import ComputeFk
+from robotd_msgs.srv import AppendSegments, ComputeFk
 from sensor_msgs.msg import JointState
 from tests.ros.action_client import GoalClient
 from tests.ros.robot_process import Client, RobotProcess, connected, wait_for, wait_until
@@ -217,3 +217,20 @@ def test_whoever_moves_the_arm_during_a_wait_ends_the_sequence(
     set_input(client, 0)
     assert (status, result.segment) == (GoalStatus.STATUS_ABORTED, 3)
     assert result.message.startswith("ended before segment 3: ")
+
+
+def test_segments_are_appended_to_the_goal_under_way(client: Client, action: GoalClient) -> None:
+    at = bent_pose(client)
+    rejected = client.call(AppendSegments, "/robotd/append_segments", segments=[line(at)])
+    assert rejected.message.startswith("no goal of move_sequence runs")
+    corner, end = beside(at, y=0.2), beside(at, y=0.2, z=-0.05)
+    handle, feedback = send(action, line(corner, speed=0.1, blend_m=0.01))
+    wait_until(lambda: feedback and feedback[-1].progress > 0.02, "it moves")
+    far = client.call(AppendSegments, "/robotd/append_segments", segments=[line(beside(at, z=0.6))])
+    assert not far.success
+    assert far.message.startswith("segment 2, line: at "), far.message
+    answer = client.call(AppendSegments, "/robotd/append_segments", segments=[line(end)])
+    assert (answer.success, answer.joined) == (True, True), answer.message
+    status, result = ended(handle)
+    assert (status, result.segment) == (GoalStatus.STATUS_SUCCEEDED, 2), result.message
+    assert distance(pose(client), end) < 1e-3

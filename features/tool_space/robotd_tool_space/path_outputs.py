@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -38,7 +39,7 @@ class TimedOutput(NamedTuple):
 
 
 class OutputSetter:
-    """Sets the outputs of one motion, each once. One worker thread.
+    """Sets the outputs of one motion, each once. Any worker thread.
 
     Args:
         io: sets them.
@@ -48,9 +49,22 @@ class OutputSetter:
     def __init__(self, io: OutputWriter, outputs: tuple[TimedOutput, ...]) -> None:
         self._io = io
         self._left = sorted(outputs, key=lambda timed: timed.time_s)
+        self._lock = threading.Lock()
 
     def advance(self, time_s: float) -> None:
         """Set the outputs up to ``time_s`` of the motion. Raises the errors of the output."""
-        while self._left and self._left[0].time_s <= time_s:
-            output = self._left.pop(0).output
+        while output := self._due(time_s):
             self._io.set_output_bit(output.byte, output.bit, output.on)
+
+    def exchange(self, after_s: float, outputs: tuple[TimedOutput, ...]) -> None:
+        """Replace those behind ``after_s`` of the motion by those of a longer one."""
+        with self._lock:
+            before = [timed for timed in self._left if timed.time_s <= after_s]
+            behind = (timed for timed in outputs if timed.time_s > after_s)
+            self._left = before + sorted(behind, key=lambda timed: timed.time_s)
+
+    def _due(self, time_s: float) -> PathOutput | None:
+        with self._lock:
+            if self._left and self._left[0].time_s <= time_s:
+                return self._left.pop(0).output
+        return None

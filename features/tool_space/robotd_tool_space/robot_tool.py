@@ -13,12 +13,14 @@ from robotd.api import (
     FloatArray,
     InvalidArgument,
     NotReady,
-    OperationError,
     RobotdError,
+    Unsupported,
     wait_until,
 )
 from robotd.api.features import EventKind, Level, ProcessImage
-from robotd.api.robots import Interruption, Outcome, TrajectoryExecution, TrajectoryRejected
+from robotd.api.robots import Interruption, TrajectoryExecution, TrajectoryRejected
+from robotd_tool_space.motion_join import JoinedMotion, join
+from robotd_tool_space.motion_queue import MotionQueue
 from robotd_tool_space.rotations import (
     COMPONENTS,
     checked_components,
@@ -30,7 +32,7 @@ from robotd_tool_space.rotations import (
 from robotd_tool_space.segments import Line, MotionSegment, SequenceStep, check_speed
 from robotd_tool_space.sequence_parts import Planner, SequenceMotion, SequencePart, plan_parts
 from robotd_tool_space.sequence_plan import plan_sequence
-from robotd_tool_space.sequence_run import SequenceRun
+from robotd_tool_space.sequence_run import SequenceRun, require_success
 from robotd_tool_space.tool_curves import ToolSpeed
 from robotd_tool_space.tool_frames import ToolFrames
 from robotd_tool_space.tool_motion import ToolMotion, plan_joint_motion
@@ -38,7 +40,6 @@ from robotd_tool_space.tool_stream import ToolStream
 from robotd_tool_space.twist import TwistStage
 
 BASE, TOOL = "base", "tool"
-POLL_S = 0.01
 
 
 class Arrival(NamedTuple):
@@ -231,6 +232,37 @@ class RobotTool(ToolFrames):
             plan = self._planner(constant_speed=constant_speed)
             return plan_parts([step.in_base(self.work_frame) for step in steps], start, plan)
 
+    def plan_behind(
+        self, start: FloatArray, first: int, steps: Sequence[SequenceStep]
+    ) -> list[SequencePart]:
+        """Return the parts of ``steps`` from rest at ``start`` (n,), behind ``first`` others.
+
+        Errors: see ``plan_sequence``.
+        """
+        in_base = [step.in_base(self.work_frame) for step in steps]
+        return plan_parts(in_base, start, self._planner(constant_speed=False), first)
+
+    def plan_further(
+        self, last: SequenceMotion, steps: Sequence[SequenceStep]
+    ) -> list[SequencePart]:
+        """Return the parts of a motion with ``steps`` behind it. Errors: see ``plan_sequence``."""
+        in_base = [*last.segments, *(step.in_base(self.work_frame) for step in steps)]
+        plan = self._planner(constant_speed=False)
+        return plan_parts(in_base, last.motion.positions[0], plan, last.first)
+
+    def join(self, running: ToolMotion, longer: ToolMotion, after_s: float) -> JoinedMotion | None:
+        """Return the change from one motion to another. Arguments: see ``motion_join.join``."""
+        limits = self.group.follower.limits
+        return join(running, longer, after_s, limits, self._kinematics, self.speed)
+
+    def extend(self, execution: TrajectoryExecution, joined: JoinedMotion) -> bool:
+        """Continue an execution on a joined motion; False: it has to end first."""
+        request = joined.motion.request(self.group.joint_names)
+        try:
+            return self.group.follower.extend(execution, request, joined.same_s)
+        except Unsupported:  # the device interpolates: it comes to rest first
+            return False
+
     def _planner(self, *, constant_speed: bool) -> Planner:
         kinematics, limits, speed = self._kinematics, self.group.follower.limits, self.speed
 
@@ -273,12 +305,16 @@ class RobotTool(ToolFrames):
         """
         arrival = self.arrive()
         run = self.sequence(self.plan_parts(steps, constant_speed=constant_speed), arrival)
-        _require_success(*run.run())
+        require_success(*run.run())
 
     def sequence(self, parts: Sequence[SequencePart], arrival: Arrival) -> SequenceRun:
         """Return the execution of a sequence, checked whole. Arguments, errors: of the class."""
         with self._noted():
             return SequenceRun(self._robot, self, parts, arrival)
+
+    def queue(self) -> MotionQueue:
+        """Return an empty queue of segments, as a context."""
+        return MotionQueue(self)
 
     def execute(self, motion: ToolMotion, arrival: Arrival | None = None) -> None:
         """Execute a planned motion as ``follow``, and set its outputs on the way.
@@ -286,7 +322,7 @@ class RobotTool(ToolFrames):
         Raises OperationError: it ended elsewhere; or, of an output, its error, which stops the arm.
         """
         run = self.sequence([SequenceMotion(0, (), motion)], arrival or self.arrive())
-        _require_success(*run.run())
+        require_success(*run.run())
 
     def check(self, motion: ToolMotion) -> None:
         """Check a motion from rest at its start; nothing moves. Raises TrajectoryRejected."""
@@ -297,21 +333,18 @@ class RobotTool(ToolFrames):
         self,
         execution: TrajectoryExecution,
         on_tick: Callable[[float], None] = lambda _: None,
-        *,
-        every_period: bool = False,
     ) -> None:
         """Wait for the end of a motion; a stepped clock is stepped.
 
         Args:
-            on_tick: called meanwhile with the time of the motion, s.
-            every_period: so often, instead of every 10 ms.
+            on_tick: called in each period meanwhile with the time of the motion, s.
         """
 
         def ended() -> bool:
             on_tick(execution.progress().time_s)
             return execution.outcome is not None
 
-        poll_s = 1.0 / self._robot.descriptor.cycle.rate_hz if every_period else POLL_S
+        poll_s = 1.0 / self._robot.descriptor.cycle.rate_hz
         while not wait_until(ended, 60.0, self._robot.clock, poll_s):
             pass
 
@@ -359,8 +392,3 @@ class RobotTool(ToolFrames):
                 EventKind.GOAL, "tool", f"goal rejected: {error}", level=Level.WARNING, data=data
             )
             raise
-
-
-def _require_success(outcome: Outcome, message: str) -> None:
-    if outcome is not Outcome.SUCCEEDED:
-        raise OperationError(f"the motion of the tool ended early: {message}")

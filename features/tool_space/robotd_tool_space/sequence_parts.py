@@ -23,6 +23,11 @@ class SequenceMotion(NamedTuple):
     segments: Sequence[MotionSegment]
     motion: ToolMotion
 
+    @property
+    def end(self) -> int:
+        """Number of steps up to its end."""
+        return self.first + len(self.segments)
+
 
 class SequenceWait(NamedTuple):
     """Wait of a sequence; ``first``: number of steps before it."""
@@ -30,6 +35,11 @@ class SequenceWait(NamedTuple):
     first: int
     wait: Wait
     motion: None = None
+
+    @property
+    def end(self) -> int:
+        """Number of steps up to its end."""
+        return self.first + 1
 
     @property
     def name(self) -> str:

@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from robotd.api import InvalidArgument, NotReady, RobotdError, wait_until
+from robotd.api import (
+    FloatArray,
+    InvalidArgument,
+    NotReady,
+    OperationError,
+    RobotdError,
+    wait_until,
+)
 from robotd.api.robots import Outcome, Robot, TrajectoryExecution
 from robotd_tool_space.path_outputs import OutputSetter
+from robotd_tool_space.segments import MotionSegment, SequenceStep
 from robotd_tool_space.sequence_parts import SequenceMotion, SequencePart, SequenceWait
 
 if TYPE_CHECKING:
     from robotd_tool_space.robot_tool import Arrival, RobotTool
 
 POLL_S = 0.01
+LEADS_S = (0.1, 0.3, 0.9)  # until a longer motion takes over, after it is planned
+ENDED = "the sequence has ended: begin another one"
 LOOP_S = 60.0  # of one wait in a loop without an end
 
 
@@ -38,7 +49,7 @@ class SequenceProgress(NamedTuple):
 class SequenceRun:
     """Executes a planned sequence once.
 
-    One worker thread calls ``run``. Any thread may call ``cancel`` and ``progress``.
+    One worker thread calls ``run``. Any other may call ``append``, ``cancel`` and ``progress``.
 
     Args:
         robot: whose inputs are waited for.
@@ -58,8 +69,12 @@ class SequenceRun:
         self._left = list(parts)
         self._present: SequencePart | None = None
         self._execution: TrajectoryExecution | None = None
-        self._canceled = False
+        self._outputs: OutputSetter | None = None
+        self._canceled = self._has_ended = False
+        self._lock = threading.Lock()  # of the parts, for moments
+        self._append_lock = threading.Lock()  # of one request to append
         self._done_s, self._time_s = 0.0, 0.0  # of planned motion: before this part, and of it
+        self._end = _end(parts, tool.start())  # positions of the joints
         self._check(parts, is_first=True)
 
     def run(self, on_tick: Callable[[], None] = lambda: None) -> tuple[Outcome, str]:
@@ -70,23 +85,115 @@ class SequenceRun:
         Raises RobotdError: the first motion was rejected, nothing has moved; or an output cannot be
             set, which stops the arm.
         """
-        outcome, message = Outcome.SUCCEEDED, "nothing to do"
-        while self._left and outcome is Outcome.SUCCEEDED:
-            has_begun = self._present is not None
+        outcome, message, has_begun = Outcome.SUCCEEDED, "nothing to do", False
+        try:
+            while outcome is Outcome.SUCCEEDED and (part := self._next()):
+                if isinstance(part, SequenceWait):
+                    outcome, message = self._wait(part, on_tick)
+                else:
+                    outcome, message = self._move(part, on_tick)
+                has_begun = True
+        except NotReady as error:
+            if not has_begun:
+                raise
+            number = self.progress().segment
+            return Outcome.STOPPED, f"ended before segment {number}: {error}"
+        finally:
+            self._has_ended = True
+        return outcome, message
+
+    def append(self, steps: Sequence[SequenceStep]) -> bool:
+        """Plan and check further steps, and append them while the sequence runs. Worker thread.
+
+        Returns True where the path goes on without a stop, as far as a blend asks for that; False
+        where it was too late, and the path ends at rest before the first of them.
+
+        Raises Unreachable, InvalidArgument, TrajectoryRejected: with the segment, nothing is
+        appended; NotReady: the sequence has ended, or motion was stopped.
+        """
+        if not steps:
+            raise InvalidArgument("a sequence needs a segment")
+        with self._append_lock:
+            while True:
+                last = self._last()
+                if (
+                    isinstance(last, SequenceMotion)
+                    and isinstance(steps[0], MotionSegment)
+                    and self._join(last, self._tool.plan_further(last, steps))
+                ):
+                    return True
+                parts = self._tool.plan_behind(self._end, last.end, steps)
+                self._check(parts, is_first=False)
+                with self._lock:
+                    if self._has_ended:
+                        raise NotReady(ENDED)
+                    if (self._left[-1] if self._left else self._present) is last:
+                        self._left += parts
+                        self._end = _end(parts, self._end)
+                        return False
+
+    def _last(self) -> SequencePart:
+        """Return the last part, which is present or to come. Raises NotReady: it has ended."""
+        self._arrival.require_current(self._tool.arrive())
+        with self._lock:
+            last = self._left[-1] if self._left else self._present
+            if self._has_ended or self._canceled or last is None:
+                raise NotReady(ENDED)
+            return last
+
+    def _join(self, last: SequenceMotion, parts: Sequence[SequencePart]) -> bool:
+        """Replace the last part by longer ones; False: that would need a stop, or a jump."""
+        longer, *behind = parts
+        self._check(behind, is_first=False)
+        if not isinstance(longer, SequenceMotion):
+            return False
+        if self._present is last:
+            return self._join_present(last, longer, behind)
+        self._check([longer], is_first=False)
+        with self._lock:
+            if not (self._left and self._left[-1] is last):  # it has begun meanwhile
+                return False
+            self._left[-1:] = parts
+            self._end = _end(parts, self._end)
+            return True
+
+    def _join_present(
+        self, last: SequenceMotion, longer: SequenceMotion, behind: Sequence[SequencePart]
+    ) -> bool:
+        """Continue the motion under way on a longer one; False: it is too late."""
+        for lead_s in LEADS_S:
+            execution, outputs = self._execution, self._outputs
+            if execution is None or outputs is None:
+                break
+            after_s = max(execution.progress().time_s, 0.0) + lead_s
+            joined = self._tool.join(last.motion, longer.motion, after_s)
+            if joined is None:
+                break
+            if self._tool.extend(execution, joined):
+                outputs.exchange(joined.same_s, joined.motion.outputs)
+                with self._lock:
+                    self._present = longer._replace(motion=joined.motion)
+                    self._left += behind
+                    self._end = _end([longer, *behind], self._end)
+                return True
+        return False
+
+    def _next(self) -> SequencePart | None:
+        """Return the next part, which is the present one from now on; None: there is none."""
+        with self._lock:
             if isinstance(self._present, SequenceMotion):
                 self._done_s += self._present.motion.duration_s
+            if not self._left:
+                self._has_ended = True
+                return None
             self._time_s = 0.0
-            part = self._present = self._left.pop(0)
-            if isinstance(part, SequenceWait):
-                outcome, message = self._wait(part, on_tick)
-                continue
-            try:
-                outcome, message = self._move(part, on_tick)
-            except NotReady as error:
-                if not has_begun:
-                    raise
-                return Outcome.STOPPED, f"ended before segment {part.first + 1}: {error}"
-        return outcome, message
+            self._present = self._left.pop(0)
+            return self._present
+
+    @property
+    def accepts(self) -> bool:
+        """It has not ended, so that steps can be appended."""
+        return not (self._has_ended or self._canceled)
 
     def cancel(self) -> None:
         """Stop on the path, or end a wait."""
@@ -96,11 +203,14 @@ class SequenceRun:
 
     def progress(self) -> SequenceProgress:
         """Return what is executed."""
+        with self._lock:
+            return self._progress()
+
+    def _progress(self) -> SequenceProgress:
         part, time_s = self._present, self._time_s
         members = [part, *self._left] if part else self._left
         motions = [member for member in members if isinstance(member, SequenceMotion)]
-        last = members[-1]
-        count = last.first + (len(last.segments) if isinstance(last, SequenceMotion) else 1)
+        count = members[-1].end
         total_s = self._done_s + sum(planned.motion.duration_s for planned in motions)
         share = min((self._done_s + time_s) / total_s, 1.0) if total_s else 1.0
         if part is None:
@@ -125,7 +235,7 @@ class SequenceRun:
 
     def _move(self, part: SequenceMotion, on_tick: Callable[[], None]) -> tuple[Outcome, str]:
         motion = part.motion
-        outputs = OutputSetter(self._robot.io, motion.outputs)
+        outputs = self._outputs = OutputSetter(self._robot.io, motion.outputs)
 
         def tick(time_s: float) -> None:
             self._time_s = time_s
@@ -136,11 +246,11 @@ class SequenceRun:
             self._execution = execution
             if self._canceled:  # before it was known
                 execution.cancel()
-            self._tool.wait(execution, tick, every_period=bool(motion.outputs))
+            self._tool.wait(execution, tick)
             outcome, message = execution.outcome or Outcome.FAULT, execution.message
             self._execution = None
             if outcome is Outcome.SUCCEEDED:
-                tick(motion.duration_s)
+                tick(execution.trajectory.duration_s)
         return outcome, message
 
     def _wait(self, part: SequenceWait, on_tick: Callable[[], None]) -> tuple[Outcome, str]:
@@ -173,3 +283,15 @@ class SequenceRun:
         level = "on" if wait.level else "off"
         text = f"input {byte}.{bit} is not {level} after {wait.timeout_s:g} s"
         return Outcome.STOPPED, f"{part.name}: {text}"
+
+
+def require_success(outcome: Outcome, message: str) -> None:
+    """Raise OperationError for a motion that ended early."""
+    if outcome is not Outcome.SUCCEEDED:
+        raise OperationError(f"the motion of the tool ended early: {message}")
+
+
+def _end(parts: Sequence[SequencePart], start: FloatArray) -> FloatArray:
+    """Return the positions (n,) where parts end that begin at ``start``."""
+    motions = [part.motion for part in parts if part.motion is not None]
+    return motions[-1].positions[-1] if motions else start

@@ -1,4 +1,4 @@
-"""Sequences over ROS: the action ``move_sequence``."""
+"""Sequences over ROS: the action ``move_sequence``, and the service that appends to its goal."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 from robotd_msgs.action import MoveSequence
 from robotd_msgs.msg import MotionSegment as Segment
+from robotd_msgs.srv import AppendSegments
 
-from robotd.api import InvalidArgument, get_logger
+from robotd.api import InvalidArgument, NotReady, get_logger
 from robotd.api.robots import Outcome
 from robotd_ros.run_nodes import NodeContext
+from robotd_ros.services import add_service
 from robotd_ros.worker_action import FEEDBACK_PERIOD_NS, WorkerAction
 from robotd_tool_space.path_outputs import PathOutput
 from robotd_tool_space.robot_tool import Arrival, RobotTool
@@ -38,7 +40,10 @@ class MoveSequenceAction(WorkerAction):
 
     def __init__(self, context: NodeContext, tools: ToolGroups) -> None:
         self._clock, self._tools = context.robot.clock, tools
+        self._runs: dict[str, SequenceRun] = {}  # under way, by group
         super().__init__(context.operator, context.host, MoveSequence, "~/move_sequence", log)
+        node, host = context.operator, context.host
+        add_service(node, host, AppendSegments, "~/append_segments", self._append)
 
     def arrived(self, goal: Any) -> tuple[RobotTool, Arrival]:
         tool = self._tools.of(goal.request.group)
@@ -63,6 +68,10 @@ class MoveSequenceAction(WorkerAction):
             result.message = "canceled while it was planned; nothing moved"
             return Outcome.CANCELED, result.message
         self.let_cancel(goal, run)
+        name = tool.group.name
+        if not request.constant_speed:
+            self._runs[name] = run
+            after.callback(lambda: self._runs.pop(name) if self._runs[name] is run else None)
         outcome, result.message = run.run(self._feedback(goal, tool, run))
         result.segment = run.progress().segment
         result.success = outcome is Outcome.SUCCEEDED
@@ -70,6 +79,15 @@ class MoveSequenceAction(WorkerAction):
 
     def fill_failure(self, result: Any, error: Exception, text: str) -> None:
         result.message = text
+
+    def _append(self, request: Any, response: Any) -> str:
+        tool = self._tools.of(request.group)
+        run = self._runs.get(tool.group.name)
+        if run is None:
+            raise NotReady("no goal of move_sequence runs without a constant speed: send a goal")
+        steps = steps_of(request.segments, run.progress().segments)
+        response.joined = run.append(steps)
+        return "joined" if response.joined else "appended: the path ends at rest before"
 
     def _feedback(self, goal: Any, tool: RobotTool, run: SequenceRun) -> Any:
         """Return a function that publishes feedback, at most once in 40 ms."""

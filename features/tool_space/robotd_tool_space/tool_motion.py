@@ -277,6 +277,11 @@ def knots_at(joints: Curve, timing: Timing, times_s: FloatArray) -> ToolMotion:
 
 def within_limits(motion: ToolMotion, limits: JointLimits) -> ToolMotion:
     """Return the motion, slower where the cubics between the points exceed a limit."""
+    return motion.slower(max(limit_excess(motion, limits), 1.0))
+
+
+def limit_excess(motion: ToolMotion, limits: JointLimits) -> float:
+    """Return by how much slower a motion has to be for the limits of the joints; below 1: none."""
     step = np.diff(motion.times_s)[:, None]
     chord = np.diff(motion.positions, axis=0) / step
     first, last = motion.velocities[:-1], motion.velocities[1:]
@@ -291,12 +296,10 @@ def within_limits(motion: ToolMotion, limits: JointLimits) -> ToolMotion:
     between = first + step * turn * (begin + 0.5 * turn * (end - begin))
     fastest = np.maximum(np.abs(between).max(axis=0), np.abs(motion.velocities).max(axis=0))
     hardest = np.maximum(np.abs(begin).max(axis=0), np.abs(end).max(axis=0))
-    factor = max(
+    return max(
         float((fastest / limits.velocity).max()),
         float(np.sqrt((hardest / limits.acceleration).max())),
-        1.0,
     )
-    return motion.slower(factor)
 
 
 def tool_poses(kinematics: Kinematics, motion: ToolMotion) -> tuple[FloatArray, FloatArray]:

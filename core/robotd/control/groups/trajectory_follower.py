@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 
 from robotd.arrays import FloatArray
-from robotd.clock import NANOSECONDS
+from robotd.clock import NANOSECONDS, wait_until
 from robotd.clock.simulated import untimed
 from robotd.control.groups.axis_limits import joint_limits, trajectory_rules
 from robotd.control.groups.joint_motion import JointMotion
@@ -20,7 +20,11 @@ from robotd.control.loop.setpoint_source import Outcome
 from robotd.control.sources.contact import ContactLimits
 from robotd.control.sources.device_trajectory import DeviceTrajectory
 from robotd.control.sources.streamed_trajectory import StreamedTrajectory
-from robotd.control.sources.trajectory_execution import PlannedGoal, TrajectoryExecution
+from robotd.control.sources.trajectory_execution import (
+    PlannedGoal,
+    TrajectoryExecution,
+)
+from robotd.control.sources.trajectory_extension import Extension
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes
 from robotd.device.drivers import AxisDriver
@@ -43,6 +47,8 @@ MAX_REPLANNING_AGE_S = 0.5  # age of the joint positions that a client may have 
 MAX_RECENT_TRAJECTORIES = 50  # trajectories within that time
 SUBJECT = "goal"  # of events
 BAD = frozenset({Outcome.FAULT, Outcome.PATH_TOLERANCE, Outcome.GOAL_TOLERANCE})
+COMPARED = 50  # places at which a longer trajectory is compared with the running one
+SAME_POSITION = 1e-7  # rad or m
 MAX_SAMPLES = 10_000  # of their path: one each 0.1 ms, more often than any client gets feedback
 
 
@@ -197,6 +203,36 @@ class TrajectoryFollower:
                 claim.close()
                 self._note_result(execution)
 
+    def extend(
+        self, execution: TrajectoryExecution, request: TrajectoryRequest, same_s: float
+    ) -> bool:
+        """Continue an execution on a longer trajectory, without a stop. Worker thread.
+
+        Args:
+            request: from the start of the running trajectory on.
+            same_s: trajectory time up to which both are the same.
+
+        Returns False where it is too late: the execution goes on as it was.
+
+        Raises TrajectoryRejected: the longer one is not acceptable; Unsupported: the device
+        interpolates trajectories itself.
+        """
+        running = execution.trajectory
+        start = MotionState.at_rest(running.evaluate(np.zeros(1))[0][0])
+        longer = plan(request, self.limits, self.rules, start)
+        times_s = np.linspace(min(max(execution.time_s, 0.0), same_s), same_s, COMPARED)
+        apart = np.abs(longer.evaluate(times_s)[0] - running.evaluate(times_s)[0]).max()
+        if apart > SAME_POSITION:
+            raise reject(f"the longer trajectory leaves the running one by {apart:.2g} rad or m")
+        self._check_path(longer)
+        extension = Extension(longer, same_s, request.rate_bounds)
+        execution.extend(extension)
+        while extension.accepted is None and not execution.done:
+            wait_until(lambda: extension.accepted is not None or execution.done, 1.0, self._clock)
+        if extension.accepted:
+            self._note_goal(request, execution, "extended")
+        return bool(extension.accepted)
+
     def check(self, request: TrajectoryRequest, start: FloatArray | None = None) -> None:
         """Check a trajectory from rest at ``start`` (m,); nothing moves.
 
@@ -226,15 +262,17 @@ class TrajectoryFollower:
             return running.rate
         return self._speed.scale
 
-    def _note_goal(self, request: TrajectoryRequest, execution: TrajectoryExecution) -> None:
-        """Note an accepted goal with the points as the client gave them."""
+    def _note_goal(
+        self, request: TrajectoryRequest, execution: TrajectoryExecution, outcome: str = "accepted"
+    ) -> None:
+        """Note an accepted or extended goal with the points as the client gave them."""
         rows = {
             "positions": request.positions,
             "velocities": request.velocities,
             "accelerations": request.accelerations,
         }
         data = {
-            "outcome": "accepted",
+            "outcome": outcome,
             "id": id(execution),
             "start_ns": execution.start_ns,
             "joints": list(request.joint_names),

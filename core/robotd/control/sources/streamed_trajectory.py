@@ -16,11 +16,12 @@ from robotd.control.sources.trajectory_execution import (
     PlannedGoal,
     TrajectoryExecution,
 )
+from robotd.control.sources.trajectory_extension import Extension
 from robotd.device.axes import Axes
 from robotd.device.motion_limits import MotionLimits
 from robotd.device.process_image import ProcessImage
 from robotd.device.speed_scale import SpeedScale
-from robotd.motion import MotionState, Sampler, StopPlan, plan_stop
+from robotd.motion import MotionState, RateBounds, Sampler, StopPlan, Trajectory, plan_stop
 
 MAX_SLOPE = 2.0  # 1/s, for the operator: 100 % to standstill in half a second, limits permitting
 MIN_SHARE = 0.2  # of an acceleration limit, for a path that uses all of it by itself
@@ -44,6 +45,7 @@ class StreamedTrajectory(TrajectoryExecution):
     """
 
     stall_recovery: StallRecovery
+    _extension: Extension | None = None  # that waits for the next period
 
     def __init__(
         self, robot: Axes, motion_limits: MotionLimits, goal: PlannedGoal, start_ns: int
@@ -74,6 +76,25 @@ class StreamedTrajectory(TrajectoryExecution):
 
     def override_speed(self, ratio: float) -> None:
         self._rate.override = ratio
+
+    def extend(self, extension: Extension) -> None:
+        self._extension = extension
+
+    def advance(self, time_ns: int, period_ns: int, image: ProcessImage) -> bool:
+        if self._extension is not None:
+            self._take(self._extension)
+            self._extension = None
+        return super().advance(time_ns, period_ns, image)
+
+    def _take(self, extension: Extension) -> None:
+        """Exchange the trajectory, between two setpoints of their common part."""
+        on_path = self._phase is SourcePhase.RUNNING and self._stop_plan is None
+        accepted = on_path and self.completion.goes_on and self.time_s <= extension.same_s
+        if accepted:
+            self.trajectory = extension.trajectory
+            self._sampler = Sampler(extension.trajectory)
+            self._rate.exchange(extension.trajectory, extension.rate_bounds)
+        extension.accepted = accepted
 
     def splice_state(self, time_ns: int) -> MotionState | None:
         """Return the state at ``time_ns`` if the path is not left until then."""
@@ -277,6 +298,10 @@ class PathRate:
         self.value, self._waits = rate, False
         _, velocity, acceleration = self._trajectory.evaluate(np.zeros(1))
         self.path[:] = velocity[0], acceleration[0]
+
+    def exchange(self, trajectory: Trajectory, bounds: RateBounds | None) -> None:
+        """Look ahead on another trajectory, which is the same up to now."""
+        self._trajectory, self._bounds = trajectory, bounds
 
     def stand(self) -> None:
         """Begin anew from standstill: the device held its position during a stall."""

@@ -21,6 +21,7 @@ from robotd.control.sources.joint_source import (
     JointSource,
     SourcePhase,
 )
+from robotd.control.sources.trajectory_extension import Extension
 from robotd.device.process_image import ProcessImage
 from robotd.errors import Unsupported
 from robotd.motion import JointLimits, RateBounds, Tolerances, Trajectory, Violation
@@ -130,6 +131,13 @@ class TrajectoryExecution(JointSource):
         Raises Unsupported: the device interpolates the trajectory itself.
         """
         raise Unsupported("another speed of a running trajectory")
+
+    def extend(self, extension: Extension) -> None:
+        """Continue on a longer trajectory; its ``accepted`` is known later. One worker thread.
+
+        Raises Unsupported: the device interpolates the trajectory itself.
+        """
+        raise Unsupported("a longer trajectory while it runs")
 
     def wait(self, timeout_s: float | None = None) -> bool:
         """Block until ``outcome`` is known; return False after ``timeout_s`` (None: no limit).
