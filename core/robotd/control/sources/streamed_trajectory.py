@@ -206,7 +206,8 @@ class StreamedTrajectory(TrajectoryExecution):
         if not self._due_ns:
             return SourcePhase.RUNNING
         stop_plan = plan_stop(self.trajectory, self.time_s, self._limits, self.rate)
-        self._stop_plan = stop_plan, time_ns
+        # A device that holds setpoints ahead bridges missing periods: the stop goes on from there.
+        self._stop_plan = stop_plan, self._due_ns if self._buffers else time_ns
         return SourcePhase.STOPPING
 
     def _return_command(self, time_ns: int, offset: FloatArray) -> bool:
