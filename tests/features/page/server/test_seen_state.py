@@ -18,6 +18,7 @@ from tests.features.page.server.viewer import connected
 
 from robotd.events import sent_by
 from robotd.robot import Robot
+from robotd_page.control_jog import JogBeat
 from robotd_page.page_server import PageServer
 from robotd_page.seen_state import MAX_AGE_S
 
@@ -169,7 +170,7 @@ def test_a_hold_that_was_rejected_does_not_begin_behind_a_newer_one(tmp_path: Pa
             await client.send(**drive, hold=3, seen=client.seen)
             assert (await client.receive())["hold"] == 3
             (page,) = server._control._controllers  # type: ignore[union-attr]
-            assert page._jog._newest == 0
+            assert page._holds[JogBeat]._newest == 0
         assert position_is_unchanged(arm)
 
     run(tmp_path, use)
