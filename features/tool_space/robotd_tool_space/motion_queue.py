@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 from robotd.api.robots import Outcome
 from robotd_tool_space.segments import SequenceStep
 from robotd_tool_space.sequence_run import SequenceRun, require_success
-
-if TYPE_CHECKING:
-    from robotd_tool_space.robot_tool import RobotTool
 
 
 class MotionQueue:
     """Segments that are executed one after the other, from the first one on. Any worker thread.
 
     As a context it waits for the end of the motion, and stops it where its block fails.
+
+    Args:
+        begin: plans steps from where the tool rests, and returns their execution.
     """
 
-    def __init__(self, tool: RobotTool) -> None:
-        self._tool, self._lock = tool, threading.Lock()
+    def __init__(self, begin: Callable[[Sequence[SequenceStep]], SequenceRun]) -> None:
+        self._begin, self._lock = begin, threading.Lock()
         self._pool = ThreadPoolExecutor(1, "robotd-queue")
         self._run: SequenceRun | None = None
         self._result: Future[tuple[Outcome, str]] | None = None
@@ -56,8 +57,7 @@ class MotionQueue:
                 return run.append(steps)
             if result is not None:
                 require_success(*result.result())
-            arrival = self._tool.arrive()
-            self._run = self._tool.sequence(self._tool.plan_parts(steps), arrival)
+            self._run = self._begin(steps)
             self._result = self._pool.submit(self._run.run)
             return False
 

@@ -18,7 +18,8 @@ from robotd.api import (
     wait_until,
 )
 from robotd.api.robots import Outcome, Robot, TrajectoryExecution
-from robotd_tool_space.robot_tool import Arrival, RobotTool
+from robotd_tool_space.planned_tool import Arrival
+from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.segments import MIN_SPEED
 from robotd_tool_space.tool_motion import ToolMotion
 

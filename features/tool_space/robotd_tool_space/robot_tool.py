@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
-from functools import cached_property
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import Any
 
 import numpy as np
 
-from robotd.api import (
-    FloatArray,
-    InvalidArgument,
-    NotReady,
-    RobotdError,
-    Unsupported,
-    wait_until,
-)
-from robotd.api.features import EventKind, Level, ProcessImage
-from robotd.api.robots import Interruption, TrajectoryExecution, TrajectoryRejected
-from robotd_tool_space.motion_join import JoinedMotion, join
+from robotd.api import FloatArray, InvalidArgument
+from robotd.api.features import ProcessImage
+from robotd.api.robots import TrajectoryRejected
 from robotd_tool_space.motion_queue import MotionQueue
+from robotd_tool_space.planned_tool import Arrival, PlannedTool
 from robotd_tool_space.rotations import (
     COMPONENTS,
     checked_components,
@@ -30,11 +22,8 @@ from robotd_tool_space.rotations import (
     rpy_of,
 )
 from robotd_tool_space.segments import Line, MotionSegment, SequenceStep, check_speed
-from robotd_tool_space.sequence_parts import Planner, SequenceMotion, SequencePart, plan_parts
-from robotd_tool_space.sequence_plan import plan_sequence
+from robotd_tool_space.sequence_parts import SequenceMotion, SequencePart
 from robotd_tool_space.sequence_run import SequenceRun, require_success
-from robotd_tool_space.tool_curves import ToolSpeed
-from robotd_tool_space.tool_frames import ToolFrames
 from robotd_tool_space.tool_motion import ToolMotion, plan_joint_motion
 from robotd_tool_space.tool_stream import ToolStream
 from robotd_tool_space.twist import TwistStage
@@ -42,41 +31,12 @@ from robotd_tool_space.twist import TwistStage
 BASE, TOOL = "base", "tool"
 
 
-class Arrival(NamedTuple):
-    """State of a tool when a request for motion arrived, which takes a while to plan.
-
-    Attributes:
-        ticket: of ``JointMotion.ticket``.
-        interruptions: of motion, before it.
-        choices: number of tools and work frames that were chosen before it.
-    """
-
-    ticket: int
-    interruptions: list[Interruption]
-    choices: int
-
-    def require_current(self, now: Arrival) -> None:
-        """Raise NotReady for a request that must not begin any more."""
-        if now.interruptions != self.interruptions:
-            raise NotReady("motion was stopped before this one began")
-        if now.choices != self.choices:
-            raise NotReady("another tool or work frame was chosen before the motion began")
-
-
-class RobotTool(ToolFrames):
+class RobotTool(PlannedTool):
     """Tool of one joint group: where it is, and motion of it. Any worker thread.
 
     Poses: the chosen tool in the chosen work frame, matrices (4, 4), m; where no work frame
     is chosen, in the base of the arm. Arguments and errors are those of ``ToolFrames``.
     """
-
-    @cached_property
-    def speed(self) -> ToolSpeed:
-        """Limits of the tool, of the robot's file."""
-        settings = self._settings
-        return ToolSpeed(
-            settings.velocity_m_s, settings.angular_velocity_rad_s, settings.acceleration_m_s2
-        )
 
     def measured_pose(self, image: ProcessImage | None = None) -> FloatArray | None:
         """Return the measured pose; None while a position is unknown.
@@ -96,17 +56,6 @@ class RobotTool(ToolFrames):
         Raises NotReady: not known, as the joints move.
         """
         return inverse_pose(self.work_frame) @ self._kinematics.forward(self.start())
-
-    def start(self) -> FloatArray:
-        """Return the commanded positions (n,) of the joints, which stand.
-
-        Raises NotReady: they move, or are not known.
-        """
-        self._require_rest("a move of the tool")
-        state = self.group.follower.state_at(self._robot.clock.now_ns())
-        if state is None or not np.isfinite(state.position).all():
-            raise NotReady("the positions of the joints are not known")
-        return np.array(state.position)
 
     def pose_with(self, **components: float) -> FloatArray:
         """Return the present pose with some of its components replaced, m and rad."""
@@ -218,69 +167,6 @@ class RobotTool(ToolFrames):
         with self._noted():
             return plan(start, in_base, None)
 
-    def plan_parts(
-        self, steps: Sequence[SequenceStep], *, constant_speed: bool = False
-    ) -> list[SequencePart]:
-        """Return the motions of a sequence and the waits between them, planned whole.
-
-        Arguments and errors: see ``plan_sequence``.
-        """
-        if not steps:
-            raise InvalidArgument("a sequence needs a segment")
-        start = self.start()
-        with self._noted():
-            plan = self._planner(constant_speed=constant_speed)
-            return plan_parts([step.in_base(self.work_frame) for step in steps], start, plan)
-
-    def plan_behind(
-        self, start: FloatArray, first: int, steps: Sequence[SequenceStep]
-    ) -> list[SequencePart]:
-        """Return the parts of ``steps`` from rest at ``start`` (n,), behind ``first`` others.
-
-        Errors: see ``plan_sequence``.
-        """
-        in_base = [step.in_base(self.work_frame) for step in steps]
-        return plan_parts(in_base, start, self._planner(constant_speed=False), first)
-
-    def plan_further(
-        self, last: SequenceMotion, steps: Sequence[SequenceStep]
-    ) -> list[SequencePart]:
-        """Return the parts of a motion with ``steps`` behind it. Errors: see ``plan_sequence``."""
-        in_base = [*last.segments, *(step.in_base(self.work_frame) for step in steps)]
-        plan = self._planner(constant_speed=False)
-        return plan_parts(in_base, last.motion.positions[0], plan, last.first)
-
-    def join(self, running: ToolMotion, longer: ToolMotion, after_s: float) -> JoinedMotion | None:
-        """Return the change from one motion to another. Arguments: see ``motion_join.join``."""
-        limits = self.group.follower.limits
-        return join(running, longer, after_s, limits, self._kinematics, self.speed)
-
-    def extend(self, execution: TrajectoryExecution, joined: JoinedMotion) -> bool:
-        """Continue an execution on a joined motion; False: it has to end first."""
-        request = joined.motion.request(self.group.joint_names)
-        try:
-            return self.group.follower.extend(execution, request, joined.same_s)
-        except Unsupported:  # the device interpolates: it comes to rest first
-            return False
-
-    def _planner(self, *, constant_speed: bool) -> Planner:
-        kinematics, limits, speed = self._kinematics, self.group.follower.limits, self.speed
-
-        def plan(
-            start: FloatArray, segments: Sequence[MotionSegment], first: int | None
-        ) -> ToolMotion:
-            return plan_sequence(
-                kinematics,
-                limits,
-                start,
-                segments,
-                speed,
-                constant_speed=constant_speed,
-                first=first,
-            )
-
-        return plan
-
     def move_to(self, pose: FloatArray, speed: float = 1.0) -> None:
         """Move to a pose, and return when the tool is there. Arguments: see ``plan_move``.
 
@@ -303,9 +189,7 @@ class RobotTool(ToolFrames):
 
         Arguments: see ``plan_sequence``; errors: see ``move_to``.
         """
-        arrival = self.arrive()
-        run = self.sequence(self.plan_parts(steps, constant_speed=constant_speed), arrival)
-        require_success(*run.run())
+        require_success(*self._begin(steps, constant_speed).run())
 
     def sequence(self, parts: Sequence[SequencePart], arrival: Arrival) -> SequenceRun:
         """Return the execution of a sequence, checked whole. Arguments, errors: of the class."""
@@ -314,7 +198,11 @@ class RobotTool(ToolFrames):
 
     def queue(self) -> MotionQueue:
         """Return an empty queue of segments, as a context."""
-        return MotionQueue(self)
+        return MotionQueue(self._begin)
+
+    def _begin(self, steps: Sequence[SequenceStep], constant_speed: bool = False) -> SequenceRun:
+        arrival = self.arrive()  # before the planning: a stop meanwhile ends the motion
+        return self.sequence(self.plan_parts(steps, constant_speed=constant_speed), arrival)
 
     def execute(self, motion: ToolMotion, arrival: Arrival | None = None) -> None:
         """Execute a planned motion as ``follow``, and set its outputs on the way.
@@ -324,71 +212,8 @@ class RobotTool(ToolFrames):
         run = self.sequence([SequenceMotion(0, (), motion)], arrival or self.arrive())
         require_success(*run.run())
 
-    def check(self, motion: ToolMotion) -> None:
-        """Check a motion from rest at its start; nothing moves. Raises TrajectoryRejected."""
-        request = motion.request(self.group.joint_names)
-        self.group.follower.check(request, motion.positions[0])
-
-    def wait(
-        self,
-        execution: TrajectoryExecution,
-        on_tick: Callable[[float], None] = lambda _: None,
-    ) -> None:
-        """Wait for the end of a motion; a stepped clock is stepped.
-
-        Args:
-            on_tick: called in each period meanwhile with the time of the motion, s.
-        """
-
-        def ended() -> bool:
-            on_tick(execution.progress().time_s)
-            return execution.outcome is not None
-
-        poll_s = 1.0 / self._robot.descriptor.cycle.rate_hz
-        while not wait_until(ended, 60.0, self._robot.clock, poll_s):
-            pass
-
     def stream(self, **options: Any) -> ToolStream:
         """Return an open stream of twists; ``options`` and errors are those of ``JointStreams``."""
         _ = self._kinematics.task  # takes a while: not in the control loop
         stage = TwistStage(lambda: self._kinematics, self.group.motion_limits)
         return ToolStream(self.group.stream(**options), stage)
-
-    def arrive(self) -> Arrival:
-        """Note that a request for motion has arrived. Any thread."""
-        newest = self._robot.rearming.interruptions.newest
-        interruptions = newest(self.group.joint_axes, in_mode=True, follows_speed=True)
-        return Arrival(self.group.motion.ticket(), interruptions, self.choices)
-
-    @contextmanager
-    def follow(
-        self, motion: ToolMotion, arrival: Arrival | None = None
-    ) -> Iterator[TrajectoryExecution]:
-        """Start a planned motion as a context; leaving it stops the motion.
-
-        Args:
-            motion: planned.
-            arrival: of the request, before it was planned; None: it arrives now.
-
-        Raises NotReady, TrajectoryRejected: the joints have moved since, or cannot be commanded;
-            since the arrival motion was stopped, or another tool or work frame was chosen.
-        """
-        arrival = arrival or self.arrive()
-        with self._noted():
-            arrival.require_current(self.arrive())
-        request = motion.request(self.group.joint_names)
-        with self.group.follower.follow(request, ticket=arrival.ticket) as execution:
-            arrival.require_current(self.arrive())  # a stop that did not find it yet
-            yield execution
-
-    @contextmanager
-    def _noted(self) -> Iterator[None]:
-        """Note an error as the rejection of a goal, as trajectories do."""
-        try:
-            yield
-        except RobotdError as error:
-            data = {"outcome": "rejected", "joints": list(self.group.joint_names)}
-            self._robot.events.add(
-                EventKind.GOAL, "tool", f"goal rejected: {error}", level=Level.WARNING, data=data
-            )
-            raise

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,11 +18,9 @@ from robotd.api import (
 )
 from robotd.api.robots import Outcome, Robot, TrajectoryExecution
 from robotd_tool_space.path_outputs import OutputSetter
+from robotd_tool_space.planned_tool import Arrival, PlannedTool
 from robotd_tool_space.segments import MotionSegment, SequenceStep
 from robotd_tool_space.sequence_parts import SequenceMotion, SequencePart, SequenceWait
-
-if TYPE_CHECKING:
-    from robotd_tool_space.robot_tool import Arrival, RobotTool
 
 POLL_S = 0.01
 LEADS_S = (0.1, 0.3, 0.9)  # until a longer motion takes over, after it is planned
@@ -63,7 +61,7 @@ class SequenceRun:
     """
 
     def __init__(
-        self, robot: Robot, tool: RobotTool, parts: Sequence[SequencePart], arrival: Arrival
+        self, robot: Robot, tool: PlannedTool, parts: Sequence[SequencePart], arrival: Arrival
     ) -> None:
         self._robot, self._tool, self._arrival = robot, tool, arrival
         self._left = list(parts)

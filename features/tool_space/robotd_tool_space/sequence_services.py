@@ -16,7 +16,8 @@ from robotd_ros.run_nodes import NodeContext
 from robotd_ros.services import add_service
 from robotd_ros.worker_action import FEEDBACK_PERIOD_NS, WorkerAction
 from robotd_tool_space.path_outputs import PathOutput
-from robotd_tool_space.robot_tool import Arrival, RobotTool
+from robotd_tool_space.planned_tool import Arrival
+from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.rotations import fill_pose, pose_of_message
 from robotd_tool_space.segments import (
     Arc,

@@ -20,7 +20,8 @@ from robotd_ros.run_nodes import NodeContext
 from robotd_ros.services import add_service
 from robotd_ros.worker_action import WorkerAction
 from robotd_tool_space.link_speeds import reduced_speed
-from robotd_tool_space.robot_tool import BASE, TOOL, Arrival, RobotTool
+from robotd_tool_space.planned_tool import Arrival
+from robotd_tool_space.robot_tool import BASE, TOOL, RobotTool
 from robotd_tool_space.rotations import fill_pose, inverse_pose, pose_of_message
 from robotd_tool_space.tool_groups import ToolGroups
 from robotd_tool_space.tool_motion import ToolMotion

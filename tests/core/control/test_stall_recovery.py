@@ -68,7 +68,7 @@ def test_a_goal_is_not_planned_by_an_image_from_before_a_move(harness: Harness) 
     with pytest.raises(NotReady, match=text), harness.goal((0.5, 0.0, 0.0)):
         pass
     harness.stall(0.1)
-    text = "follow_joint_trajectory needs an idle axis, this one is in position"
+    text = "trajectory needs an idle axis, this one is in position"
     with pytest.raises(NotReady, match=text), harness.goal((0.5, 0.0, 0.0)):
         pass
     assert not harness.setpoints.rows

@@ -15,7 +15,8 @@ IN_THE_GUIDE = {
     "size": "length", "inputs": "digital_inputs", "outputs": "digital_outputs",
     "mode": "robot_mode", "test_value": "test_value", "position": "q_actual",
     "velocity": "qd_actual", "enabled": "enable_status", "dragged": "drag_status",
-    "error": "error_status", "model": "robot_type",
+    "error": "error_status", "model": "robot_type", "load_kg": "load",
+    "load_center_mm": "load_center",
 }  # fmt: skip
 
 
