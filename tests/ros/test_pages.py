@@ -70,6 +70,7 @@ NOT_RUN = {  # pages
     "docs/how-to/page.md": "needs a browser; tests/features/page",
     "docs/how-to/service.md": "needs root and systemd; tests/features/service",
     "docs/how-to/several-computers.md": "needs computers; tests/ros/test_discovery_server.py",
+    "docs/how-to/sequences.md": "programs in Python; test_the_programs_of_sequences_run",
     "docs/how-to/serial-arms.md": "needs an arm at a serial port",
     "docs/how-to/whole-arm.md": "of an arm at a network; tests/plugins/dobot",
     "docs/how-to/wmx.md": "needs the vendor's engine",
@@ -355,3 +356,12 @@ def test_the_program_of_the_readme_moves_the_arm() -> None:
         [sys.executable, "-c", program], check=True, capture_output=True, text=True, timeout=90
     )
     assert "goal reached" in result.stdout
+
+
+@pytest.mark.parametrize("program", range(2))
+def test_the_programs_of_sequences_run(program: int) -> None:
+    text = (ROOT / "docs/how-to/sequences.md").read_text(encoding="utf-8")
+    found = re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    programs = [block for block in found if block.startswith("from robotd import")]
+    assert len(programs) == 2
+    subprocess.run([sys.executable, "-c", programs[program]], check=True, timeout=90)
