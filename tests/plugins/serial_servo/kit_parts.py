@@ -19,8 +19,8 @@ DAILY = ("rejections", "fieldbus", "enable", "guiding", "faults", "torque")
 PARTS = {
     "stops": (
         "rejections", "fieldbus", "io", "io_images", "switches", "enable", "hand_moves",
-        "guiding", "connection", "ageing", "stopping", "stops_of_some_axes", "stop_ramps", "ramps",
-        "faults", "watchdog",
+        "guiding", "payload", "connection", "ageing", "stopping", "stops_of_some_axes",
+        "stop_ramps", "ramps", "faults", "watchdog",
     ),
     "axes": (
         "axes_apart", "resumption", "units", "neighbours", "small_and_large", "profiles",
@@ -40,7 +40,7 @@ PARTS = {
 
 ABSENT = (
     "io", "objects", "parameters_file", "hot_connect", "register_read", "scaling", "homing",
-    "torque_mode", "controller_alarm",
+    "torque_mode", "controller_alarm", "payload",
 )  # fmt: skip
 NOT_APPLICABLE = "|".join(
     (
