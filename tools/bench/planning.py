@@ -1,4 +1,4 @@
-"""Work that is done once per request: a long trajectory, a large parameter file."""
+"""Work that is done once per request: a long trajectory, a large file, a long program."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from tools.bench.program import program_times
 
 from robotd.control.groups.axis_limits import axis_limits, joint_limits, trajectory_rules
 from robotd.descriptor import load_robot_descriptor
@@ -31,6 +32,7 @@ def planning(folder: Path) -> dict[str, float]:
         "plan_1000x6_ms": _median_ms(_plan_call()),
         "parameters_128_axes_ms": _median_ms(lambda: read_wmx_parameters(path)),
         "parameters_file_mb": path.stat().st_size / 1e6,
+        **program_times(folder),
     }
 
 

@@ -83,3 +83,7 @@ def _of_parts(costs: dict[str, Any], planning: dict[str, float]) -> Iterator[Tar
         yield at_most("plan of 1000 points × 6 joints", planning["plan_1000x6_ms"], 20.0, "ms")
         ms = planning["parameters_128_axes_ms"]
         yield at_most("parameter file of 128 axes, 1 MB", ms, 150.0, "ms")
+        ms = planning["program_200_steps_check_ms"]
+        yield at_most("check of a program of 200 steps", ms, 1000.0, "ms")
+        ms = planning["program_200_steps_start_ms"]
+        yield at_most("start of it to motion", ms, 200.0, "ms")

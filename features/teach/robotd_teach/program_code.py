@@ -16,6 +16,11 @@ from robotd_teach.program_file import Condition, ProgramFile, Step, parse_progra
 MAX_STEPS = 5000  # with those of blocks, where they are called, and with `if`, `repeat` and `call`
 MAX_TEXT = 100
 
+_DUMPER: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+_STYLE: dict[str, Any] = {
+    "default_flow_style": True, "width": 10_000, "sort_keys": False, "allow_unicode": True
+}  # fmt: skip
+
 Keys = tuple[str | int, ...]
 
 
@@ -206,8 +211,6 @@ def text_of(step: Step) -> str:
         value = step.message.text
     if not isinstance(value, str):
         value = value.model_dump(exclude_none=True, exclude_defaults=True, by_alias=True)
-    shown = yaml.safe_dump(
-        {step.kind: value}, default_flow_style=True, width=10_000, sort_keys=False
-    )
+    shown: str = yaml.dump({step.kind: value}, Dumper=_DUMPER, **_STYLE)
     text = shown.strip()[1:-1]
     return text if len(text) <= MAX_TEXT else f"{text[: MAX_TEXT - 3]}..."

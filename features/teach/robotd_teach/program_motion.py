@@ -38,7 +38,7 @@ from robotd_tool_space.path_outputs import PathOutput
 from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.rotations import COMPONENTS, inverse_pose, pose_of, rpy_of
 from robotd_tool_space.segments import Arc, ArcAbout, JointMove, Line, MotionSegment, Spline
-from robotd_tool_space.sequence_plan import plan_route, plan_sequence
+from robotd_tool_space.sequence_plan import plan_sequence, trace_sequence
 from robotd_tool_space.tool_groups import ToolGroups
 from robotd_tool_space.tool_motion import (
     ToolMotion,
@@ -142,11 +142,9 @@ class StepPlanner:
             return np.vstack([_straight(start, places[0]), places])
         kinematics, segments = self._segments(step, place)
         limits, speed = self.group.follower.limits, self.need_tool().speed
-        route = plan_route(kinematics, limits, start, segments, speed)
-        if route is None:
-            return start[None]
-        self._require_within(route.positions[-1])
-        return route.positions
+        way = trace_sequence(kinematics, limits, start, segments, speed)
+        self._require_within(way[-1])
+        return way
 
     def contact(self, step: Step) -> ContactLimits | None:
         """Return the torques at which a step ends; None: at its target only.

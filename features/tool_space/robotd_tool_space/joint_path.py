@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from robotd.api import BoolArray, FloatArray, InvalidArgument
+from robotd.api import FloatArray, InvalidArgument
 from robotd_tool_space.kinematics import Kinematics, Obstacle, Unreachable
 from robotd_tool_space.rotations import pose_differences
 from robotd_tool_space.tool_path import ToolPath
@@ -34,14 +35,17 @@ class JointPath:
     Attributes:
         at_s: (k,) parameter of the path, increasing.
         positions: (k, n), rad or m.
-        slopes: (k, n) derivatives by the parameter, from the Jacobian.
     """
 
     kinematics: Kinematics
     path: ToolPath
     at_s: FloatArray
     positions: FloatArray
-    slopes: FloatArray
+
+    @cached_property
+    def slopes(self) -> FloatArray:
+        """(k, n) derivatives by the parameter, from the Jacobian."""
+        return slopes(self.kinematics, self.path, self.at_s, self.positions)
 
     @property
     def rests(self) -> list[int]:
@@ -53,10 +57,6 @@ class JointPath:
     def ends_s(self) -> tuple[float, ...]:
         """Parameters at the ends of the curves of the path."""
         return self.path.ends_s
-
-    def sampled(self, chosen: BoolArray) -> tuple[FloatArray, FloatArray]:
-        """Return positions and derivatives at the chosen samples, of a mask (k,)."""
-        return self.positions[chosen], self.slopes[chosen]
 
     def poses(self, at_s: FloatArray) -> FloatArray:
         """Return the poses (m, 4, 4) of the path."""
@@ -116,7 +116,7 @@ def solve_path(kinematics: Kinematics, path: ToolPath, start: FloatArray) -> Joi
         slope[index] = slopes(kinematics, path, at_s[index : index + 1], here[None])[0]
         _check(kinematics, positions[index - 1], here, poses[index], place)
     _check_slopes(kinematics, at_s, slope)
-    return JointPath(kinematics, path, at_s, positions, slope)
+    return JointPath(kinematics, path, at_s, positions)
 
 
 def solve_at_once(kinematics: Kinematics, path: ToolPath, start: FloatArray) -> JointPath:
@@ -128,7 +128,7 @@ def solve_at_once(kinematics: Kinematics, path: ToolPath, start: FloatArray) -> 
     found = _follow(kinematics, path, at_s, start)
     if found is None:
         return solve_path(kinematics, path, start)
-    return JointPath(kinematics, path, at_s, found, slopes(kinematics, path, at_s, found))
+    return JointPath(kinematics, path, at_s, found)
 
 
 def _follow(
@@ -152,14 +152,13 @@ def _follow(
 def _solve_between(
     kinematics: Kinematics, poses: FloatArray, start: FloatArray, stride: int
 ) -> FloatArray:
-    guess = np.empty((len(poses), len(start)))
-    guess[0] = before = start
-    for first in range(0, len(poses) - 1, stride):
-        last = min(first + stride, len(poses) - 1)
+    guess = np.tile(start, (len(poses), 1))
+    for first in range(0, len(poses) - 1 - stride, stride):
+        last, before = first + stride, guess[first]
         end = correct(kinematics, before[None], poses[last][None], iterations=2 * MAX_TRIES)[0]
-        parts = np.arange(1, last - first + 1)[:, None] / (last - first)
+        parts = np.arange(1, stride + 1)[:, None] / stride
         guess[first + 1 : last + 1] = before + parts * (end - before)
-        before = end
+        guess[last + 1 :] = end  # near enough for what is left behind the last of them
     positions = correct(kinematics, guess, poses, iterations=MAX_TRIES)
     positions[0] = start
     return positions
@@ -209,7 +208,8 @@ def slopes(
     piece = np.clip(np.searchsorted(edges, at_s, "right") - 1, 0, len(path.pieces) - 1)
     before = np.maximum(at_s - half_s, edges[piece])
     behind = np.minimum(at_s + half_s, edges[piece + 1])
-    difference = pose_differences(path.poses(before), path.poses(behind))
+    poses = path.poses(np.concatenate([before, behind]))
+    difference = pose_differences(poses[: len(at_s)], poses[len(at_s) :])
     twist = difference / np.maximum(behind - before, 1e-12)[:, None] * weights
     pose, jacobian = kinematics.chain.forward_and_jacobian(positions)
     rows = kinematics.task.rows(jacobian * weights[:, None], pose)

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
 
-from robotd.api import BoolArray, FloatArray, InvalidArgument
+from robotd.api import FloatArray, InvalidArgument
 from robotd_tool_space.joint_path import MAX_SAMPLES, MIN_SAMPLES, STEP_M, STEP_RAD, hermite
 from robotd_tool_space.kinematics import Kinematics
 from robotd_tool_space.rotations import pose_differences
@@ -49,8 +50,14 @@ class JointCurve(Protocol):
         """Return positions and derivatives by s, (m, n) each, at (m,) parameters."""
         ...
 
-    def sampled(self, chosen: BoolArray) -> tuple[FloatArray, FloatArray]:
-        """Return the same at the chosen samples, of a mask (k,)."""
+    @property
+    def positions(self) -> FloatArray:
+        """(k, n) of the joints at the samples."""
+        ...
+
+    @property
+    def slopes(self) -> FloatArray:
+        """(k, n) derivatives by s at the samples."""
         ...
 
     def poses(self, at_s: FloatArray) -> FloatArray:
@@ -104,8 +111,13 @@ class JointLine:
         slope = self.way / self.length_s
         return self.start + at_s[:, None] * slope, np.tile(slope, (len(at_s), 1))
 
-    def sampled(self, chosen: BoolArray) -> tuple[FloatArray, FloatArray]:
-        return self.exact(self.at_s[chosen])
+    @cached_property
+    def positions(self) -> FloatArray:
+        return self.exact(self.at_s)[0]
+
+    @cached_property
+    def slopes(self) -> FloatArray:
+        return self.exact(self.at_s)[1]
 
     def poses(self, at_s: FloatArray) -> FloatArray:
         return self.kinematics.forward(self.exact(at_s)[0])
@@ -136,8 +148,13 @@ class JointCorner:
         corner, _ = self.after.exact(np.zeros(1))
         return first + second - corner, (1.0 - part) * leave + part * arrive
 
-    def sampled(self, chosen: BoolArray) -> tuple[FloatArray, FloatArray]:
-        return self.exact(self.at_s[chosen])
+    @cached_property
+    def positions(self) -> FloatArray:
+        return self.exact(self.at_s)[0]
+
+    @cached_property
+    def slopes(self) -> FloatArray:
+        return self.exact(self.at_s)[1]
 
     def poses(self, at_s: FloatArray) -> FloatArray:
         return self.kinematics.forward(self.exact(at_s)[0])
@@ -221,7 +238,7 @@ class Route:
             inner = (curve.at_s > begin_s + NO_LENGTH_S) & (curve.at_s < end_s - NO_LENGTH_S)
             inner[0] |= begin_s == 0.0
             places = curve.at_s[inner]
-            found = curve.sampled(inner)
+            found = curve.positions[inner], curve.slopes[inner]
             if begin_s > 0.0:
                 places = np.concatenate([[begin_s], places])
                 begin = curve.exact(np.array([begin_s]))

@@ -69,7 +69,7 @@ def plan_sequence(
         InvalidArgument: a value of a segment is out of its bounds, the motion takes more than an
             hour or is too long to be planned at once, or the constant speed cannot be kept.
     """
-    planned = plan_route(kinematics, limits, start, segments, speed, first)
+    planned = _built(kinematics, limits, start, segments, speed, first).route(len(segments))
     if planned is None:
         return standing(start, len(segments))
     route: Route | EvenRoute = planned
@@ -85,15 +85,28 @@ def plan_sequence(
     return replace(motion, path_s=float(route.at_s[-1]), notes=notes, outputs=outputs)
 
 
-def plan_route(
+def trace_sequence(
+    kinematics: Kinematics,
+    limits: JointLimits,
+    start: FloatArray,
+    segments: Sequence[MotionSegment],
+    speed: ToolSpeed,
+) -> FloatArray:
+    """Return positions (k, n) along segments: those of ``plan_sequence``, in a part of its time.
+
+    Raises Unreachable, InvalidArgument.
+    """
+    return _built(kinematics, limits, start, segments, speed).positions(len(segments))
+
+
+def _built(
     kinematics: Kinematics,
     limits: JointLimits,
     start: FloatArray,
     segments: Sequence[MotionSegment],
     speed: ToolSpeed,
     first: int | None = None,
-) -> Route | None:
-    """Return the route along segments; None: it has no length. See ``plan_sequence``."""
+) -> _RouteBuilder:
     builder = _RouteBuilder(kinematics, limits.velocity, start, speed)
     is_named = len(segments) > 1 or first is not None
     for number, (segment, text) in enumerate(zip(segments, _names(segments, first), strict=True)):
@@ -105,7 +118,7 @@ def plan_route(
             raise _named(error, name) from None
         except InvalidArgument as error:
             raise InvalidArgument(f"{name}: {error}" if name else str(error)) from None
-    return builder.route(len(segments))
+    return builder
 
 
 def _names(segments: Sequence[MotionSegment], first: int | None) -> list[str]:
@@ -176,6 +189,14 @@ class _RouteBuilder:
             passed_s = ends.get(number, passed_s)
             ends_s.append(passed_s)
         return replace(route, ends_s=tuple(ends_s))
+
+    def positions(self, count: int) -> FloatArray:
+        """Return positions (k, n) along the route. Raises Unreachable, InvalidArgument."""
+        self._solve_path()
+        if len(self._curves) == 1:  # without a corner between two: no need of its derivatives
+            return self._curves[0].positions
+        route = self.route(count)
+        return self._here[None] if route is None else route.positions
 
     def _append(self, curve: JointCurve, blend: Blend) -> None:
         if self._curves:

@@ -324,6 +324,7 @@ def corner_places(
 
 
 def _poses(places: FloatArray, turned: FloatArray) -> FloatArray:
-    result = np.tile(np.eye(4), (len(places), 1, 1))
+    result = np.empty((len(places), 4, 4))
     result[:, :3, 3], result[:, :3, :3] = places, turned
+    result[:, 3] = 0.0, 0.0, 0.0, 1.0
     return result

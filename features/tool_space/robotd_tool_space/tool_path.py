@@ -102,6 +102,8 @@ class ToolPath:
 
     def poses(self, at_s: FloatArray) -> FloatArray:
         """Return the poses (k, 4, 4) at parameters (k,) within the path."""
+        if len(self.pieces) == 1:
+            return self.pieces[0].poses(at_s)
         edges = self.edges_s
         index = np.clip(np.searchsorted(edges, at_s, "right") - 1, 0, len(self.pieces) - 1)
         result = np.empty((len(at_s), 4, 4))

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
-from tests.features.tool_space.test_lines import PERIOD_S, Arm, accelerations, poses_of
+from tests.features.tool_space.test_lines import PERIOD_S, SPEED, Arm, accelerations, poses_of
 
 from robotd.api import FloatArray, InvalidArgument
 from robotd_tool_space import Unreachable, pose_differences, pose_of
 from robotd_tool_space.segments import Arc, ArcAbout, JointMove, Line, MotionSegment, Spline
-from robotd_tool_space.sequence_plan import LINE_TOLERANCE_M
+from robotd_tool_space.sequence_plan import LINE_TOLERANCE_M, trace_sequence
 from robotd_tool_space.tool_curves import ToolSpeed
 from robotd_tool_space.tool_motion import ToolMotion
 
@@ -103,6 +103,19 @@ def test_a_sequence_keeps_all_limits_and_its_blends(seed: int) -> None:
         assert np.linalg.norm(off[3:]) <= blend.angular + 1e-3
         if not segment.blend_m:
             assert spline(end_s, 1) == pytest.approx(0.0, abs=0.02)
+
+
+@pytest.mark.parametrize("first", ["line", "joint move"])
+def test_what_a_check_follows_is_the_way_of_the_plan(first: str) -> None:
+    arm = Arm("cr3a")
+    a, b = arm.moved([0.0, 0.1, 0.0]), arm.moved([0.0, 0.1, -0.1])
+    segments = [Line(a, blend_m=0.02) if first == "line" else JointMove(a, blend_m=0.02), Line(b)]
+    _, planned, _ = poses_of(arm, arm.plan_segments(*segments))
+    traced = trace_sequence(arm.kinematics, arm.limits, arm.start, segments, SPEED)
+    for one, other in ((traced, planned), (planned, traced)):  # neither leaves the other
+        away = np.abs(one[:, None] - other[None]).max(axis=2).min(axis=1)
+        assert away.max() < 0.01
+    assert traced[-1] == pytest.approx(planned[-1], abs=1e-6)
 
 
 def test_outside_of_its_corners_the_tool_is_on_its_lines() -> None:
