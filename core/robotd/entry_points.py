@@ -58,7 +58,7 @@ class PluginOrigin:
 
     @property
     def is_own(self) -> bool:
-        """It belongs to robotd's own distribution."""
+        """Whether it belongs to robotd's own distribution."""
         return self.distribution == OWN
 
     @property

@@ -108,7 +108,7 @@ class RosHost:
 
     @property
     def context(self) -> Context:
-        """For ``create_node(name, context=host.context)``; initialized by ``start``."""
+        """Context for ``create_node(name, context=host.context)``; initialized by ``start``."""
         return self._context
 
     def start(self) -> None:

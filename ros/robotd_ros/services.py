@@ -127,7 +127,7 @@ def add_informed_subscription(
     share: float = HANDLER_SHARE,
     targets: Callable[[bytes], Targets] = lambda data: WHOLE,
 ) -> Subscription:
-    """As ``add_subscription``, with ``handler(message, info)``.
+    """Add a subscription with ``handler(message, info)``.
 
     ``info`` has ``source_timestamp``, the time at which the message was published, by the clock of
     that computer and since the epoch, 0 where the middleware does not know it, and

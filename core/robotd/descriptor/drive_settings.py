@@ -108,7 +108,7 @@ class DriveSettings(Section):
 
     @property
     def dimensions(self) -> str:
-        """Its size in words, beside the radius of the wheels; "" for no more than that."""
+        """Dimensions beside the radius of the wheels, in words; "" for none."""
         return ""
 
     def problems(self) -> Iterator[Problem]:

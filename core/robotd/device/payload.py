@@ -17,7 +17,7 @@ FEATURE = "a payload"
 
 @dataclass(frozen=True)
 class Payload:
-    """What the flange carries: gripper, tool and part together.
+    """Load on the flange: gripper, tool and part together.
 
     Attributes:
         mass_kg: 0 or more.

@@ -66,7 +66,7 @@ class SetpointLimiter:
 
     @property
     def at_rest(self) -> bool:
-        """No joint moves."""
+        """Whether no joint moves."""
         return bool((np.abs(self.state[1]) <= STANDSTILL_VELOCITY).all())
 
     def reset(self, state: MotionState, strongest: float = np.inf) -> None:
@@ -151,7 +151,7 @@ class SetpointLimiter:
         self,
         reference: FloatArray,
         target: Row,
-        stands: list[bool],
+        rests: list[bool],
         velocity_range: tuple[Row, Row] | None = None,
     ) -> FloatArray:
         """Return the next setpoint, ``state``, on ``reference`` or on the way to it.
@@ -161,7 +161,7 @@ class SetpointLimiter:
                 for joints that are not commanded.
             target: where the reference leads; a joint whose reference exceeds the limits moves
                 there by itself. Clipped to the limits. NaN: the joint slows to rest.
-            stands: targets at rest and are not overshot.
+            rests: targets at rest and are not overshot.
             velocity_range: lowest and highest velocity, within the limits; None: the limits.
         """
         bounds = self._bounds
@@ -169,7 +169,7 @@ class SetpointLimiter:
             bounds.lowest_velocity,
             bounds.highest_velocity,
         )
-        carefree = True not in stands and self._is_carefree(reference)
+        carefree = True not in rests and self._is_carefree(reference)
         start = self.state.copy()
         deviation = start - self._back.dot(reference)
         if carefree and _is_negligible(deviation):
@@ -186,9 +186,9 @@ class SetpointLimiter:
             self._advance_some(start, reference, deviation, target, tracked)
         lower, upper = self._range(start[0].tolist())
         for joint, (begin, end) in enumerate(zip(start[0].tolist(), target, strict=True)):
-            if stands[joint] and begin > end:
+            if rests[joint] and begin > end:
                 lower[joint] = end - POSITION_ROUNDING
-            elif stands[joint] and begin < end:
+            elif rests[joint] and begin < end:
                 upper[joint] = end + POSITION_ROUNDING
         state = self.state.tolist()
         unsafe = map(operator.or_, self._unstoppable(state, lower, upper), self._too_fast(state))

@@ -36,7 +36,7 @@ class SlidingWindow:
         velocity: (n, m) at the points.
 
     Attributes:
-        stands: joints that come to rest at the last two points, and do not overshoot them.
+        rests: joints that come to rest at the last two points, and do not overshoot them.
     """
 
     def __init__(self, times_ns: Sequence[int], position: FloatArray, velocity: FloatArray) -> None:
@@ -91,7 +91,7 @@ class SlidingWindow:
         self._lowest = np.maximum(-velocity.min(axis=0), 0.0)
         differs = position != position[-1]
         ends = ~differs[-2:].any(axis=0) & (velocity[-1] == 0.0)
-        self.stands: list[bool] = (ends & differs.any(axis=0)).tolist()
+        self.rests: list[bool] = (ends & differs.any(axis=0)).tolist()
         count, joints = position.shape
         times = (np.array(times_ns) - times_ns[0]) / NANOSECONDS
         self._times: list[float] = times.tolist()

@@ -56,7 +56,7 @@ class TargetSpline:
         return newest
 
     @property
-    def stands(self) -> list[bool]:
+    def rests(self) -> list[bool]:
         """Joints whose last or last but one target repeats the one before.
 
         A joint that has just begun to move may stop at its first target.

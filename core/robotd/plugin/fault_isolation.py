@@ -145,7 +145,7 @@ class _Question(Generic[Answer]):
         return self._silent
 
     def _await_answer(self) -> Answer:
-        """In a thread that may hang for ever; it is not called again then."""
+        """Make the call, in a thread that may hang for ever and is abandoned then."""
         try:
             return self._call()
         finally:

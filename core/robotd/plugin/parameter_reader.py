@@ -95,7 +95,7 @@ class ParameterReader:
         return value
 
     def numbers(self, name: str, default: Sequence[float], meaning: str) -> tuple[float, ...]:
-        """As many finite numbers as the default has."""
+        """Declare a list of as many finite numbers as the default has."""
         values = tuple(float(value) for value in self._declare(name, list(default), meaning))
         if len(values) != len(default):
             self.reject(name, f"{len(values)} numbers instead of {len(default)}")

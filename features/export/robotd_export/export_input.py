@@ -44,7 +44,7 @@ class ExportInput:
         return posixpath.join(self.namespace, node, name)
 
     def needed_topic(self, node: str, name: str, default: str = "") -> str:
-        """As ``topic``. Raises DescriptorError where the robot has no such node or name."""
+        """Return ``topic``. Raises DescriptorError where the robot lacks the node or the name."""
         if node not in self.descriptor.nodes:
             raise self.rejection(f"{self.descriptor.name} does not run the node {node}")
         if topic := self.topic(node, name, default):

@@ -143,9 +143,9 @@ class HeldToolMotion(HeldMotion[Beat]):
         workers: Executor,
         ended: Callable[[JogEnd], None],
         timeout_s: float = TIMEOUT_S,
-        noted: Callable[[int, str], None] = lambda hold, note: None,
+        on_note: Callable[[int, str], None] = lambda hold, note: None,
     ) -> None:
-        super().__init__(robot, owner, workers, ended, timeout_s, noted)
+        super().__init__(robot, owner, workers, ended, timeout_s, on_note)
         self._tools = tools
 
 

@@ -79,7 +79,7 @@ class Motion(ABC):
 
     @property
     def remaining(self) -> float | None:
-        """As of ``JogEnd``."""
+        """Distance or time to the target, see ``JogEnd``; None without one."""
         return None
 
     @property
@@ -90,7 +90,7 @@ class Motion(ABC):
     @property
     @abstractmethod
     def is_silent(self) -> bool:
-        """It has ended because no heartbeat came."""
+        """Whether it has ended for lack of a heartbeat."""
 
     @property
     @abstractmethod
@@ -238,7 +238,7 @@ class HeldMotion(ABC, Generic[Beat]):
         workers: open the motion and wait for its end.
         ended: called by a worker with the end of each hold.
         timeout_s: silence that ends a hold, in time of the robot.
-        noted: called by ``beat`` with hold and note, where the note of a motion has changed.
+        on_note: called by ``beat`` with hold and note, where the note of a motion has changed.
     """
 
     what = "Jog"  # of ``JogEnd``
@@ -250,11 +250,11 @@ class HeldMotion(ABC, Generic[Beat]):
         workers: Executor,
         ended: Callable[[JogEnd], None],
         timeout_s: float = TIMEOUT_S,
-        noted: Callable[[int, str], None] = lambda hold, note: None,
+        on_note: Callable[[int, str], None] = lambda hold, note: None,
     ) -> None:
         self.events = robot.events
         self._robot, self._owner, self._workers, self._ended = robot, owner, workers, ended
-        self._timeout_s, self._noted = timeout_s, noted
+        self._timeout_s, self._on_note = timeout_s, on_note
         self._newest = 0
         self._hold: Hold | None = None
         self._lock = threading.Lock()  # of the hold and its motion
@@ -292,7 +292,7 @@ class HeldMotion(ABC, Generic[Beat]):
             motion.end(str(error))  # no effect where it has just ended; the worker says why
         if motion.note != hold.note:
             hold.note = motion.note
-            self._noted(hold.number, hold.note)
+            self._on_note(hold.number, hold.note)
 
     def release(self, number: int, reason: str) -> None:
         """End a hold; the joints slow to rest."""

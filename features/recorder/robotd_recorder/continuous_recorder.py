@@ -105,7 +105,7 @@ class ContinuousRecorder:
 
     @property
     def is_recording(self) -> bool:
-        """It was started and has not ended."""
+        """Whether a recording was started and has not ended."""
         return self._thread is not None and self._thread.is_alive()
 
     @property

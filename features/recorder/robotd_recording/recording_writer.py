@@ -174,7 +174,7 @@ class RecordingWriter:
 
     @property
     def has_begun(self) -> bool:
-        """It has frames."""
+        """Whether the file has frames."""
         return self._began_ns is not None
 
     @property

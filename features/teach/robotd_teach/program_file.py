@@ -243,7 +243,7 @@ class Condition(Section):
 
 
 class SetPayload(Section):
-    """What the arm carries from now on: gripper, tool and part together.
+    """Payload from this step on: gripper, tool and part together.
 
     Attributes:
         center_m: x, y and z of its centre of mass in the frame of the flange.
@@ -254,7 +254,7 @@ class SetPayload(Section):
 
     @property
     def payload(self) -> Payload:
-        """As the robot takes it."""
+        """The payload as the robot's type."""
         return Payload(self.mass_kg, self.center_m)
 
 
@@ -327,13 +327,13 @@ class Step(Section):
 
     @property
     def needs_tool(self) -> bool:
-        """It moves the tool on a way of its own, not the joints on theirs."""
+        """Whether the step moves the tool on a path of its own."""
         is_recorded = self.path is not None and self.path.name is not None
         return self.kind in ("line", "arc", "path", "sequence") and not is_recorded
 
     @property
     def kind(self) -> str:
-        """Its key in the file."""
+        """Key of the step in the file."""
         return next(key for key, _ in _given(self, tuple(type(self).model_fields)))
 
     @property

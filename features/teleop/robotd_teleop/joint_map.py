@@ -1,4 +1,4 @@
-"""Which joint of a leader moves which joint of a robot."""
+"""Assignment of a leader's joints to those of a robot."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ class CollisionGuard:
 
 
 class _GroupGuard:
-    """Of one joint group, with the body of the tool that is chosen. Control loop."""
+    """Guard of one joint group, with the body of the chosen tool. Control loop."""
 
     def __init__(
         self,

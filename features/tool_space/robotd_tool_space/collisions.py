@@ -160,9 +160,9 @@ class Collisions:
         for second in range(count, len(carriers)):
             for first in range(second):
                 one, other = carriers[first], carriers[second]
-                is_link, stands = first < count, other == FIXED
-                if stands or not is_link:  # an object around the arm, and what moves
-                    counts = (one == FIXED) != stands
+                is_link, is_fixed = first < count, other == FIXED
+                if is_fixed or not is_link:  # an object around the arm, and what moves
+                    counts = (one == FIXED) != is_fixed
                 else:  # a carried object, and a link
                     counts = self.settings.links and abs(one - other) > 1
                 if counts:

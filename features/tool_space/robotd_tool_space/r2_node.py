@@ -107,13 +107,13 @@ class WmxRobotOptionNode(Node):
         return self._motion.start(lambda: planned(self._tool, request), arrived, is_line=is_line)
 
     def _stop(self, request: Any, response: Any) -> str:
-        """Also of a robot that was released: something else may move it."""
+        """Stop, also a robot that was released: something else may move it."""
         self._check_id(request.robot_id)
         self._motion.stop()
         return "stopping"
 
     def _e_stop(self, request: Any, response: Any) -> str:
-        """As ``_stop``."""
+        """Stop as fast as the drives can, also a robot that was released."""
         self._check_id(request.robot_id)
         self._motion.e_stop()
         return "all motion is stopped until release_e_stop"

@@ -61,7 +61,7 @@ class SceneObject:
 
     @property
     def body(self) -> Body:
-        """As a body, of all shapes but a plane."""
+        """Collision body, for all shapes but a plane."""
         match self.shape:
             case "box":
                 return Body(self.pose, 0.5 * np.array(self.size_m))

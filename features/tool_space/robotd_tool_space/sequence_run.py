@@ -190,7 +190,7 @@ class SequenceRun:
 
     @property
     def accepts(self) -> bool:
-        """It has not ended, so that steps can be appended."""
+        """Whether steps can be appended: it has not ended."""
         return not (self._has_ended or self._canceled)
 
     def cancel(self) -> None:

@@ -109,7 +109,7 @@ class ToolFrames:
 
     @property
     def kinematics(self) -> Kinematics:
-        """Of the chosen tool, in the base of the arm."""
+        """Kinematics of the chosen tool, in the base of the arm."""
         return self._kinematics
 
     @property

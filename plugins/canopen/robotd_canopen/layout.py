@@ -83,7 +83,7 @@ class NetworkLayout:
 
     @property
     def node_ids(self) -> set[int]:
-        """Of drives and modules."""
+        """Node ids of drives and modules."""
         drives, modules = (axis.options for axis in self.axes), (one.options for one in self.io)
         return {drive.node for drive in drives} | {module.node for module in modules}
 

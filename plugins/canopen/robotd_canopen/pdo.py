@@ -67,7 +67,7 @@ class Entry:
 
     @property
     def mapping(self) -> int:
-        """As objects 0x1600 and 0x1A00 hold it."""
+        """Value of the entry in the objects 0x1600 and 0x1A00."""
         return self.index << 16 | self.sub << 8 | self.bits
 
 

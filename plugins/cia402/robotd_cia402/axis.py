@@ -345,7 +345,7 @@ class Axis(Generic[DriveT]):
         self.power.quick_stop()
 
     def _watch_mode(self) -> None:
-        """Stop a drive that has left the commanded mode: its motor obeys somebody else.
+        """Stop a drive that has left the commanded mode: another program commands its motor.
 
         A setpoint that went on would be a jump when the drive comes back to the mode.
         """

@@ -172,7 +172,7 @@ class Cia402Fieldbus(FieldbusDriver, Generic[MasterT]):
     @property
     @abstractmethod
     def nodes(self) -> Mapping[int, FieldbusNode]:
-        """By number, in the order of the bus."""
+        """Nodes by number, in the order of the bus."""
 
     @abstractmethod
     def _upload(self, node: int, index: int, sub: int) -> bytes:

@@ -92,7 +92,7 @@ class DriveAccess(ABC):
 
     @property
     def unreached(self) -> bool:
-        """It is certain that the ``missed`` frames have not reached the drive. Control loop."""
+        """Whether the ``missed`` frames certainly did not reach the drive. Control loop."""
         return False
 
     @property

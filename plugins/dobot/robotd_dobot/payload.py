@@ -14,7 +14,7 @@ SAME = 0.01  # kg or mm
 
 
 class DobotPayload(PayloadDriver):
-    """What the controller compensates, by its own word.
+    """Payload that the controller reports to compensate.
 
     V3 takes a payload with its centre only when it switches the arm on.
     """

@@ -68,7 +68,7 @@ class Entry:
 
     @property
     def number(self) -> int:
-        """As in a mapping object."""
+        """Value of the entry in a mapping object."""
         return self.index << 16 | self.sub << 8 | self.bits
 
     def __str__(self) -> str:

@@ -164,7 +164,7 @@ class ArmLink:
 
     @property
     def silent(self) -> bool:
-        """No state has arrived for longer than a motion survives."""
+        """Whether no state has arrived for longer than a motion survives."""
         state = self.state
         return state is None or self._clock.now_ns() - state.time_ns > SILENT_S * NANOSECONDS
 

@@ -54,7 +54,7 @@ class Rollers:
 
 
 def is_free(robot: RobotDescriptor, options: MujocoOptions, spec: mujoco.MjSpec) -> bool:
-    """Return True for a base that stands on its wheels; its root can move."""
+    """Return True for a base on wheels, whose root can move."""
     if spec.worldbody.first_body() is None:
         return False
     if options.fixed_root is not None:

@@ -118,7 +118,7 @@ class MujocoDevice(DeviceDriver):
         self.physics = physics
 
     def open(self, path: str = "", name: str = "") -> None:
-        """There is one robot, whatever its path or name."""
+        """Open the only robot, whatever the path or name."""
         with self.physics.lock:
             self.physics.is_open, self.physics.lost_because = True, ""
 

@@ -128,8 +128,8 @@ def build_model(robot: RobotDescriptor, options: MujocoOptions) -> RobotModel:
 
 def _build_model(robot: RobotDescriptor, options: MujocoOptions) -> RobotModel:
     spec = _robot_spec(robot, options)
-    stands = is_free(robot, options, spec)
-    scene = Scene(floor=stands)
+    on_wheels = is_free(robot, options, spec)
+    scene = Scene(floor=on_wheels)
     root = next((body.name for body in spec.worldbody.bodies), "world")
     links = [body.name for body in spec.bodies[1:]]
     joints = _axis_joints(robot, spec)
@@ -142,14 +142,14 @@ def _build_model(robot: RobotDescriptor, options: MujocoOptions) -> RobotModel:
         else:
             scene = load_scene(scene_file, links)
             add_objects(spec, scene, scene_file.parent)
-    elif stands:
+    elif on_wheels:
         add_objects(spec, scene, Path())
     objects = describe_objects(spec, links)
     _add_drives(spec, robot, options, joints)
     wrists, payload = _add_wrists(spec, robot), _add_payload(spec, robot)
     add_gripper(spec, robot, options)
     add_cameras(spec, scene.cameras)
-    if stands:
+    if on_wheels:
         add_base(spec, robot, options)
     _set_physics(spec, options)
     model = spec.compile()

@@ -16,7 +16,7 @@ from robotd_replay.device import ReplayAxes, ReplayDevice, Replayed, ReplayIo, R
 
 @hookimpl
 def robotd_backend() -> BackendInfo:
-    """Nothing moves, and nothing can be commanded."""
+    """Describe the backend: it moves nothing and takes no commands."""
     return BackendInfo(
         summary="a recording, played as a robot with read-only axes",
         api_version=1,

@@ -17,7 +17,7 @@ class BusError(RobotdError):
 
 
 class NoReply(BusError):
-    """Nothing that is a reply has come in time."""
+    """No valid reply within the time limit."""
 
 
 @dataclass(frozen=True)

@@ -103,7 +103,7 @@ class ServoRecord:
         return max(1, min(round(self.plan.max_speed), MAX_SPEED_REGISTER))
 
     def miss(self, now_ns: int, lost_after_s: float) -> None:
-        """No reply has come."""
+        """Count a missing reply."""
         self.missed, self.misses = True, self.misses + 1
         self.lost += not self.offline
         if self.activation:
@@ -113,7 +113,7 @@ class ServoRecord:
             self.offline = True
 
     def take(self, state: ServoState, now_ns: int, lost_after_s: float) -> bool:
-        """Judge a reply; True: the servo is on and has to be switched off, nobody asked for it."""
+        """Judge a reply; True: the servo is on without a request and has to be switched off."""
         before, self.replies = self.state, self.replies + 1
         if before is not None and self._is_doubtful(before, state):
             self.miss(now_ns, lost_after_s)

@@ -120,7 +120,7 @@ class Servo:
         acceleration: float,
         jerk: float = 0.0,
     ) -> None:
-        """From ``tick``, where the command shall be at ``position``, keep ``jerk`` constant."""
+        """Follow a path of constant ``jerk`` that is at ``position`` at ``tick``."""
         self._paths[axis] = tick, position, velocity, acceleration / 2, jerk / 6
 
     def close_loop(self, axis: int, *, closed: bool) -> None:

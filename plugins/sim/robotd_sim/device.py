@@ -25,7 +25,7 @@ class SimDevice(DeviceDriver):
         self.simulation = simulation
 
     def open(self, path: str = "", name: str = "") -> None:
-        """There is one device, whatever its path or name.
+        """Open the only device, whatever the path or name.
 
         Raises ConnectError as often as the option ``fail_open`` demands.
         """

@@ -110,7 +110,7 @@ class Motion:
         self._begin(axis, plan, Operation.STOPPING, then=then)
 
     def coast(self, axis: int, deceleration: float) -> None:
-        """No command any more: the axis itself slows down, nothing is being executed."""
+        """End the command: the axis coasts to rest, and executes nothing."""
         self._begin(axis, profile_to_rest(*self._command(axis), deceleration), Operation.IDLE)
 
     def hold(self, axis: int, position: float) -> None:

@@ -9,7 +9,7 @@ MAX_KG = 100.0
 
 
 class SimPayload(PayloadDriver):
-    """What the engine was last given; nothing after it was closed."""
+    """Payload that the engine was last given; none after it was closed."""
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation

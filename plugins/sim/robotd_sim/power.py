@@ -60,7 +60,7 @@ class Power:
         )
 
     def turn_off(self, axis: int) -> None:
-        """At once: the axis coasts, its command follows it, what was running is dropped."""
+        """Switch off at once: the axis coasts, its command follows, its motion is dropped."""
         states, servo = self._states, self._servo
         states.servo_wanted[axis] = False
         if not states.servo_on[axis]:

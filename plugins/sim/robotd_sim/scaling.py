@@ -71,5 +71,5 @@ class Scaling:
 
 
 def _factors(gain: FloatArray) -> list[tuple[float, float]]:
-    """Of each axis: counts per unit and units per count."""
+    """Return counts per unit and units per count of each axis."""
     return list(zip(gain.tolist(), (1.0 / gain).tolist(), strict=True))

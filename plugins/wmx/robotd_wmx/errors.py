@@ -1,4 +1,4 @@
-"""From the engine's error codes to robotd's errors: one table, one way.
+"""Table from the engine's error codes to robotd's errors.
 
 The name of a code comes from the SDK that the binding was built against, the text from
 ``error_codes.tsv`` by that name; the numbers in the table are those of WMX 3.5 and only serve

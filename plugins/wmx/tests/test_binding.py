@@ -121,7 +121,7 @@ def test_arrays_live_as_long_as_their_reader(device: Device) -> None:
 
 
 def test_a_read_does_not_wait_for_the_engine(device: Device) -> None:
-    """Which has a cycle of 1 ms; a read takes some microseconds."""
+    """The engine has a cycle of 1 ms; a read takes some microseconds."""
     reader, _ = make_reader(device)
     costs_ns = []
     for _ in range(5000):

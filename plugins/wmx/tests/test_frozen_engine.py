@@ -15,7 +15,7 @@ MOST_OF_THE_PAST_RAD = 0.12  # 66 ms at 0.3 rad/s and a ramp are 0.03; all that 
 
 
 def test_an_engine_that_stood_still_executes_little_of_the_past(tmp_path: Path) -> None:
-    """What its buffers hold when they are taken to stand still, not what came meanwhile."""
+    """It executes what its buffers held at the stall, not what arrived meanwhile."""
     with running(tmp_path) as robot, robot.follower.follow(goal([8.0], 2.0)):
         eventually(lambda: robot.image.velocity_command[0] > CRUISE_RAD_S)
         port("freeze", 1)

@@ -123,7 +123,7 @@ def require_one_robot(client: RosClient, namespace: str = "", *, prints: bool = 
 
 
 def _require_one(client: RosClient, namespace: str, *, prints: bool) -> bool:
-    """As ``require_one_robot``; returns False where none has announced itself."""
+    """Require one robot; return False where none has announced itself."""
     robots = import_ros("robotd_ros.client.fleet").addressed_robots(client, namespace)
     if len(robots) > 1:
         names = "".join(f"\n  {robot.text}" for robot in robots)

@@ -44,7 +44,7 @@ class Health:
         return (*states, *motion, *(array.tobytes() for array in flags))
 
     def statuses(self, bus_age_s: float = 0.0) -> list[PartStatus]:
-        """Of the engine, each axis, each fieldbus, the control loop, motion, and the gripper.
+        """Return the status of engine, axes, fieldbuses, control loop, motion and gripper.
 
         ``bus_age_s``: see ``Fieldbus.status``.
         """

@@ -65,7 +65,7 @@ def exit_after(seconds: int, status: int) -> bool:
 
 @contextmanager
 def exit_where_it_hangs(seconds: int, status: int) -> Iterator[None]:
-    """As ``exit_after``, unless the block ends before."""
+    """End the process as ``exit_after`` does, unless the block ends before."""
     timer = _started(seconds, status)
     try:
         yield

@@ -45,7 +45,7 @@ class Recorder:
             after = self.limiter.step()
         else:
             reference = spline.advance(self.period_s)
-            after = self.limiter.track(reference, spline.newest, spline.stands)
+            after = self.limiter.track(reference, spline.newest, spline.rests)
         jerk = (after[2] - before[2]) / self.period_s
         travelled = after[0] - before[0]
         mean = (before[1] + after[1]) / 2.0
@@ -229,7 +229,7 @@ def test_a_30_hz_sine_is_followed_without_ripple_and_with_a_short_lag(jitter: fl
             sent += 1
             due = (sent + generator.uniform(0.0, jitter)) / 30.0
         assert spline is not None
-        limiter.track(spline.advance(PERIOD_S), spline.newest, spline.stands)
+        limiter.track(spline.advance(PERIOD_S), spline.newest, spline.rests)
         recorded.append((time_s + PERIOD_S, *limiter.state[:, 0]))
     times, position, velocity, _ = np.array(recorded)[625:].T
     waves = np.column_stack((np.sin(angular * times), np.cos(angular * times)))
@@ -288,7 +288,7 @@ def test_a_command_during_a_stop_beyond_the_limits_keeps_the_velocity_limit(
     limiter.approach(target)
     for _ in range(1000):
         if smooth:
-            limiter.track(spline.advance(PERIOD_S), spline.newest, spline.stands)
+            limiter.track(spline.advance(PERIOD_S), spline.newest, spline.rests)
         else:
             limiter.step()
         assert abs(limiter.state[1, 0]) <= 3.14 * (1.0 + 1e-6)

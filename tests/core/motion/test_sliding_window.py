@@ -53,7 +53,7 @@ def test_a_step_of_the_velocity_takes_two_widths_and_is_consistent() -> None:
     assert np.diff(states[:, 1]) / PERIOD_S == pytest.approx(
         (states[1:, 2] + states[:-1, 2]) / 2, abs=0.1
     )
-    assert curve.stands == [True]
+    assert curve.rests == [True]
 
 
 def test_a_window_replaces_the_rest_of_the_one_before_from_its_first_point_on() -> None:

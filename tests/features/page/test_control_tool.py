@@ -45,7 +45,7 @@ class Client:
             "page 1",
             self.workers,
             self.ended.append,
-            noted=lambda hold, note: self.notes.append(note),
+            on_note=lambda hold, note: self.notes.append(note),
         )
         self.hold = 0
         self.fastest = np.zeros(6)

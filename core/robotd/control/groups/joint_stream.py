@@ -134,8 +134,8 @@ class JointCommands(StreamCommands):
 
     def _admit(self, target: FloatArray, speed: FloatArray | None) -> None:
         """Admit targets (..., k) with their velocities; one elsewhere asks for motion."""
-        stands = bool((np.abs(target - self._present()) <= self._tolerance).all())
-        self.source.admit(moves=not stands or (speed is not None and bool(speed.any())))
+        rests = bool((np.abs(target - self._present()) <= self._tolerance).all())
+        self.source.admit(moves=not rests or (speed is not None and bool(speed.any())))
 
     def _rows(
         self, what: str, rows: FloatArray | Sequence[Sequence[float]], count: int
@@ -196,7 +196,7 @@ class JointStream(OpenStream[StreamMotion]):
         Args:
             position: one for each of ``joints``, in rad or m.
             velocity: at ``position``, in rad/s or m/s: the joints go on with it until the next
-                command, without a lag. None: the target stands still.
+                command, without a lag. None: the target is at rest.
             sent_ns: see ``JointCommands``.
         """
         self._require_open()

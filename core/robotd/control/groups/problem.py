@@ -86,5 +86,5 @@ class Problem:
 
     @property
     def forbids_motion(self) -> bool:
-        """It prevents motion and is no setting of a client, as the speed is."""
+        """Whether it prevents motion and is not a client's setting, such as the speed."""
         return self.prevents_motion and self.kind not in SETTINGS

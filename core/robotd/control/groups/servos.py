@@ -94,7 +94,7 @@ class Servos:
             self._base.allow()
 
     def _bring_to_rest(self) -> None:
-        """As ``bring_to_rest``; the base rejects commands until it is allowed again."""
+        """Bring all to rest; the base rejects commands until it is allowed again."""
         everything, time_s = range(len(self._axes)), self._descriptor.engine.shutdown_s
         try:
             self._groups.stop(time_s)

@@ -44,7 +44,7 @@ class MotionStop:
 
     @property
     def at_rest(self) -> bool:
-        """No source is active, no stop is pending, and the device moves no axis. Any thread.
+        """Whether no source, pending stop or motion of the device is left. Any thread.
 
         The axes of a source that has ended with a fault are stopped by the device, which an image
         from before does not show.

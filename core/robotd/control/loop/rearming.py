@@ -188,13 +188,13 @@ class CommandSource:
 
     @property
     def is_silent(self) -> bool:
-        """It has sent nothing for ``silence_s``."""
+        """Whether the client has sent nothing for ``silence_s``."""
         received_ns, now_ns = self._received_ns, self._rearming.listened_ns
         return received_ns is None or now_ns - received_ns > self.silence_s * NANOSECONDS
 
     @property
     def is_waiting(self) -> bool:
-        """It goes on commanding, and is not armed."""
+        """Whether the client keeps commanding without being armed."""
         return self._rejected > 0 and not self.is_silent
 
     @property
@@ -316,15 +316,15 @@ class Interruptions:
 
         Before the motion is submitted.
         """
-        noted = False
+        recorded = False
 
         def note() -> None:
-            nonlocal noted
+            nonlocal recorded
             # A cancelled motion can end with a fault: both count, what was asked for and what came.
             ends = completion.requested, (completion.outcome, completion.message)
             for outcome, message in filter(None, ends):
-                if outcome in (Outcome.STOPPED, Outcome.FAULT) and not noted:
-                    noted = True
+                if outcome in (Outcome.STOPPED, Outcome.FAULT) and not recorded:
+                    recorded = True
                     self.add(axes, message)
 
         completion.on_end = note

@@ -136,7 +136,7 @@ class StreamSetpoints:
 
     @property
     def at_rest(self) -> bool:
-        """No setpoint moves."""
+        """Whether no setpoint moves."""
         return self._limiter.at_rest
 
     def reset(self, state: MotionState, strongest: float = np.inf) -> None:
@@ -252,13 +252,13 @@ class StreamSetpoints:
             return self._track(self._reference)
         if self._spline is not None:
             reference = self._spline.advance(self._period_s)
-            return self._limiter.track(reference, self._spline.newest, self._spline.stands)
+            return self._limiter.track(reference, self._spline.newest, self._spline.rests)
         if (window := self._window) is not None:
             reference = window.at(due_ns)
             velocities = window.velocity_range(
                 reference, self._limiter.state[0], self._velocity_limit
             )
-            return self._limiter.track(reference, window.newest, window.stands, velocities)
+            return self._limiter.track(reference, window.newest, window.rests, velocities)
         if command is None or command.position is None or command.velocity is None:
             return self._limiter.step()
         age_s, velocity = (due_ns - command.time_ns) / NANOSECONDS, command.velocity

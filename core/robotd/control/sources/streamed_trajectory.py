@@ -195,7 +195,7 @@ class StreamedTrajectory(TrajectoryExecution):
         self._recover(due_ns, period_ns, image)
 
     def _is_commanded(self, image: ProcessImage) -> bool:
-        """As in the base; a device that holds setpoints ahead executes them late after a stall."""
+        """Return True when the last point is commanded; buffers may delay it after a stall."""
         if not self._buffers:
             return True
         error = np.abs(image.position_command[self.columns] - self._held[0])

@@ -116,7 +116,7 @@ class TrajectoryExecution(JointSource):
 
     @property
     def done(self) -> bool:
-        """It moves the joints no more, also not behind its last point."""
+        """Whether it has stopped moving the joints, also behind its last point."""
         return self.completion.done
 
     def cancel(self) -> None:

@@ -98,7 +98,7 @@ def die(harness: Harness, motion: MixedMotion) -> None:
 
 
 def lose_drive(harness: Harness, motion: MixedMotion) -> None:
-    """Of the last axis; the others alone are stopped when it is back."""
+    """Lose the last axis' drive; when it is back only the others are stopped."""
     if not harness.can(Capability.HOT_CONNECT):
         pytest.skip(f"the {harness.robot.backend.name} backend takes no drive in again")
     last, image = harness.count - 1, harness.image

@@ -163,7 +163,7 @@ class Drive:
 
     @property
     def axis_offset(self) -> int:
-        """Its place in a multi-axis drive."""
+        """Place of the axis in a multi-axis drive."""
         return self._model.axis_offset
 
     @property
