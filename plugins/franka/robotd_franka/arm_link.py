@@ -26,12 +26,13 @@ from robotd.api import (
     get_logger,
 )
 from robotd_franka.code_tables import ERRORS, GUIDING, IDLE, REFLEX, alarm_of
-from robotd_franka.options import JOINTS, FrankaOptions
+from robotd_franka.options import JOINTS, FrankaOptions, is_loopback
 
 log = get_logger("franka")
 
 POLL_S = 0.001  # FCI sends a state per millisecond
 SILENT_S = 0.03  # without a state: a real arm has ended the motion after 0.02 s of lost packets
+MISSING_S = 0.008  # the same, of an arm while the thread of the link has looked for one
 END_S = 3.0  # for the thread; a call into libfranka returns after 1 s without packets
 GUIDING_DAMPING = 2.0  # N·m·s/rad
 NO_VELOCITY: FloatArray = np.zeros(JOINTS)
@@ -75,11 +76,13 @@ class ArmLink:
         self.failure = self.ended = ""
         self._options, self._clock = options, clock
         self._stiffness, self._damping = _gains(options)
+        # A simulated controller is as late as this computer.
+        self._missing_s = SILENT_S if is_loopback(options.address) else MISSING_S
         self._robot = _connect(options)
         self._tracker: franky.JointImpedanceTracker | None = None
         self._target: FloatArray | None = None
         self._moves = False  # the newest target has a velocity
-        self._sent_ns = 0
+        self._sent_ns = self._looked_ns = 0
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="franka-state", daemon=True)
         self._thread.start()
@@ -164,9 +167,15 @@ class ArmLink:
 
     @property
     def silent(self) -> bool:
-        """Whether no state has arrived for longer than a motion survives."""
+        """Whether no state arrives, so that the impedance controller follows no target.
+
+        Judged before a motion ends by that: what is sent meanwhile would be followed at once. A
+        thread that had no processor for a moment is no silence of the arm.
+        """
         state = self.state
-        return state is None or self._clock.now_ns() - state.time_ns > SILENT_S * NANOSECONDS
+        if state is None or self._looked_ns - state.time_ns > self._missing_s * NANOSECONDS:
+            return True
+        return self._clock.now_ns() - state.time_ns > SILENT_S * NANOSECONDS
 
     @property
     def silence(self) -> str:
@@ -198,6 +207,7 @@ class ArmLink:
             self._note_end()
         if time_ms != newest_ms:
             self.state = self._read(found, followed)
+        self._looked_ns = self._clock.now_ns()
         if self._moves and self._clock.now_ns() - self._sent_ns > SILENT_S * NANOSECONDS:
             self._hold()
         return time_ms

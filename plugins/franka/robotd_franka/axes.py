@@ -87,6 +87,8 @@ class FrankaAxes(ProfiledAxes):
         target, last = positions.copy(), self._last_target
         self._last_target = target
         velocity = NO_VELOCITY if last is None else (target - last) / self._target_period_s
+        if self._let_go and last is not None:  # their damping brakes them
+            velocity[list(self._let_go)] = 0.0
         link.set_target(target, velocity)
 
     def servo(self, axis: int, on: bool, timeout_s: float) -> None:
