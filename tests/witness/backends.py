@@ -8,14 +8,26 @@ from functools import partial
 from tests.witness.bench import Bench
 from tests.witness.canopen_bench import CanopenBench
 from tests.witness.dobot_bench import DobotBench
+from tests.witness.draws import FAULTS
 from tests.witness.ethercat_bench import EthercatBench
+from tests.witness.franka_bench import FrankaBench
 from tests.witness.model_bench import ArmBench, MujocoBench, SimBench
 from tests.witness.one_by_one import one_by_one
-from tests.witness.play import FAULTS, WitnessPlay
+from tests.witness.play import WitnessPlay
 from tests.witness.servo_bench import ServoBench
+from tests.witness.tool_play import ToolPlay
 from tests.witness.wmx_bench import WmxBench
 
 RATE_HZ = 100.0
+
+
+def with_tool(make: Callable[..., Bench], **options: float) -> Bench:
+    """Return a bench of an arm whose tool moves in the sequences, too."""
+    made = make(**options)
+    made.bent = made.bent_joints
+    return made
+
+
 BENCHES: dict[str, Callable[..., Bench]] = {
     "sim": SimBench,
     "mujoco": MujocoBench,
@@ -24,6 +36,7 @@ BENCHES: dict[str, Callable[..., Bench]] = {
     "keeping": partial(CanopenBench, keeps=True),
     "ethercat": EthercatBench,
     "dobot": DobotBench,
+    "franka": FrankaBench,
     "feetech": partial(ServoBench, "feetech"),
     "dynamixel": partial(ServoBench, "dynamixel"),
     "wmx": WmxBench,
@@ -31,6 +44,9 @@ BENCHES: dict[str, Callable[..., Bench]] = {
     "canopen-base": partial(CanopenBench, axes=1, base=True),
     "keeping-base": partial(CanopenBench, axes=1, base=True, keeps=True),
     "ethercat-base": partial(EthercatBench, axes=1, base=True),
+    "mujoco-tool": partial(with_tool, MujocoBench),
+    "dobot-tool": partial(with_tool, DobotBench),
+    "franka-tool": partial(with_tool, FrankaBench),
 }
 SHOWN_COMMANDS, SHOWN_FINDINGS = 6, 6
 
@@ -43,7 +59,8 @@ def run_seed(
     ``log``: takes all commands.
     """
     with one_by_one():
-        play = WitnessPlay(BENCHES[name](rate_hz=RATE_HZ), faults)
+        bench = BENCHES[name](rate_hz=RATE_HZ)
+        play = (ToolPlay if bench.bent else WitnessPlay)(bench, faults)
         findings = play.play(seed)
     if log is not None:
         log += play.log

@@ -12,6 +12,7 @@ from tests.witness.judge import Judge
 
 from robotd.clock import NANOSECONDS
 from robotd.clock.simulated import SteppedClock
+from robotd.motion.profile import Profile
 from robotd.robot import Robot
 
 COUNTS_PER_RAD = 1_000_000
@@ -21,6 +22,7 @@ TRAJECTORY = {"acceleration_margin": 0.2}  # else points may ask for any acceler
 OVERCURRENT = 0x2310
 STEP_S = 0.005  # longest step of the drives' time
 WHEELS = 2
+CR3A_BENT = (0.0, 0.3, 1.4, -0.2, 1.2, 0.0)
 DRIVE = {
     "wheel_radius_m": 0.1, "wheel_separation_m": 0.5, "wheel_velocity_rad_s": 12.0,
     "velocity_m_s": 1.0, "acceleration_m_s2": 2.0, "deceleration_m_s2": 2.0, "jerk_m_s3": 20.0,
@@ -68,6 +70,10 @@ class Bench:
         joints: number of the first axes, which are joints; behind them are the wheels of a base.
         is_cut: no command gets to a device that does not switch off by itself.
         has_hands: joints can be moved by hand while they have no torque.
+        middle: of the ranges in which joints are moved, rad; none: 0.
+        bent: joints of an arm at which its tool can move in each direction, rad; empty: no
+            sequences of the tool are asked for. ``bent_joints``: what it can be.
+        seconds_per_rad, profile: of paths, and of moves and jogs in whose midst faults come.
     """
 
     robot: Robot
@@ -76,6 +82,11 @@ class Bench:
     joints: int
     is_cut = False
     has_hands = False
+    middle: Sequence[float] = ()
+    bent: Sequence[float] = ()
+    bent_joints: Sequence[float] = ()
+    seconds_per_rad = 0.6
+    profile = Profile(1.5, 8.0, 8.0)
 
     def prepare(self, axes: int, rate_hz: float, *, base: bool) -> None:
         """Make the clock, and the judges of ``axes`` joints; ``base``: of two wheels, too."""

@@ -12,7 +12,7 @@ from unittest.mock import patch
 import numpy as np
 from tests.plugins.dobot.arm import Arm
 from tests.plugins.dobot.controller import Controller
-from tests.witness.bench import OVERCURRENT, Bench
+from tests.witness.bench import CR3A_BENT, OVERCURRENT, Bench
 from tests.witness.judge import Command
 from tests.witness.tcp_line import TcpLine
 
@@ -37,6 +37,8 @@ class DobotBench(Bench):
     Args:
         max_target_age_s: option of the backend; None: that of the backend, in periods.
     """
+
+    bent_joints = CR3A_BENT
 
     def __init__(self, rate_hz: float = 100.0, max_target_age_s: float | None = None) -> None:
         self.prepare(JOINTS, rate_hz, base=False)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from tests.features.conformance.runs.whole_arm import Controller, WholeArm
-from tests.witness.bench import OVERCURRENT, Bench
+from tests.witness.bench import CR3A_BENT, OVERCURRENT, Bench
 from tests.witness.judge import SILENT_PERIODS, Command
 
 from robotd.clock import NANOSECONDS
@@ -207,6 +207,8 @@ class ArmBench(TargetBench):
 
 class MujocoBench(TargetBench):
     """MuJoCo's drives, of an arm of six joints."""
+
+    bent_joints = CR3A_BENT
 
     def __init__(self, axes: int = 6, rate_hz: float = 100.0) -> None:
         # What the arm touches stops it: following errors, from which it cannot recover.

@@ -13,11 +13,11 @@ from random import Random
 from typing import Any
 
 import numpy as np
-from tests.contract.sequences import Commands, Draw, one_of
-from tests.contract.test_any_base_sequence import Drive, profile, twist
-from tests.contract.test_any_sequence import ArmPlay, arm_commands
+from tests.contract.test_any_base_sequence import Drive
+from tests.contract.test_any_sequence import ArmPlay
 from tests.witness.bench import WHEEL_ACCELERATION, WHEEL_VELOCITY, Bench, WheelClock
-from tests.witness.judge import REST_RAD_S
+from tests.witness.draws import FAULTS, commands
+from tests.witness.judge import REST_RAD_S, Judge
 
 from robotd.control.groups.torque_stream import TorqueStream
 from robotd.control.loop.setpoint_source import Outcome
@@ -27,99 +27,20 @@ from robotd.motion import TrajectoryRequest
 from robotd.motion.planar import ZERO_TWIST, PlanarTwist
 from robotd.motion.profile import Profile
 
-PERIODS = one_of(1, 2, 5, 20, 60)
 QUICK_STOP_RAD_S2 = 40.0  # of the drives
 QUICK_STOP_S = 0.3
 OFF_S = 1.0  # after a shutdown: heartbeat time-outs and watchdogs are below
-STRUCK = Profile(1.5, 8.0, 8.0)
 PATIENCE_S = 20.0  # for a goal of 2 s
 MAX_TWIST_ERROR = 0.01  # m/s and rad/s
 KEPT_FAULTS = 0.3  # part of the sequences that end in a fault
-
-
-def positions(joints: int) -> Any:
-    return lambda random: [random.uniform(-0.9, 0.9) for _ in range(joints)]
-
-
-CLIENT = one_of("cmd_vel", "cmd_vel", "page")
 COMING_TO_REST_S = 2 * WHEEL_VELOCITY / WHEEL_ACCELERATION + 0.5  # with jerk limits, and latencies
 JOG_ENDS_S = 2.0  # by the gentlest deceleration of a ``profile``
-MOTIONS = ("path", "path", "positions", "velocities", "windows", "jog", "move", "torques")
 SENT_PERIODS = 3  # between two commands of a stream
-FAULTS = {"silence": 6, "block": 2, "delay": 1, "reset": 1, "trip": 1, "refuse": 1}
-"""How often each comes."""
 
 
-def fault(joints: int, faults: Mapping[str, float] = FAULTS) -> Any:
-    """Return what draws a fault: its name, its axes (all: none), periods, way, and delay."""
-
-    def draw(random: Random) -> tuple[str, list[int], int, str, int]:
-        [name] = random.choices(tuple(faults), tuple(faults.values()))
-        axes = random.choice(([], [random.randrange(joints)]))
-        periods = round(200 ** random.random())
-        how = random.choice(("both", "both", "answers", "commands"))
-        return name, axes, periods, how, random.randint(1, 3)
-
-    return draw
-
-
-def commands(
-    joints: int, axes: int, faults: Mapping[str, float] = FAULTS, *, hands: bool = False
-) -> Commands:
-    """Return the commands of a robot of ``joints``; faults come in the midst of what follows.
-
-    Those of its ``axes`` that are no joints are the wheels of a base. ``hands``: joints are moved
-    by hand, too.
-    """
-    known = dict(arm_commands(joints, positions(joints)))
-    for name in ("fault", "fault_later"):
-        del known[name]
-    known = {
-        name: (weight, tuple(PERIODS if draw is _OLD else draw for draw in draws))
-        for name, (weight, draws) in known.items()
-    }
-    seconds = one_of(0.0, 0.02, 0.1, 0.3)
-    return known | {
-        "window": (3, (positions(joints), PERIODS)),
-        "torque": (1, (lambda random: [random.uniform(-6, 6) for _ in range(joints)], PERIODS)),
-        "home": (0.5, (one_of(*range(joints)),)),
-        "lifecycle": (0.5, (one_of("stop", "start", "close", "open"),)),
-        "restart": (0.3, (one_of(False, True),)),
-        "disturb": (3, (fault(axes, faults), seconds)),
-        "struck": (25, (one_of(*MOTIONS), positions(joints), fault(axes, faults), seconds)),
-        "heal": (2, ()),
-        **(wheel_commands(range(joints, axes), fault(axes, faults)) if axes > joints else {}),
-        **(hand_commands(joints, fault(axes, faults)) if hands else {}),
-    }
-
-
-def wheel_commands(wheels: Sequence[int], disturbance: Draw) -> Commands:
-    """Return the commands of a base; half of all are of it."""
-    driven = twist, one_of(0.02, 0.1, 0.4), one_of(0.2, 1.0, 3.0), one_of(0.1, 0.5)
-    seconds = one_of(0.0, 0.02, 0.1, 0.3, 0.8)
-    return {
-        "drive": (8, (CLIENT, *driven, PERIODS)),
-        "zero": (2, (CLIENT,)),
-        "end_drive": (2, (CLIENT,)),
-        "driven": (30, (CLIENT, *driven, disturbance, seconds)),
-        "wheel_jog": (2, (one_of(*wheels), profile, PERIODS)),
-        "wheel_mode": (1, (one_of(*wheels), one_of(0, 1, 1))),
-        "wheel_servo": (1, (one_of(*wheels), one_of(False, True, True))),
-    }
-
-
-def hand_commands(joints: int, disturbance: Draw) -> Commands:
-    """Return what is done with the hands, with a fault in the midst of some of it."""
-    axis, ways = one_of(*range(joints)), one_of(-0.6, -0.1, 0.1, 0.6)
-    seconds = one_of(0.0, 0.1, 0.3, 0.6)
-    return {
-        "push": (4, (axis, ways)),
-        "moved_off": (8, (axis, ways, seconds, PERIODS)),
-        "guide": (8, (axis, ways, disturbance, seconds, PERIODS)),
-    }
-
-
-_OLD = arm_commands(1, positions(1))["step"][1][0]  # its waits are for a faster loop
+def time_of(way: float, judge: Judge) -> float:
+    """Return the time for a goal of one point, with a margin."""
+    return 2.0 * max(way / judge.velocity, math.sqrt(2.0 * way / judge.acceleration))
 
 
 class Observer:
@@ -160,6 +81,7 @@ class WitnessPlay(ArmPlay):
         self._draws = commands(bench.joints, len(bench.judges), faults, hands=bench.has_hands)
         self.bench, self.harness, self.witness = bench, bench, Observer(bench)  # type: ignore[assignment]
         self.log: list[str] = []
+        self._middle = np.array(bench.middle or [0.0] * bench.joints)
         self._take(bench)
 
     def _take(self, bench: Bench) -> None:
@@ -211,6 +133,16 @@ class WitnessPlay(ArmPlay):
                 judge.findings.append(f"{judge.name} is on {OFF_S:g} s after the shutdown")
         self.bench.close()
 
+    def _at(self, ends: Sequence[float]) -> list[float]:
+        """Return positions that were drawn about the middles of the joints."""
+        return [float(end) for end in self._middle[: len(ends)] + ends]
+
+    def _goal(self, points: list[tuple[float, list[float]]], periods: int) -> None:
+        super()._goal([(seconds, self._at(ends)) for seconds, ends in points], periods)
+
+    def _send(self, values: list[float], periods: int) -> None:
+        super()._send(self._at(values), periods)
+
     # Commands beyond those of the simulation
 
     def _disturb(self, drawn: tuple[str, list[int], int, str, int], seconds: float) -> None:
@@ -240,16 +172,17 @@ class WitnessPlay(ArmPlay):
         after = round(s * 100) + drawn[2] + 30
         match motion:
             case "path":
-                way = np.abs(self.robot.image.position_command[list(self._joints)] - ends).max()
-                seconds = 0.3 + 0.6 * max(float(np.nan_to_num(way)), *map(abs, ends))
+                way = self.robot.image.position_command[list(self._joints)] - self._middle - ends
+                way = float(np.nan_to_num(np.abs(way).max()))
+                seconds = self.bench.seconds_per_rad * max(way, *map(abs, ends)) + 0.3
                 self._goal([(seconds, ends), (2 * seconds, [-end for end in ends])], after)
             case "jog":
                 for axis in self._joints:
                     self._mode(axis, 1)
-                self._jog(list(self._joints), [2 * end for end in ends], STRUCK)
+                self._jog(list(self._joints), [2 * end for end in ends], self.bench.profile)
                 self._step(after)
             case "move":
-                self._move(list(self._joints), ends, STRUCK, False)
+                self._move(list(self._joints), ends, self.bench.profile, False)
                 self._step(after)
             case "torques":
                 self._torque([5 * end for end in ends], after)
@@ -392,6 +325,7 @@ class WitnessPlay(ArmPlay):
 
     def _window(self, ends: list[float], periods: int) -> None:
         """Send a window of points along a straight way from where the joints are."""
+        ends = self._at(ends)
         period_ns = self.robot.control_loop.period_ns
         for stream in self.streams[-1:]:
             columns = [self.robot.joint_names.index(name) for name in stream.joints]
@@ -442,7 +376,7 @@ class WitnessPlay(ArmPlay):
     def _move(self, axes: list[int], ends: list[float], how: Profile, relative: bool) -> None:
         # Too fast to stop at its target by its own deceleration, it brakes as in a quick stop.
         self.witness.excuse(QUICK_STOP_S)
-        super()._move(axes, ends, how, relative)
+        super()._move(axes, ends if relative else self._at(ends), how, relative)
 
     def _bring_back(self) -> None:
         """Do all that an operator can, so that what follows moves something."""
@@ -472,9 +406,10 @@ class WitnessPlay(ArmPlay):
         """Mend everything; the robot recovers, and reaches a goal."""
         self.mend()
         place = self.robot.image.position_command[list(self._joints)]
-        target = np.where(place > 0.0, -0.2, 0.2)
-        speeds = [self.bench.judges[axis].velocity for axis in self._joints]
-        seconds = max(2.0, float((2.0 * np.abs(target - place) / speeds).max()))
+        target = self._middle + np.where(place > self._middle, -0.2, 0.2)
+        judges = [self.bench.judges[axis] for axis in self._joints]
+        ways = zip(np.abs(target - place).tolist(), judges, strict=True)
+        seconds = max([2.0, *(time_of(way, judge) for way, judge in ways)])
         request = TrajectoryRequest.from_rows(self.robot.joint_names, [seconds], [target.tolist()])
         goal = ExitStack()
         with goal:

@@ -26,14 +26,17 @@ from robotd.motion.profile import Profile
 from robotd_canopen.bus import Bus
 from robotd_cia402.axis import Axis
 from robotd_ethercat.soem import Soem
+from robotd_franka.arm_link import MISSING_S, SILENT_S, ArmLink
+from robotd_franka.axes import FrankaAxes
 from robotd_serial_servo import switching
 from robotd_serial_servo.servo_bus import Goal
 from robotd_serial_servo.servo_record import ServoRecord
 
 FIELDBUSES = ("canopen", "ethercat")
 SERVOS = ("feetech", "dynamixel")
+send_targets = FrankaAxes.send_targets
 LOAD_NM = 0.8
-EVERY = (*FIELDBUSES, "sim", "arm", "dobot", "wmx", *SERVOS)
+EVERY = (*FIELDBUSES, "sim", "arm", "dobot", "franka", "wmx", *SERVOS)
 
 
 @pytest.fixture(params=EVERY)
@@ -49,6 +52,11 @@ def fieldbus(request: pytest.FixtureRequest) -> Iterator[Bench]:
 @pytest.fixture(params=SERVOS)
 def servos(request: pytest.FixtureRequest) -> Iterator[Bench]:
     yield from started(request.param)
+
+
+@pytest.fixture
+def franka() -> Iterator[Bench]:
+    yield from started("franka")
 
 
 @pytest.fixture
@@ -69,10 +77,12 @@ def started(name: str, **options: float) -> Iterator[Bench]:
 
 def move(bench: Bench, *, at_half: Callable[[], None] = lambda: None) -> None:
     """Move by 0.5 rad in a second, with something in its midst."""
-    targets = [[0.5] * len(bench.judges)]
-    request = TrajectoryRequest.from_rows(bench.robot.joint_names, [1.0], targets)
+    middle = bench.middle or [0.0] * len(bench.judges)
+    seconds = 1.0 + bench.seconds_per_rad - Bench.seconds_per_rad  # longer for weaker arms
+    targets = [[place + 0.5 for place in middle]]
+    request = TrajectoryRequest.from_rows(bench.robot.joint_names, [seconds], targets)
     with bench.robot.follower.follow(request) as execution:
-        bench.run(0.5)
+        bench.run(seconds / 2)
         at_half()
         for _ in range(200):
             if execution.done:
@@ -222,12 +232,63 @@ def test_a_stop_that_lets_the_drives_go_on(
 
 
 def jog(bench: Bench) -> None:
-    """Let both joints move at 1 rad/s."""
+    """Let all joints move at 1 rad/s."""
+    how = bench.profile
     for axis in range(bench.joints):
         bench.robot.axes.set_command_mode(axis, 1)
-    bench.robot.axes.jog([Jog(axis, Profile(1.0, 8.0, 8.0)) for axis in range(bench.joints)])
-    bench.run(0.4)
+    ramps = how.acceleration, how.deceleration
+    bench.robot.axes.jog([Jog(axis, Profile(1.0, *ramps)) for axis in range(bench.joints)])
+    bench.run(1.0 / how.acceleration + 0.3)
     assert bench.findings == []
+
+
+@pytest.mark.parametrize("missing_s", [MISSING_S, SILENT_S])
+def test_a_path_that_goes_on_while_no_state_comes(missing_s: float, franka: Bench) -> None:
+    """As before a silence counted that is too short to end a motion of the arm."""
+    vars(franka.robot.connection._driver)["wrapped"].link._missing_s = missing_s
+    franka.judges[0].velocity = 0.4  # that of the path
+    move(franka, at_half=lambda: franka.silence(0.02))
+    found = any("after a silence" in finding for finding in franka.findings)
+    assert found == (missing_s != MISSING_S)
+
+
+def test_a_controller_that_keeps_a_velocity_while_the_control_loop_is_suspended(
+    franka: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    jog(franka)
+    franka.stall(0.1)
+    assert franka.findings == []
+    monkeypatch.setattr(ArmLink, "_hold", lambda _: None)
+    franka.run(0.3)
+    franka.stall(0.1)
+    assert any("s ago" in finding for finding in franka.findings)
+
+
+@pytest.mark.parametrize("brakes", [True, False])
+def test_a_guided_joint_that_is_not_braked_where_it_is_caught(
+    *, brakes: bool, franka: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As when its target had the velocity of the joint."""
+    if not brakes:
+        monkeypatch.setattr(FrankaAxes, "send_targets", send_with_velocities)
+    franka.judges[0].may_catch = True
+    franka.robot.axes.begin_guiding([0])
+    franka.push(0, 0.6)
+    franka.run(0.5)
+    franka.robot.axes.stop([0])
+    caught = float(franka.robot.image.position[0])
+    franka.run(0.5)
+    way = abs(franka.robot.image.position[0] - caught)
+    assert (way < 0.05) == brakes, way
+    assert any("is led on" in finding for finding in franka.findings) != brakes
+
+
+def send_with_velocities(axes: FrankaAxes, positions: Any) -> None:
+    guided, axes._let_go = axes._let_go, frozenset()
+    try:
+        send_targets(axes, positions)
+    finally:
+        axes._let_go = guided
 
 
 def test_a_goal_that_is_sent_to_a_servo_that_was_switched_off(

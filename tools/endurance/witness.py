@@ -10,7 +10,7 @@ import sys
 import time
 
 from tests.witness.backends import BENCHES, run_seed
-from tests.witness.play import FAULTS
+from tests.witness.draws import FAULTS
 
 
 def main(arguments: list[str] | None = None) -> int:
