@@ -34,6 +34,7 @@ BENCHES: dict[str, Callable[..., Bench]] = {
     "arm": ArmBench,
     "canopen": CanopenBench,
     "keeping": partial(CanopenBench, keeps=True),
+    "mode-by-sdo": partial(CanopenBench, mode_by_sdo=True),
     "ethercat": EthercatBench,
     "dobot": DobotBench,
     "franka": FrankaBench,

@@ -35,6 +35,8 @@ TPDOS = [
     {"number": 1, "objects": ["0x6041", "0x6061", "0x6064"]},
     {"number": 2, "objects": ["0x606C", "0x6077", "0x603F"]},
 ]
+MODES = (0x6060, 0x6061)
+MODE_DELAY_S = 0.015  # more than a period
 _numbers = itertools.count()
 
 
@@ -45,6 +47,7 @@ class CanopenBench(Bench):
         engine, section: further keys of ``engine`` and ``backends.canopen``.
         keeps: the adapter cannot discard frames that wait to be sent.
         base: there are wheels behind the joints.
+        mode_by_sdo: no PDO of the drives holds the mode or its display.
     """
 
     def __init__(
@@ -55,6 +58,7 @@ class CanopenBench(Bench):
         section: dict[str, Any] | None = None,
         keeps: bool = False,
         base: bool = False,
+        mode_by_sdo: bool = False,
         **knobs: Any,
     ) -> None:
         self.prepare(axes, rate_hz, base=base)
@@ -62,6 +66,9 @@ class CanopenBench(Bench):
         self.line = Line(name, lambda: self.clock.now_ns() / NANOSECONDS)
         self._interface = "keeping" if keeps else "witness"
         self._let_wait()
+        self._unmapped = MODES if mode_by_sdo else ()
+        if mode_by_sdo:
+            knobs = {"unmapped": MODES, "mode_delay_s": MODE_DELAY_S, **knobs}
         self.numbers: Sequence[int] = range(FIRST_NODE, FIRST_NODE + len(self.judges))
         self.drives: list[TappedDrive] = []
         for axis, node in enumerate(self.numbers):
@@ -79,7 +86,8 @@ class CanopenBench(Bench):
             "backends": {"canopen": {
                 "bus": {"interface": self._interface, "channel": self._name},
                 "sdo_timeout_s": 0.03, "max_bus_load": 1.0, **self._section,
-                "axis_defaults": {"eds": "drive.eds", "tpdos": TPDOS, "rpdos": RPDOS,
+                "axis_defaults": {"eds": "drive.eds",
+                                  "tpdos": self._mapped(TPDOS), "rpdos": self._mapped(RPDOS),
                                   "counts_per_rad": COUNTS_PER_RAD}
                 | ({"velocity_mode": "csv"} if self.joints < axes else {}),
                 "axes": [{"axis": axis, "node": n} for axis, n in enumerate(self.numbers)],
@@ -93,6 +101,13 @@ class CanopenBench(Bench):
             backend = load_backend("canopen")
             backend.capabilities |= {Capability.SIMULATED}  # here: drives and bus use this clock
             return self.take(Robot(load_robot_descriptor(str(path)), backend, self.clock))
+
+    def _mapped(self, pdos: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+        names = {f"0x{index:04X}" for index in self._unmapped}
+        return [
+            pdo | {"objects": [name for name in pdo["objects"] if name not in names]}
+            for pdo in pdos
+        ]
 
     def _add(self, axis: int, node: int, knobs: Knobs) -> None:
         def make(send: Any) -> TappedDrive:

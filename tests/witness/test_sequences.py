@@ -21,6 +21,7 @@ DAILY = {
     "wmx": 6,
     "canopen": 4,
     "keeping": 2,
+    "mode-by-sdo": 2,
     "ethercat": 4,
     "sim-base": 8,
     "canopen-base": 2,

@@ -21,7 +21,6 @@ from robotd.errors import DescriptorError, RobotdError
 from robotd.plugin.manager import load_backend
 from robotd_canopen.eds_report import eds_report
 from robotd_canopen.object_dictionary import read_eds
-from robotd_cia402.options import SetpointMode
 from robotd_ethercat.esi_reader import read_esi
 from robotd_ethercat.esi_report import detail_lines, esi_sections
 from robotd_page.control_panel import requests_of
@@ -87,7 +86,7 @@ def _robot(path: Path) -> object:
 def _eds(path: Path) -> object:
     """Read an EDS or DCF and what robotd does with it; the reader keeps what it has read."""
     read_eds.cache_clear()
-    return list(eds_report(path, 5, SetpointMode.CSP))
+    return list(eds_report(path, 5))
 
 
 def _esi(path: Path) -> object:

@@ -15,10 +15,11 @@ from robotd_canopen.object_dictionary import variable
 from robotd_canopen.pdo import Entry, Pdo
 from robotd_canopen.sync_gate import SyncGate
 from robotd_cia402.drive_access import DriveAccess, SdoAbort
-from robotd_cia402.modes import VELOCITY_MODES
+from robotd_cia402.modes import VELOCITY_MODES, OperationMode
 from robotd_cia402.object_numbers import (
     CONTROLWORD,
     MODE,
+    MODE_DISPLAY,
     OUTPUTS,
     POSITION,
     TARGET_VELOCITY,
@@ -162,8 +163,14 @@ class CanopenDrive(DriveAccess):
     def write(self, index: int, sub: int, value: int) -> None:
         self.node.sdo.write(self.layout.index(index), sub, value)
 
+    def note_mode(self, shown: int) -> None:
+        super().note_mode(shown)
+        if MODE_DISPLAY not in self.inputs:
+            self._feedback.note_mode(self._number, shown)
+
     def forget(self) -> None:
         self._feedback.forget(self._number)
+        self.note_mode(OperationMode.NONE)
 
     def accept(self) -> None:
         """Worker: the node is configured and starts; its TPDOs count from now on."""

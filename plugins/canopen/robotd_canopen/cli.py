@@ -98,15 +98,24 @@ def scan(interface: str, channel: str, bitrate: int, timeout_s: float, *, as_jso
     show_default=True,
     help="As key.",
 )
-def eds(file: Path, node: int, stream_mode: str) -> None:
+@click.option(
+    "--velocity-mode",
+    type=click.Choice(["pv", "csv"]),
+    default="pv",
+    show_default=True,
+    help="As key.",
+)
+def eds(file: Path, node: int, stream_mode: str, velocity_mode: str) -> None:
     """Show what robotd does with an EDS or DCF: identity, PDOs, objects, values.
 
-    Nothing is sent. Without 'rpdos' and 'tpdos' in the descriptor the PDOs are those shown.
+    It fails where the start refuses a drive that is as the file says. Nothing is sent. Without
+    'rpdos' and 'tpdos' in the descriptor the PDOs are those shown.
     """
     from robotd_canopen.eds_report import eds_report
-    from robotd_cia402.options import SetpointMode
+    from robotd_cia402.options import SetpointMode, VelocityMode
 
-    for line in eds_report(file, node, SetpointMode(stream_mode)):
+    modes = SetpointMode(stream_mode), VelocityMode(velocity_mode)
+    for line in eds_report(file, node, *modes):
         click.echo(line)
 
 

@@ -36,6 +36,8 @@ LOST = {
     DEMAND: "the position demand is taken to be the measured position",
     SWITCHES: "limit and home switches read open",
     TARGET_VELOCITY: "no velocity commands",
+    MODE: "the mode is changed by SDO, at rest only, and there are no streams of torques",
+    MODE_DISPLAY: "the mode is read back by SDO, when it is changed and when a motion begins",
 }
 """Optional objects of the default PDOs, and what is lost without each."""
 
@@ -78,10 +80,12 @@ def default_pdos(
     groups = _RECEIVE[options.stream_mode] if receives else _TRANSMIT
     wanted = [base for _, bases in groups for base in bases]
     packed = _packed(groups, direction, dictionary, options.axis_offset)
-    if not _holds(packed, wanted, needed=True):
-        constant = _constant(direction, dictionary, wanted)
-        if not packed or _holds(constant, wanted, needed=True):
-            packed = constant
+    needed = [base for base in wanted if base not in LOST]
+    with_mode = [*needed, *(base for base in wanted if base in (MODE, MODE_DISPLAY))]
+    constant = _constant(direction, dictionary, wanted)
+    candidates = [(packed, with_mode), (constant, with_mode), (packed, needed), (constant, needed)]
+    usable = [pdos for pdos, bases in candidates if _holds(pdos, bases)]
+    packed = usable[0] if usable else packed or constant
     left_out = [base for base in wanted if base in LOST and not _holds(packed, [base])]
     return DefaultPdos(tuple(packed), tuple(left_out))
 
@@ -178,7 +182,7 @@ def _name(index: int, sub: int) -> str:
     return f"0x{index:04X}:{sub}" if sub else f"0x{index:04X}"
 
 
-def _holds(pdos: Iterable[PdoOptions], wanted: Iterable[int], *, needed: bool = False) -> bool:
-    """Return whether the PDOs hold the objects; ``needed``: those that are not optional."""
+def _holds(pdos: Iterable[PdoOptions], wanted: Iterable[int]) -> bool:
+    """Return whether the PDOs hold the objects."""
     held = {int(name.partition(":")[0], 16) for pdo in pdos for name in pdo.objects}
-    return all(base in held for base in wanted if not needed or base not in LOST)
+    return held.issuperset(wanted)

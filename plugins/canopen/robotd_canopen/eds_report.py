@@ -14,27 +14,42 @@ from robotd_canopen.layout import AxisLayout, plan_network
 from robotd_canopen.object_dictionary import DcfValue, dcf_values, describe, read_eds, variable
 from robotd_canopen.options import CanopenOptions
 from robotd_canopen.pdo import Pdo
+from robotd_cia402.drive_setup import missing_mode
 from robotd_cia402.modes import OperationMode
-from robotd_cia402.options import STARTUP_WRITES, SetpointMode
+from robotd_cia402.options import STARTUP_WRITES, SetpointMode, VelocityMode
 
 _DRIVE = 402
+_SUPPORTED_MODES = 0x6502
 _FALLING = (0x1016, 0x6007)  # without which a drive need not stop when its connection is lost
 _IO = {0x6000: "input_length", 0x6200: "output_length"}
 
 
-def eds_report(path: Path, node: int, stream_mode: SetpointMode) -> Iterator[str]:
-    """Yield lines about the file. Raises DescriptorError where a drive cannot use it."""
+def eds_report(
+    path: Path,
+    node: int,
+    stream_mode: SetpointMode = SetpointMode.CSP,
+    velocity_mode: VelocityMode = VelocityMode.PV,
+) -> Iterator[str]:
+    """Yield lines about the file.
+
+    Raises DescriptorError where the start refuses a drive that is as the file says.
+    """
     dictionary = read_eds(path, node)
     values = dcf_values(dictionary)
     yield from _device(path, dictionary, is_dcf=bool(values))
     profile = _default(dictionary, 0x1000) & 0xFFFF
+    lacks = ""
     if profile == _DRIVE or (not profile and 0x6040 in dictionary):
-        yield from _modes(dictionary)
-        axis = {"stream_mode": stream_mode, "eds": path.absolute()}
-        yield from _drive(_planned(path, axis, node), dictionary)
+        yield _modes(dictionary)
+        modes = {"stream_mode": stream_mode, "velocity_mode": velocity_mode}
+        axis = _planned(path, {**modes, "eds": path.absolute()}, node)
+        yield from _drive(axis, dictionary)
+        lacks = missing_mode(_default(dictionary, _SUPPORTED_MODES), axis.options)
     else:
         yield from _module(dictionary, profile)
     yield from _values(values)
+    if lacks:
+        raise DescriptorError(f"the start refuses a drive that is as this file: {lacks}", path=path)
 
 
 def _device(path: Path, dictionary: ObjectDictionary, *, is_dcf: bool) -> Iterator[str]:
@@ -56,14 +71,11 @@ def _device(path: Path, dictionary: ObjectDictionary, *, is_dcf: bool) -> Iterat
         yield f"made for node {dictionary.node_id}"
 
 
-def _modes(dictionary: ObjectDictionary) -> Iterator[str]:
-    supported = _default(dictionary, 0x6502)
+def _modes(dictionary: ObjectDictionary) -> str:
+    supported = _default(dictionary, _SUPPORTED_MODES)
     names = [mode.name.lower() for mode in OperationMode if mode and supported & mode.support_bit]
     stated = ", ".join(names) or "not stated"
-    yield f"modes (0x6502): {stated}; those of the drive are read at start"
-    if not names:
-        text = "the start refuses a drive that states none"
-        yield f"  {text}: if its manual lists the modes that are needed, set check_modes: false"
+    return f"modes (0x6502): {stated}; those of the drive are read at start"
 
 
 def _planned(path: Path, axis: dict[str, Any], node: int) -> AxisLayout:

@@ -230,6 +230,10 @@ class Feedback:
                     self._arrived[INPUTS.index(base)][axis] = value
                 self._seen[self.pdos.index((axis, pdo))] = self.syncs
 
+    def note_mode(self, axis: int, shown: int) -> None:
+        """Worker: take a mode display that was read by SDO, because no TPDO holds it."""
+        self._arrived[INPUTS.index(MODE_DISPLAY)][axis] = shown
+
     def complete(self, axis: int) -> bool:
         """Return True once every one of ``pdos`` of ``axis`` has come. Control loop."""
         if not self._complete[axis]:

@@ -28,15 +28,15 @@ from robotd_canopen.object_dictionary import (
 from robotd_canopen.options import AxisOptions, CanopenOptions, IoOptions, NodeOptions, PdoOptions
 from robotd_canopen.pdo import MAX_SYNCHRONOUS, Direction, Pdo, io_pdos, resolve
 from robotd_cia402.modes import OperationMode
-from robotd_cia402.object_numbers import on_axis
+from robotd_cia402.object_numbers import MODE, MODE_DISPLAY, on_axis
 from robotd_cia402.options import OptionProblems, SetpointMode, parse_object, with_robot_ramps
 
 _SECTION = "backends.canopen"
 _NEEDED = (0x6040, 0x6041, 0x6060, 0x6061, 0x6064)  # without these it is no CiA 402 drive
 _SUPPORTED_MODES = 0x6502
-_BY_PDO = {0x6040: "controlword", 0x6060: "modes of operation", 0x607A: "target position"}
+_BY_PDO = {0x6040: "controlword", 0x607A: "target position"}
 _INTERPOLATED = {0x60C1: "interpolation data"}
-_FROM_PDO = {0x6041: "statusword", 0x6061: "modes of operation display", 0x6064: "position"}
+_FROM_PDO = {0x6041: "statusword", 0x6064: "position"}
 
 
 Options = TypeVar("Options", bound=NodeOptions)
@@ -176,6 +176,8 @@ class _NodePlanner:
             for base, name in needed.items():
                 if base not in mapped:
                     add(key, f"no PDO holds 0x{base:04X} ({name})")
+        for what in _unreachable_mode((*rpdos, *tpdos), dictionary, drive.axis_offset):
+            add(key, what)
         for what in _unknowable(tpdos, dictionary):
             add(f"{key}.tpdos", what)
         return AxisLayout(drive, dictionary, rpdos, tpdos, tuple(left_out))
@@ -225,6 +227,20 @@ class _NodePlanner:
                 where = key if is_default else f"{key}.{kind}.{position}"
                 self._problems.add(where, f"{default}{error}")
         return tuple(resolved)
+
+
+def _unreachable_mode(
+    pdos: Sequence[Pdo], dictionary: ObjectDictionary, axis_offset: int
+) -> Iterator[str]:
+    """Yield why a mode that is not in the PDOs cannot be changed, or read back, by SDO."""
+    mapped = {entry.base for pdo in pdos for entry in pdo.entries}
+    mode, display = (
+        variable(dictionary, on_axis(base, axis_offset), 0) for base in (MODE, MODE_DISPLAY)
+    )
+    if mode is not None and MODE not in mapped and not mode.writable:
+        yield "no PDO holds 0x6060 (modes of operation), and it cannot be written by SDO"
+    if display is not None and not {MODE, MODE_DISPLAY} <= mapped and not display.readable:
+        yield "the mode is changed by SDO, and 0x6061 (mode display) cannot be read by SDO"
 
 
 def _unknowable(tpdos: Sequence[Pdo], dictionary: ObjectDictionary) -> Iterator[str]:

@@ -8,9 +8,12 @@ from typing import Any
 from robotd.api import NANOSECONDS, Clock, DeviceTimeout, NotReady, RobotdError, wait_until
 from robotd_cia402.axis import Axis
 from robotd_cia402.controlword import Control, DriveState
-from robotd_cia402.modes import TORQUE_MODES, OperationMode, rest_mode
+from robotd_cia402.modes import TORQUE_MODES, OperationMode, mode_text, rest_mode
+from robotd_cia402.object_numbers import MODE, MODE_DISPLAY
 
 STEP_TIMEOUT_S = 1.0  # for a change of mode or a handshake
+_FRESH_FRAMES = 5  # and a turn, after which every value is from after the event
+_REST_VELOCITY = 0.01  # rad/s or m/s, of an axis whose mode is changed by SDO
 
 
 class CommandSteps:
@@ -54,16 +57,68 @@ class CommandSteps:
         """Change the mode of a powered axis at rest; wait for the mode display."""
         axis, report = self._axis, self._report
         if report.displayed_mode != mode or axis.mode.requested is not mode:
+            if report.powered and not axis.drive.maps_mode:
+                self._require_rest()
             if not axis.mode.requested.is_cyclic_position:
                 axis.setpoint.position = axis.present_position()
             axis.setpoint.velocity = 0.0
             axis.mode.requested = mode
+        self._change_by_sdo(mode)
         if not self._wait(lambda: report.displayed_mode == mode, STEP_TIMEOUT_S):
             shown = f"the drive shows mode {report.displayed_mode} after {STEP_TIMEOUT_S:g} s"
             text = f"mode {mode.name.lower()} was requested, {shown}"
             raise self._error(DeviceTimeout, text)
         if mode.is_cyclic_position:
             axis.mode.bits = 0
+
+    def _change_by_sdo(self, mode: OperationMode) -> None:
+        """Change the mode of a drive whose cyclic frames do not hold it, and read it back.
+
+        ``mode`` is requested: the frames have its setpoints. The drive is in an unknown mode until
+        it displays the new one, so it has to be at rest. In that mode already, it stays as it is.
+        Raises NotReady in motion, DeviceTimeout, and the errors of SDO.
+        """
+        axis, drive, report = self._axis, self._axis.drive, self._report
+        if drive.maps_mode or (drive.shown_mode == mode == drive.read(MODE_DISPLAY)):
+            return
+        powered = report.powered
+        if powered:
+            self._require_rest()
+        had_target = drive.shown_mode == OperationMode.PROFILE_POSITION
+        axis.mode.forget()
+        drive.note_mode(OperationMode.NONE)
+        if mode.is_cyclic_position:  # elsewhere than in a position mode its demand may be old
+            axis.setpoint.stand_at(report.demand() if had_target else report.position)
+        # Setpoints of the mode before may be elsewhere: the drive has the new ones first.
+        if not self._wait_for_fresh_values():
+            raise self._error(
+                DeviceTimeout, f"it does not answer the setpoints of {mode_text(mode)}"
+            )
+        if MODE not in drive.outputs:
+            drive.write(MODE, 0, mode)
+        wait_until(lambda: drive.read(MODE_DISPLAY) == mode, STEP_TIMEOUT_S, self._clock)
+        shown = drive.read(MODE_DISPLAY)
+        if powered and shown != mode:  # else it may change when it is on
+            text = f"{mode_text(mode)} was written, the drive shows {mode_text(shown)}"
+            raise self._error(DeviceTimeout, f"{text} after {STEP_TIMEOUT_S:g} s")
+        drive.note_mode(shown)
+
+    def _require_rest(self) -> None:
+        """Require an idle axis whose motor is at rest. Raises NotReady, DeviceTimeout."""
+        axis, report = self._axis, self._report
+        if not axis.activity.is_idle:
+            raise self._error(NotReady, "it moves, and its mode is changed by SDO, at rest only")
+        slow = lambda: abs(report.velocity) < _REST_VELOCITY  # noqa: E731
+        self._require(slow, STEP_TIMEOUT_S, "it moves, and its mode is changed at rest only")
+
+    def _wait_for_fresh_values(self) -> bool:
+        """Wait until every value is from after the present frame; False: the drive is silent."""
+        drive = self._axis.drive
+        sent, answered = drive.frames + _FRESH_FRAMES + drive.turn, drive.answered + _FRESH_FRAMES
+        return self._wait(
+            lambda: drive.frames >= sent and drive.answered >= answered,
+            STEP_TIMEOUT_S + drive.turn * self._report.period_s,
+        )
 
     def _recover(self) -> None:
         """Leave a quick stop (transition 16), with the command at the present position.

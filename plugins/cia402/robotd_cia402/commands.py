@@ -88,6 +88,8 @@ class Commands(PowerCommands, MotionCommands):
         axis = self._axis
         if TARGET_TORQUE not in axis.drive.outputs:
             raise self._error(NotReady, "no PDO holds 0x6071 (target torque)")
+        if not axis.drive.maps_mode:  # until the first torque it would have no position control
+            raise self._error(NotReady, "its mode is changed by SDO, and torque needs it in PDOs")
         if not math.isfinite(axis.scaling.rated_torque_nm):
             raise self._error(NotReady, "the rated torque of the joint is not known")
         if not math.isfinite(axis.report.torque):

@@ -11,7 +11,7 @@ from robotd.api import OperationError, RobotdError
 from robotd_cia402.code_tables import error_text, register_text
 from robotd_cia402.controlword import FAULTY, POWERED, DriveState, drive_state
 from robotd_cia402.node import FieldbusNode
-from robotd_cia402.object_numbers import DEMAND, TORQUE, VELOCITY
+from robotd_cia402.object_numbers import DEMAND, MODE, MODE_DISPLAY, TORQUE, VELOCITY
 from robotd_cia402.scaling import Scaling, wrapped
 
 _TRACE_FRAMES = 8  # with a position, over which a velocity is computed
@@ -41,6 +41,7 @@ class DriveAccess(ABC):
         turn: frames from one to the next that hold the input which comes most rarely.
         velocity_turn: the same for the velocity.
         unreacting: why it need not switch off when its connection is lost; "" if it does.
+        shown_mode: the mode display that was read by SDO last; 0: not known.
     """
 
     node: FieldbusNode
@@ -55,6 +56,7 @@ class DriveAccess(ABC):
         self._missing: set[int] = set()
         self._reported: set[int] = set()
         self.unreacting = ""
+        self.shown_mode = 0
 
     @property
     @abstractmethod
@@ -89,6 +91,11 @@ class DriveAccess(ABC):
 
         0 for a drive whose answers belong to no frame.
         """
+
+    @property
+    def maps_mode(self) -> bool:
+        """The cyclic frames hold the mode and its display. Worker."""
+        return MODE in self.outputs and MODE_DISPLAY in self.inputs
 
     @property
     def unreached(self) -> bool:
@@ -130,6 +137,13 @@ class DriveAccess(ABC):
     @abstractmethod
     def forget(self) -> None:
         """Discard the inputs: the drive has been configured anew. Worker."""
+
+    def note_mode(self, shown: int) -> None:
+        """Take the mode display that was read by SDO; 0: not known. Worker.
+
+        Where no cyclic frame holds it, it is part of ``values`` from now on.
+        """
+        self.shown_mode = shown
 
     def require_unique(self, timeout_s: float) -> None:  # noqa: B027 - not on every bus
         """Raise OperationError where another node answers as this one. Worker.

@@ -10,6 +10,7 @@ from robotd_cia402.axis import Axis
 from robotd_cia402.drive_access import SdoAbort
 from robotd_cia402.drive_limits import report_velocity_limits
 from robotd_cia402.modes import needed_modes
+from robotd_cia402.options import DriveOptions
 
 log = get_logger("cia402")
 
@@ -80,14 +81,19 @@ def _check_modes(axis: Axis[Any]) -> None:
         supported = axis.drive.read(_SUPPORTED_MODES)
     except SdoAbort as error:
         raise OperationError(f"modes: {error.reason}; {_WITHOUT_MODES}") from error
+    if reason := missing_mode(supported, axis.options):
+        raise OperationError(f"modes: {reason}")
+
+
+def missing_mode(supported: int, options: DriveOptions) -> str:
+    """Return why ``supported``, the value of 0x6502, does not suffice; "" if it does."""
     if not supported:
-        raise OperationError(f"modes: object 0x6502 is 0; {_WITHOUT_MODES}")
-    for mode, what in needed_modes(axis.options).items():
+        return f"object 0x6502 is 0; {_WITHOUT_MODES}"
+    for mode, what in needed_modes(options).items():
         if not supported & mode.support_bit:
-            raise OperationError(
-                f"modes: {what} needs {mode.name.lower()}, which object 0x6502"
-                f" (0x{supported:08X}) does not offer"
-            )
+            offered = f"which object 0x6502 (0x{supported:08X}) does not offer"
+            return f"{what} needs {mode.name.lower()}, {offered}"
+    return ""
 
 
 _WITHOUT_MODES = "if its manual lists the modes that are needed, set check_modes: false"

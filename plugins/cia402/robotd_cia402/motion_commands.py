@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import replace
 
 from robotd.api import (
@@ -12,14 +13,13 @@ from robotd.api import (
     Operation,
     OperationError,
     Profile,
+    RobotdError,
 )
 from robotd_cia402.command_steps import STEP_TIMEOUT_S, CommandSteps
 from robotd_cia402.controlword import Control, StatusBits
 from robotd_cia402.modes import HOMING_AT_REST, VELOCITY_MODES, OperationMode
 from robotd_cia402.object_numbers import TARGET_VELOCITY
 from robotd_cia402.scaling import wrapped
-
-_FRESH_FRAMES = 5  # and a turn, after which every value is from after the event
 
 
 class MotionCommands(CommandSteps):
@@ -35,6 +35,8 @@ class MotionCommands(CommandSteps):
             axis.activity.complete = False
             axis.drive.set_value(0x6081, 0, self._speed_units(profile.velocity))
             profile = self._write_ramps(profile)
+            if not axis.drive.maps_mode:
+                self._enter(OperationMode.PROFILE_POSITION)
             self._require_no_stop(stops)
             axis.begin_move(target, profile)
             self._require_no_stop(stops)
@@ -51,7 +53,7 @@ class MotionCommands(CommandSteps):
             mode, setpoint = VELOCITY_MODES[axis.options.velocity_mode], axis.setpoint
             if mode is OperationMode.PROFILE_VELOCITY:
                 profile = self._write_ramps(profile)
-            if axis.mode.requested is not mode:
+            if axis.mode.requested is not mode or axis.activity.is_idle:
                 setpoint.target_velocity = setpoint.velocity = 0.0
                 self._enter(mode)
             self._require_no_stop(stops)
@@ -103,6 +105,8 @@ class MotionCommands(CommandSteps):
                 axis.setpoint.position = axis.report.position
                 axis.mode.requested = self._rest_mode()
                 axis.hold()
+                with suppress(RobotdError):  # below it is tried again; the reason is the homing
+                    self._change_by_sdo(axis.mode.requested)
             self._enter(axis.mode.requested)
             axis.activity.home_done = True
 
@@ -161,15 +165,6 @@ class MotionCommands(CommandSteps):
         if axis.activity.operation is Operation.STREAM:
             return axis.options.stop_deceleration_rad_s2
         return axis.setpoint.deceleration
-
-    def _wait_for_fresh_values(self) -> bool:
-        """Wait until every value is from after the present frame; False: the drive is silent."""
-        drive = self._axis.drive
-        sent, answered = drive.frames + _FRESH_FRAMES + drive.turn, drive.answered + _FRESH_FRAMES
-        return self._wait(
-            lambda: drive.frames >= sent and drive.answered >= answered,
-            STEP_TIMEOUT_S + drive.turn * self._report.period_s,
-        )
 
     def _prepare_motion(self, stops: int) -> None:
         """Require power, without a quick stop. The ramp of a stop since ``stops`` stays."""

@@ -40,6 +40,7 @@ class PowerCommands(CommandSteps):
             axis.mode.bits = 0
             axis.power.lost = ""
             axis.mode.requested = self._rest_mode()
+            self._change_by_sdo(axis.mode.requested)
             # Without a torque an arm would fall. Some drives change their mode when they are on.
             limit_s = min(STEP_TIMEOUT_S, left_s() / 2)
             self._wait(lambda: report.displayed_mode not in TORQUE_MODES, limit_s)

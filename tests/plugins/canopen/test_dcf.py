@@ -140,7 +140,7 @@ def test_the_report_of_a_module_and_of_another_device(tmp_path: Path) -> None:
 def test_the_report_of_a_drive_with_constant_rpdos_and_few_objects() -> None:
     path = Path(__file__).parent / "eds" / "small.dcf"
     result = CliRunner().invoke(main, ["canopen", "eds", str(path), "--node", "5"])
-    assert result.exit_code == 0, result.output
+    assert result.exit_code == ExitCode.CONFIGURATION  # it states no velocity mode
     for line in (
         "RPDO 1, COB-ID 0x205, each SYNC: 0x6040:00 (Controlword), 0x6060:00",
         "not in the PDOs: 0x606C:00: the velocity is computed from positions",
@@ -157,5 +157,27 @@ def test_a_file_that_states_no_modes_says_what_the_start_does(tmp_path: Path) ->
     path.write_text(text.replace("DefaultValue=0x3E5\n", "DefaultValue=0\n"), encoding="utf-8")
     result = CliRunner().invoke(main, ["canopen", "eds", str(path)])
     assert "modes (0x6502): not stated; those of the drive are read at start\n" in result.output
-    assert "the start refuses a drive that states none: " in result.output
-    assert "set check_modes: false\n" in result.output
+    assert "TPDO 1, COB-ID 0x181" in result.output
+    assert result.exit_code == ExitCode.CONFIGURATION
+    assert "the start refuses a drive that is as this file: object 0x6502 is 0; " in result.output
+    assert "set check_modes: false" in result.output
+
+
+@pytest.mark.parametrize(
+    ("supported", "modes", "text"),
+    [
+        ("0x65", [], "stream_mode needs cyclic_position, which object 0x6502"),
+        ("0x65", ["--stream-mode", "ip"], ""),
+        ("0x1A1", [], "velocity_mode needs profile_velocity, which object 0x6502"),
+        ("0x1A1", ["--velocity-mode", "csv"], ""),
+    ],
+)
+def test_the_report_of_a_file_fails_where_the_start_would(
+    tmp_path: Path, supported: str, modes: list[str], text: str
+) -> None:
+    content = Path(eds_path(None, None, GENERIC_DRIVE)).read_text(encoding="utf-8")
+    path = tmp_path / "drive.eds"
+    path.write_text(content.replace("DefaultValue=0x3E5\n", f"DefaultValue={supported}\n"))
+    result = CliRunner().invoke(main, ["canopen", "eds", str(path), *modes])
+    assert result.exit_code == (ExitCode.CONFIGURATION if text else 0)
+    assert text in result.output

@@ -71,6 +71,22 @@ def test_optional_objects_that_are_missing_or_cannot_be_mapped(planned: Planned)
     assert set(layout.left_out) == {SWITCHES, TORQUE, TARGET_VELOCITY, ERROR_CODE}
 
 
+def test_a_mode_that_cannot_be_mapped_goes_by_sdo(planned: Planned) -> None:
+    layout = planned(_606="PDOMapping=0", _6064="PDOMapping=1")
+    assert objects(layout)[:3] == [["6040", "607A"], ["60FF"], ["6041", "6064"]]
+    assert {0x6060, 0x6061} <= set(layout.left_out)
+
+
+@pytest.mark.parametrize(
+    ("access", "text"),
+    [("_6060", "0x6060 .*, and it cannot be written"), ("_6061", "0x6061 .* cannot be read")],
+)
+def test_a_mode_that_cannot_be_changed_at_all(planned: Planned, access: str, text: str) -> None:
+    kind = "AccessType=ro" if access == "_6060" else "AccessType=wo"
+    with pytest.raises(DescriptorError, match=text):
+        planned(_606="PDOMapping=0", _6064="PDOMapping=1", **{access: kind})
+
+
 def test_pdos_that_the_drive_does_not_have(planned: Planned) -> None:
     layout = planned("180[02]|1A0[02]|1401|1601")
     assert [pdo.name for pdo in (*layout.rpdos, *layout.tpdos)] == [
@@ -129,7 +145,7 @@ def test_pdos_that_are_not_the_constant_ones_of_the_eds(planned: Planned) -> Non
 
 def test_an_error_of_a_default_does_not_name_a_key(planned: Planned) -> None:
     with pytest.raises(DescriptorError) as caught:
-        planned(_6061="PDOMapping=0")
+        planned(_6064="PDOMapping=0")
     text = str(caught.value)
-    assert "axes.0: default TPDO 1: object 0x6061:00" in text
+    assert "axes.0: default TPDO 1: object 0x6064:00" in text
     assert "tpdos.0" not in text

@@ -81,8 +81,8 @@ def test_objects_that_the_eds_does_not_have(tmp_path: Path) -> None:
 
 
 def test_a_mapping_without_what_the_backend_lives_by() -> None:
-    pdo = {"number": 1, "objects": ["0x6041", "0x6064"]}
-    with pytest.raises(DescriptorError, match="no PDO holds 0x6061"):
+    pdo = {"number": 1, "objects": ["0x6041", "0x6061"]}
+    with pytest.raises(DescriptorError, match="no PDO holds 0x6064"):
         plan(options(axes=[drive(0, tpdos=[pdo]), drive(1)]))
 
 

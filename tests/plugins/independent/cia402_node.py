@@ -96,6 +96,7 @@ class ServoDrive(CanopenDevice):
         self.after_braking = State.NOT_READY
         self.history: deque[tuple[float, int]] = deque([(0.0, 0)])  # of the statusword
         self.emergencies: list[int] = []
+        self._asked_mode = 0, 0.0  # as 0x6060 was set last, and when
         self._add_drive_objects()
         self._map_pdos()
         self._apply_knobs()
@@ -166,13 +167,17 @@ class ServoDrive(CanopenDevice):
         word, mode, target, speed = (0x6040, 0), (0x6060, 0), (0x607A, 0), (0x60FF, 0)
         outputs = (word,), (word, mode), (word, target), (word, speed)
         for pdo, keys in zip(self.rpdos, outputs, strict=True):
-            pdo.map_default(*keys, valid=keys == (word,))
+            pdo.map_default(*self._mappable(keys), valid=keys == (word,))
         status, position, velocity = (0x6041, 0), (0x6064, 0), (0x606C, 0)
         own = (position,) if knobs.position_alone else (status, position)
         inputs = (status,), (status, (0x6061, 0)), own, (status, velocity)
         for pdo, keys in zip(self.tpdos, inputs, strict=True):
             special = position in keys and (knobs.position_alone or knobs.event_position)
-            pdo.map_default(*keys, valid=keys == (status,) or special or knobs.self_starting)
+            valid = keys == (status,) or special or knobs.self_starting
+            pdo.map_default(*self._mappable(keys), valid=valid)
+
+    def _mappable(self, keys: tuple[tuple[int, int], ...]) -> list[tuple[int, int]]:
+        return [key for key in keys if key[0] not in self.knobs.unmapped]
 
     def _apply_knobs(self) -> None:
         knobs = self.knobs
@@ -186,6 +191,8 @@ class ServoDrive(CanopenDevice):
                 entry.access = "ro"
             if knobs.fixed_mapping and 0x1400 <= index < 0x1C00 and index & 0x200:
                 entry.access = "const"
+            if index in knobs.unmapped:
+                entry.pdo = ""
             if knobs.empty_strings and entry.kind == "s":
                 entry.default = ""
         self.objects[0x1017, 0].default = knobs.heartbeat_ms
@@ -341,8 +348,11 @@ class ServoDrive(CanopenDevice):
             if self.axis.braking and not self.axis.velocity:
                 self._go(self.after_braking)
         self._obey()
-        if self[0x6061] != self[0x6060]:
-            self[0x6061] = self[0x6060]
+        if self._asked_mode[0] != self[0x6060]:
+            self._asked_mode = self[0x6060], now
+        mode, asked_s = self._asked_mode
+        if self[0x6061] != mode and now - asked_s >= self.knobs.mode_delay_s:
+            self[0x6061] = mode
             if self.power is State.ENABLED:
                 self.axis.begin_mode()
         self._publish()
