@@ -58,7 +58,7 @@ class PluginOrigin:
 
     @property
     def is_own(self) -> bool:
-        """Whether it belongs to robotd's own distribution."""
+        """True for robotd's own distribution."""
         return self.distribution == OWN
 
     @property

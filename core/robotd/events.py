@@ -84,7 +84,7 @@ class Event:
 
     @property
     def is_bad(self) -> bool:
-        """Whether it may be a root cause: a fault, an error, a stop, a failed goal."""
+        """True for a possible root cause: a fault, an error, a stop, a failed goal."""
         if self.kind in (EventKind.RESULT, EventKind.STOP):
             return self.data.get("outcome") in BAD_OUTCOMES
         is_error = self.kind is EventKind.LOG and self.level is Level.ERROR

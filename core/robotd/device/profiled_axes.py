@@ -313,7 +313,7 @@ class _AxisMotion:
 
     @property
     def rolls(self) -> bool:
-        """Whether the axis follows velocities."""
+        """True while the axis follows velocities."""
         return self.mode is CommandMode.VELOCITY
 
     def begin(

@@ -51,7 +51,7 @@ class WheelFollower(Protocol):
 
     @property
     def at_rest(self) -> bool:
-        """Whether the last twist was zero and no axis has yet to move for it."""
+        """True once the last twist was zero and no axis has yet to move for it."""
 
     @property
     def twist(self) -> PlanarTwist:

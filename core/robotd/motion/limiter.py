@@ -66,7 +66,7 @@ class SetpointLimiter:
 
     @property
     def at_rest(self) -> bool:
-        """Whether no joint moves."""
+        """True while no joint moves."""
         return bool((np.abs(self.state[1]) <= STANDSTILL_VELOCITY).all())
 
     def reset(self, state: MotionState, strongest: float = np.inf) -> None:

@@ -90,7 +90,7 @@ class Motion(ABC):
     @property
     @abstractmethod
     def is_silent(self) -> bool:
-        """Whether it has ended for lack of a heartbeat."""
+        """True once it has ended for lack of a heartbeat."""
 
     @property
     @abstractmethod

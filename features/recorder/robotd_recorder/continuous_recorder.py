@@ -105,7 +105,7 @@ class ContinuousRecorder:
 
     @property
     def is_recording(self) -> bool:
-        """Whether a recording was started and has not ended."""
+        """True while a recording was started and has not ended."""
         return self._thread is not None and self._thread.is_alive()
 
     @property

@@ -174,7 +174,7 @@ class RecordingWriter:
 
     @property
     def has_begun(self) -> bool:
-        """Whether the file has frames."""
+        """True once the file has frames."""
         return self._began_ns is not None
 
     @property

@@ -327,7 +327,7 @@ class Step(Section):
 
     @property
     def needs_tool(self) -> bool:
-        """Whether the step moves the tool on a path of its own."""
+        """True for a step that moves the tool on a path of its own."""
         is_recorded = self.path is not None and self.path.name is not None
         return self.kind in ("line", "arc", "path", "sequence") and not is_recorded
 

@@ -190,7 +190,7 @@ class SequenceRun:
 
     @property
     def accepts(self) -> bool:
-        """Whether steps can be appended: it has not ended."""
+        """True while steps can be appended: it has not ended."""
         return not (self._has_ended or self._canceled)
 
     def cancel(self) -> None:

@@ -197,7 +197,7 @@ class SteeringFollower:
 
     @property
     def at_rest(self) -> bool:
-        """Whether nothing turns."""
+        """True while nothing turns."""
         return self.speed == 0.0 and self.rate == 0.0
 
     @property

@@ -99,7 +99,7 @@ class DriveAccess(ABC):
 
     @property
     def unreached(self) -> bool:
-        """Whether the ``missed`` frames certainly did not reach the drive. Control loop."""
+        """True where the ``missed`` frames certainly did not reach the drive. Control loop."""
         return False
 
     @property

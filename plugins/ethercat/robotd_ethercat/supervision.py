@@ -65,7 +65,7 @@ class Supervision:
 
     @property
     def is_dead(self) -> bool:
-        """Whether no frame comes back; incomplete ones reach the slaves before the loss."""
+        """True while no frame comes back; incomplete ones reach the slaves before the loss."""
         return self._exchange.working_counter <= 0 and self.is_silent
 
     def fault(self) -> str:

@@ -167,7 +167,7 @@ class ArmLink:
 
     @property
     def silent(self) -> bool:
-        """Whether no state arrives, so that the impedance controller follows no target.
+        """True while no state arrives, so that the impedance controller follows no target.
 
         Judged before a motion ends by that: what is sent meanwhile would be followed at once. A
         thread that had no processor for a moment is no silence of the arm.

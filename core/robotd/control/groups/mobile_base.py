@@ -311,7 +311,7 @@ class BaseWorker:
 
     @property
     def settled(self) -> bool:
-        """Whether no motion runs and none is requested."""
+        """True while no motion runs and none is requested."""
         return not self._wake.is_set() and self._idle.is_set()  # in the reverse order of `_run`
 
     def start(self) -> None:

@@ -86,5 +86,5 @@ class Problem:
 
     @property
     def forbids_motion(self) -> bool:
-        """Whether it prevents motion and is not a client's setting, such as the speed."""
+        """True for causes that prevent motion, except settings of a client, such as the speed."""
         return self.prevents_motion and self.kind not in SETTINGS

@@ -44,7 +44,7 @@ class MotionStop:
 
     @property
     def at_rest(self) -> bool:
-        """Whether no source, pending stop or motion of the device is left. Any thread.
+        """True while no source is active, no stop pending and no axis moving. Any thread.
 
         The axes of a source that has ended with a fault are stopped by the device, which an image
         from before does not show.

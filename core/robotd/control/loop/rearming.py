@@ -188,13 +188,13 @@ class CommandSource:
 
     @property
     def is_silent(self) -> bool:
-        """Whether the client has sent nothing for ``silence_s``."""
+        """True once the client has sent nothing for ``silence_s``."""
         received_ns, now_ns = self._received_ns, self._rearming.listened_ns
         return received_ns is None or now_ns - received_ns > self.silence_s * NANOSECONDS
 
     @property
     def is_waiting(self) -> bool:
-        """Whether the client keeps commanding without being armed."""
+        """True while the client keeps commanding without being armed."""
         return self._rejected > 0 and not self.is_silent
 
     @property

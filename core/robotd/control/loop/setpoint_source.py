@@ -60,12 +60,12 @@ class Completion:
 
     @property
     def done(self) -> bool:
-        """Whether the source has ended: ``outcome`` is set."""
+        """True once the source has ended: ``outcome`` is set."""
         return self.event.is_set()
 
     @property
     def goes_on(self) -> bool:
-        """Whether a successor may continue it: no end was requested, or it succeeded."""
+        """True where a successor may continue it: no end was requested, or it succeeded."""
         if self.outcome is None:
             return self.requested is None
         return self.outcome is Outcome.SUCCEEDED

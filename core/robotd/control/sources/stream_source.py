@@ -136,7 +136,7 @@ class StreamSetpoints:
 
     @property
     def at_rest(self) -> bool:
-        """Whether no setpoint moves."""
+        """True while no setpoint moves."""
         return self._limiter.at_rest
 
     def reset(self, state: MotionState, strongest: float = np.inf) -> None:

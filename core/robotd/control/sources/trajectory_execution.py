@@ -116,7 +116,7 @@ class TrajectoryExecution(JointSource):
 
     @property
     def done(self) -> bool:
-        """Whether it has stopped moving the joints, also behind its last point."""
+        """True once it moves the joints no more, also behind its last point."""
         return self.completion.done
 
     def cancel(self) -> None:

@@ -35,7 +35,7 @@ def test_values_are_fresh(harness: Harness) -> None:
 @pytest.mark.clause("AxisDriver.read/fresh", "AxisDriver.feedback_period_s/held")
 @pytest.mark.clause("AxisDriver.read/taken")
 def test_a_time_stamp_is_that_of_the_arrival(harness: Harness) -> None:
-    """Of all values of a feedback period, the newest have just arrived."""
+    """The newest of all values of a feedback period have just arrived."""
     check_ages(harness)
 
 

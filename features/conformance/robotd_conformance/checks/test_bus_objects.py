@@ -64,7 +64,7 @@ def read_words(bus: FieldbusDriver, axes: list[AXIS], index: int, size: int) -> 
 @pytest.mark.needs(Capability.OBJECTS)
 @pytest.mark.clause("FieldbusDriver.read_object/value", "FieldbusDriver.read_object/now")
 def test_a_statusword_shows_whether_its_axis_is_on(harness: Harness) -> None:
-    """Of every drive, with one axis after the other off; each word has its two bytes in order."""
+    """Checks every drive with one axis after the other off; bytes are in order."""
     bus = fieldbus_of(harness)
     axes = drive_axes(bus, STATUSWORD)
     for axis in harness.all:
@@ -224,7 +224,7 @@ def test_names_of_nodes_are_read_to_their_end(harness: Harness) -> None:
 @pytest.mark.needs(Capability.OBJECTS)
 @pytest.mark.clause("FieldbusDriver.read_object/value", "drivers/threads")
 def test_objects_that_several_threads_read_are_not_mixed(harness: Harness) -> None:
-    """Of different nodes and indices; each thread reads its own again and again."""
+    """Each thread reads an object of its own node and index again and again."""
     bus = fieldbus_of(harness)
     nodes = bus.node_ids(0)
     own = [(nodes[0], DEVICE_TYPE, 0), (nodes[-1], IDENTITY, 0), (nodes[-1], DEVICE_TYPE, 0)]

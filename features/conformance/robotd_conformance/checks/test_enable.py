@@ -117,7 +117,7 @@ def test_a_disabled_axis_refuses_to_move(harness: Harness) -> None:
 
 @pytest.mark.clause("AxisDriver.servo/no-jump", "AxisDriver.read/states")
 def test_an_enabled_axis_holds_its_position(harness: Harness) -> None:
-    """In each period, and no state flickers."""
+    """Checks each period; no state flickers."""
     start, states = harness.image.position.copy(), set[bytes]()
 
     def note(image: ProcessImage) -> None:
@@ -153,7 +153,7 @@ def test_switching_a_servo_leaves_moving_axes_alone(harness: Harness) -> None:
 
 @pytest.mark.clause("drivers/errors", "AxisDriver.servo/waits", "AxisDriver.clear_alarm/waits")
 def test_what_takes_too_long_is_a_time_out(fresh: Harness) -> None:
-    """Of servo and alarm: done when the call returns, or DeviceTimeout; with more time done."""
+    """Servo and alarm are done when the call returns, or it raises DeviceTimeout."""
     driver, last = fresh.drivers.axes, fresh.count - 1
     for on in (False, True):
         for timeout_s in (TOO_SHORT_S, 5.0):

@@ -139,7 +139,7 @@ def test_a_long_move_reaches_its_speed_in_both_directions(harness: Harness, shar
 @pytest.mark.clause("AxisDriver.device_limits/limits")
 @pytest.mark.short_period
 def test_a_velocity_command_near_the_limits_is_not_clipped(fresh: Harness) -> None:
-    """In both directions; a device that clips sooner reports its limits."""
+    """Checks both directions; a device that clips sooner reports its limits."""
     if not fresh.can(Capability.VELOCITY_MODE):
         pytest.skip("the backend has no velocity mode")
     profiles = [steep(fresh, axis, FAST_JOG_SHARE) for axis in fresh.all]

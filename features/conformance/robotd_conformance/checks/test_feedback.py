@@ -144,7 +144,7 @@ def test_torque_pushes_the_way_the_axis_accelerates_or_is_not_known(harness: Har
 @pytest.mark.clause("FaultInjector.torque/torque")
 @pytest.mark.clause("AxisDriver.read/torque")
 def test_torque_is_in_newton_metres(harness: Harness, injector: FaultInjector) -> None:
-    """At a gentle ramp, and at nearly the steepest one that the limits allow."""
+    """Checks a gentle ramp, and nearly the steepest one that the limits allow."""
     if np.isnan(harness.image.torque).all():
         pytest.skip(f"the {harness.robot.backend.name} backend measures no torque")
     begin = harness.image.position_command.copy()

@@ -247,7 +247,7 @@ def test_an_object_that_the_node_does_not_have_is_an_error_without_effect(harnes
 @pytest.mark.clause("FieldbusDriver.write_object/writes", "FieldbusDriver.read_object/value")
 @pytest.mark.needs(Capability.OBJECTS)
 def test_a_written_object_is_in_its_node(harness: Harness) -> None:
-    """Of each drive, back and forth; the other nodes keep theirs."""
+    """Writes each drive, back and forth; the other nodes keep theirs."""
     fieldbus, written = harness.robot.fieldbus, 0
     nodes = [node.id for node in fieldbus_of(harness).status(0).nodes if node.axes]
     for index in HARMLESS:

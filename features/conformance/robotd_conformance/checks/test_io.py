@@ -277,7 +277,7 @@ def shows(injector: FaultInjector, byte: int, bit: int, level: bool) -> bool:
 def test_a_stuck_output_obeys_again_when_it_is_released(
     harness: Harness, io: IoDriver, injector: FaultInjector
 ) -> None:
-    """On and off, twice, with another output beside it that obeys meanwhile."""
+    """Sticks on and off, twice; another output beside it obeys meanwhile."""
     byte = io.output_bytes - 1
     for stuck in (True, False) * 2:
         io.write_outputs(byte, bytes([0x00 if stuck else 0xFF]))

@@ -34,7 +34,7 @@ def parts(size: int) -> Iterator[tuple[int, int]]:
 def test_parts_of_all_lengths_are_those_of_the_whole(
     harness: Harness, io: IoDriver, injector: FaultInjector
 ) -> None:
-    """With every second input on and a pattern of outputs, where a simulation can do that."""
+    """A simulation has every second input on and a pattern of outputs."""
     if harness.can(Capability.SIMULATED):
         io.write_outputs(0, (PATTERN * (io.output_bytes // len(PATTERN) + 1))[: io.output_bytes])
     for byte in places(io) if harness.can(Capability.SIMULATED) else ():
@@ -143,7 +143,7 @@ def is_bit(image: memoryview, byte: int, bit: int, level: bool) -> bool:
 
 @pytest.mark.clause("IoDriver.write_output_bit/bit", "IoDriver.write_outputs/bytes")
 def test_a_byte_is_written_while_bits_beside_it_are(harness: Harness, io: IoDriver) -> None:
-    """By two threads, of two bytes; each keeps what its own thread has written last."""
+    """Two threads write two bytes; each byte keeps its own thread's last value."""
     last = io.output_bytes - 1
     if last == 0:
         pytest.skip("there is one byte of outputs")

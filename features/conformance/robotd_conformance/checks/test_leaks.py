@@ -110,7 +110,7 @@ def test_nothing_grows_with_each_start(unopened: Harness, close: bool) -> None:
 @pytest.mark.clause("drivers/loop", "AxisDriver.move/starts", "AxisDriver.clear_alarm/clears")
 @pytest.mark.clause("AxisDriver.stop/rests")
 def test_nothing_grows_with_each_command(harness: Harness) -> None:
-    """Of the driver alone: the core keeps a history of commands."""
+    """Checks the driver alone: the core keeps a history of commands."""
     start, way = harness.image.position_command.copy(), harness.travel(0.1)
     driver = harness.plugin_axes
     profiles = [harness.profile(axis) for axis in harness.all]

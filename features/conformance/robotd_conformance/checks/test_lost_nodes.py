@@ -1,4 +1,4 @@
-"""Nodes that are lost and taken in again: they say so, and nothing old stands for them."""
+"""Nodes that are lost and taken in again: they say so, and no old value counts for them."""
 
 from __future__ import annotations
 

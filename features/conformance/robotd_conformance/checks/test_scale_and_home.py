@@ -50,7 +50,7 @@ def assert_positions(harness: Harness, expected: FloatArray, what: str) -> None:
 @pytest.mark.clause("AxisDriver.set_gear_ratio/polarity", "AxisDriver.set_polarity/ratio")
 @pytest.mark.clause("AxisDriver.set_gear_ratio/counts", "AxisDriver.set_polarity/sets")
 def test_polarity_and_gear_ratio_leave_each_other_alone(rescalable: Harness) -> None:
-    """Of each axis, with a polarity and a ratio of its own, in both orders."""
+    """Each axis has a polarity and a ratio of its own, in both orders."""
     axes, plain = rescalable.robot.axes, scaled_positions(rescalable)
     expected = plain.copy()
     for axis in rescalable.all:
@@ -201,7 +201,7 @@ def test_homing_with_the_servo_off_is_done_or_rejected(fresh: Harness) -> None:
 @pytest.mark.needs(Capability.HOMING)
 @pytest.mark.clause("AxisDriver.home/zero", "AxisDriver.home/command")
 def test_the_command_is_zero_after_homing_too(fresh: Harness) -> None:
-    """Of each axis, an axis after the other; then a move counts from there."""
+    """Homes one axis after the other; then a move counts from there."""
     fresh.require_rescaling()
     fresh.move_all(0.6)
     fresh.rest()

@@ -151,7 +151,7 @@ def test_a_setpoint_that_was_too_late_has_no_effect(stepped: Harness) -> None:
 
 @pytest.mark.clause("AxisDriver.end_stream/reached", "AxisDriver.end_stream/holds")
 def test_a_stream_ends_on_its_last_setpoint(stepped: Harness) -> None:
-    """It is ended as soon as the last setpoint was sent, a period before that is due."""
+    """The stream ends once the last setpoint was sent, a period before it is due."""
     driver = stepped.drivers.axes
     for speeds in both_ways(stepped):
         path, last = Path(stepped, speeds), list[FloatArray]()

@@ -163,7 +163,7 @@ def test_each_read_of_a_velocity_command_agrees_with_itself(fresh: Harness) -> N
 @pytest.mark.clause("AxisDriver.read/commands", "AxisDriver.read/states")
 @pytest.mark.clause("AxisDriver.read/complete")
 def test_each_read_of_a_stream_agrees_with_itself(streamed: Harness) -> None:
-    """In position mode, beginning after a move that is complete."""
+    """The stream is in position mode, after a move that is complete."""
     targets = streamed.image.position_command + streamed.travel(0.2)
     speeds, brake_s = streamed.speeds(STREAM_SHARE), STREAM_S - RAMP_S
     with watching(streamed) as watch:

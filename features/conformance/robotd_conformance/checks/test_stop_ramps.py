@@ -44,7 +44,7 @@ def stop(request: pytest.FixtureRequest) -> Stop:
 @pytest.mark.clause("AxisDriver.stop/ramp", "AxisDriver.move/new-profile", "AxisDriver.stop/rests")
 @pytest.mark.short_period
 def test_a_stop_has_the_ramp_of_the_last_move(harness: Harness) -> None:
-    """Of each axis, also where the move has overridden another, and after a quick stop."""
+    """Checks each axis, also after an overridden move and after a quick stop."""
     for command, begin, end in there_and_back(harness):
         first = different_ramps(harness, FIRST_SPEED, command)
         second = different_ramps(harness, 1.0, command + 1)
@@ -69,7 +69,7 @@ def test_a_stop_has_the_ramp_of_the_last_move(harness: Harness) -> None:
 @pytest.mark.clause("AxisDriver.move/profile", "AxisDriver.stop/rests")
 @pytest.mark.short_period
 def test_a_move_after_a_stop_has_its_own_profile(harness: Harness, stop: Stop) -> None:
-    """Its velocity and its ramps, not those of the stop or of what was stopped."""
+    """The move has its own velocity and ramps, not those of what preceded."""
     start, way = harness.image.position_command.copy(), harness.travel()
     harness.move(harness.all, start + way, different_ramps(harness, 1.0, 0))
     harness.pass_time(EARLY_S)

@@ -115,7 +115,7 @@ class Stream:
 
 @pytest.mark.clause("AxisDriver.stop/stream", "AxisDriver.stop/ramp")
 def test_a_stop_in_a_stream_has_a_ramp(streamed: Harness) -> None:
-    """Of whatever steepness, but no jump of the velocity to rest; there and back."""
+    """The ramp has any steepness, but the velocity never jumps to rest; there and back."""
     if not streamed.stepped or streamed.feedback_s > STEPS_PERIOD_S:
         pytest.skip("single periods are judged in simulated time, at 100 Hz and more")
     driver = streamed.drivers.axes
@@ -175,7 +175,7 @@ def test_no_setpoint_of_a_curved_stream_is_left_out(streamed: Harness) -> None:
 @pytest.mark.free_space
 @pytest.mark.clause("AxisDriver.stream/position", "AxisDriver.jog/starts", "AxisDriver.stop/rests")
 def test_every_kind_of_motion_is_right_far_from_zero(fresh: Harness) -> None:
-    """At nine tenths of the way to a limit, or 20 rad away: a stream, a jog, and a stop."""
+    """Streams, jogs and stops near a limit (nine tenths), or 20 rad away."""
     room, here = fresh.pose.room, fresh.image.position_command
     ends = room[0] if abs(room[0]).sum() > abs(room[1]).sum() else room[1]
     far = np.array([
@@ -255,7 +255,7 @@ def test_one_lost_axis_leaves_the_values_of_the_others(fresh: Harness) -> None:
 @pytest.mark.clause("AxisDriver.read/alarms", "DeviceDriver.open/connects")
 @pytest.mark.clause("FaultInjector.trip/until")
 def test_an_alarm_of_the_next_connection_has_its_own_code(fresh: Harness) -> None:
-    """Of the first and the last axis, with the codes in the other order."""
+    """Fails the first and the last axis, then with the codes in the other order."""
     connection, last = fresh.robot.connection, fresh.count - 1
     for codes in (CODES, CODES[::-1]):
         for axis, code in zip((0, last), codes, strict=True):
@@ -311,7 +311,7 @@ def test_a_stop_needs_no_fresh_values(fresh: Harness, quick: bool) -> None:
 
 @pytest.mark.clause("AxisDriver.servo/disables", "FaultInjector.disconnect/silent")
 def test_a_servo_goes_off_while_another_drive_is_lost_or_in_alarm(fresh: Harness) -> None:
-    """To take away energy needs no other axis to be well."""
+    """Taking away energy does not need the other axes to be well."""
     last = fresh.count - 1
     if last == 0 or len(fresh.servo_group(last)) > 1 or len(fresh.alarm_group(last)) > 1:
         pytest.skip("no other axis with a servo and an alarm of its own")

@@ -125,7 +125,7 @@ def test_a_stream_that_rests_goes_on(streamed: Harness) -> None:
 @pytest.mark.clause("backend/watchdog")
 @pytest.mark.short_period
 def test_axes_stop_each_time_that_setpoints_stay_away(streamed: Harness) -> None:
-    """In each mode, both ways, and in the next connection: always between start and travel."""
+    """Checks each mode, both ways and the next connection: between start and travel."""
     connection, way = streamed.robot.connection, streamed.travel()
     for turn in range(3):
         if turn == 2:
