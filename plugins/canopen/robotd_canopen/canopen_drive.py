@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from robotd.api import DeviceTimeout, OperationError, wait_until
 from robotd_canopen.bus import Bus
-from robotd_canopen.feedback import Feedback
+from robotd_canopen.feedback import SECOND_SYNC, Feedback
 from robotd_canopen.frame import Frame
 from robotd_canopen.layout import AxisLayout
 from robotd_canopen.node import ANSWERS, FRAMES, Node
@@ -104,7 +104,8 @@ class CanopenDrive(DriveAccess):
 
     @property
     def awaited(self) -> str:
-        names = [pdo.name for pdo in self._feedback.missing(self._number)]
+        feedback, number = self._feedback, self._number
+        names = [feedback.name(number, pdo) for pdo in feedback.missing(number)]
         return f"{', '.join(names)} not received yet"
 
     @property
@@ -208,6 +209,8 @@ class CanopenDrive(DriveAccess):
             raise DeviceTimeout(f"{node.name}: {text}")
         if node.sdo.doubled:
             raise OperationError(f"{node.name}: {ANSWERS}")
+        if feedback.second_sync:
+            raise OperationError(f"{node.name}: {SECOND_SYNC}")
         if pdo := feedback.doubled(number):
             raise OperationError(f"{node.name}: {FRAMES.format(pdo.name)}")
 

@@ -23,6 +23,7 @@ _WINDOW_SYNCS = 10  # for which the frames of each TPDO are counted
 _FAST = 1.5  # frames for each turn: of two drives there are two
 _FAST_WINDOWS = 4  # in a row; answers that had waited, and come at once, fill one or two
 _OWED = 500  # frames that are missing, and may come late: 2 s at 250 Hz
+SECOND_SYNC = "another node sends SYNC (COB-ID 0x080), too: clear bit 30 of its object 0x1005"
 _NEVER = -1
 _NO_TURN = 1 << 40  # SYNCs: an event-driven TPDO has no turn, and is never late
 
@@ -51,6 +52,8 @@ class Feedback:
         syncs: SYNCs sent, and those withheld; counted by the control loop.
         is_synchronous: one of ``pdos`` at least answers SYNCs.
         windows: finished windows, in each of which the frames of every PDO are counted.
+        second_sync: SYNCs of another producer came in the latest window.
+        echoes: the interface returns the frames that it sends, SYNC too.
     """
 
     def __init__(self, axes: Sequence[AxisLayout], sync_period_s: float, stale_s: float) -> None:
@@ -76,6 +79,9 @@ class Feedback:
         self._accepted = [0] * count  # number of the window in which ``accept`` was
         self._frames = [0] * len(self.pdos)  # of each PDO
         self._frames_before = [0] * len(self.pdos)  # at the beginning of the window
+        self._short: dict[int, int] = {}  # place of a PDO → bytes of its latest frame, too few
+        self.second_sync = self.echoes = False
+        self._syncs_come = self._foreign = 0  # the latter: the most that were not echoes
         self._fast = [0] * len(self.pdos)  # windows in a row with too many frames
         self._owed = [0.0] * len(self.pdos)  # frames that have not come for their SYNCs
         self._seeding = threading.Lock()  # between an event-driven TPDO and values read by SDO
@@ -104,7 +110,7 @@ class Feedback:
         slot, seen = (self.pdos.index((axis, pdo)), self._seen) if known else (0, np.zeros(1))
         accepts, plausibility, position = self._accepts, None, 0
         modes = arrived[MODE_DISPLAY]
-        frames = self._frames if known else [0]
+        frames, short = (self._frames, self._short) if known else ([0], dict[int, int]())
         checked = POSITION if pdo.holds(POSITION) else DEMAND  # both become commands
         if not pdo.is_event_driven and pdo.holds(checked):
             horizon_s = _HORIZON * float(self.limits[slot]) * self._sync_period_s
@@ -116,6 +122,7 @@ class Feedback:
             if not accepts[axis]:
                 return
             if len(data) < size:
+                short[slot] = len(data)
                 raise ValueError(f"{pdo.name} has {len(data)} bytes, {size} are mapped")
             values = unpack(data)
             if plausibility is not None:
@@ -129,6 +136,8 @@ class Feedback:
                 number += 1  # noqa: SIM113 - for each frame of the bus: enumerate costs more
             seen[slot] = self.syncs
             frames[slot] += 1
+            if short:
+                short.pop(slot, None)
 
         def receive_event(data: bytearray) -> None:
             with self._seeding:
@@ -166,6 +175,7 @@ class Feedback:
         """Worker: the drive is configured and starts; its frames count from now on."""
         self._accepted[axis] = self.windows
         for slot in np.flatnonzero(self._owners == axis).tolist():
+            self._short.pop(slot, None)
             self._owed[slot] = 0.0  # what is missing until now was not accepted
         self._accepts[axis] = True
 
@@ -206,9 +216,22 @@ class Feedback:
             is_fast = turn != _NO_TURN and owed < 0.0 and came > _FAST * due
             self._owed[slot] = min(max(owed, 0.0), _OWED)
             self._fast[slot] = self._fast[slot] + 1 if is_fast else 0
+        foreign = self._syncs_come - (self.syncs if self.echoes else 0)  # echoes may be late
+        self.second_sync, self._foreign = foreign > self._foreign, max(foreign, self._foreign)
         self._frames_before = frames
         self._window_began = self.syncs
         self.windows += 1
+
+    def note_sync(self, _: bytearray) -> None:
+        """Receive thread: a SYNC has come, of another producer or as an echo."""
+        self._syncs_come += 1
+
+    def name(self, axis: int, pdo: Pdo) -> str:
+        """Return ``TPDO 1``, and that its latest frame was shorter than mapped. Any thread."""
+        size = self._short.get(self.pdos.index((axis, pdo)))
+        if size is None:
+            return pdo.name
+        return f"{pdo.name} (shorter than mapped: {size} of {pdo.layout.size} bytes)"
 
     def event_driven(self, axis: int) -> list[Pdo]:
         """Return the event-driven TPDOs that ``axis`` needs to be known. Any thread."""

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from itertools import islice
 
 from robotd.api import NANOSECONDS, BusNode, BusState, BusStatus
+from robotd_canopen.feedback import SECOND_SYNC
 from robotd_canopen.master import Master
 from robotd_canopen.node import NmtState, Node
 from robotd_canopen.pdo import Direction
@@ -69,6 +70,7 @@ class CanopenFieldbus(Cia402Fieldbus[Master]):
     def _note(self) -> str:
         network = self._master
         parts = [f"CANopen on {network.bus_name}, states are NMT states", *self._in_force()]
+        parts += [SECOND_SYNC] if network.feedback.second_sync else []
         parts += [network.supervision.fault()] if network.supervision.lost else []
         return "; ".join(parts)
 

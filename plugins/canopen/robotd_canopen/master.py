@@ -119,6 +119,8 @@ class Master(Cia402Master[CanopenDrive]):
         self.bus = Bus(options.bus, priority, MAX_AGE_SYNCS * layout.frames_per_sync)
         self.bus_name = self.bus.name
         self.feedback = Feedback(layout.axes, period_s, robot.engine.stale_after_s)
+        self.feedback.echoes = options.bus.echoes
+        self.bus.subscribe(_SYNC, self.feedback.note_sync)
         self.sync = SyncProducer(
             self.bus, clock, period_s, options.heartbeat_s, options.master_node
         )

@@ -31,6 +31,7 @@ QUEUELESS = frozenset(("virtual", "udp_multicast"))
 """Interfaces of python-can whose frames wait for nothing."""
 DISCARDING = frozenset(("kvaser", "vector", "ixxat", "systec", "etas", "canalystii"))
 """Interfaces whose adapters discard unsent frames."""
+_ECHOING = frozenset(("udp_multicast", "gs_usb"))
 PDO_COB_IDS = frozenset((*range(0x181, 0x580), *range(0x680, 0x6E0)))
 """Those of no other service (CiA 301, 7.3.3)."""
 
@@ -54,6 +55,11 @@ class BusOptions(BackendSection):
     )
     bitrate: int = Field(1_000_000, ge=10_000, le=1_000_000, description="Bits per second.")
     options: dict[str, Any] = Field({}, description="Further arguments of `can.Bus`.")
+
+    @property
+    def echoes(self) -> bool:
+        """The interface returns the frames that it sends."""
+        return self.interface in _ECHOING or bool(self.options.get("receive_own_messages"))
 
 
 class PdoOptions(BackendSection):

@@ -8,7 +8,7 @@ from enum import Enum
 from robotd.api import NANOSECONDS, get_logger
 from robotd_canopen.bus import Bus
 from robotd_canopen.canopen_drive import CanopenDrive
-from robotd_canopen.feedback import Feedback
+from robotd_canopen.feedback import SECOND_SYNC, Feedback
 from robotd_canopen.node import MISSED, RESET, Node
 from robotd_cia402.axis import Axis
 
@@ -49,6 +49,7 @@ class Supervision:
         self._reset: set[int] = set()  # lost nodes that answer again, without configuration
         self.doubled: dict[int, str] = {}
         self._outage = OutageLog()
+        self._second_sync = False  # as reported
         self._bus, self._nodes, self._axes, self._feedback = bus, nodes, axes, feedback
         self._limit_ns = round(heartbeat_timeout_s * NANOSECONDS)
         self._sync_period_s = sync_period_s
@@ -85,6 +86,9 @@ class Supervision:
         """Supervise one control period, ``period_ns`` after the previous one."""
         for node in self._nodes.values():
             self._note_duplicate(node, now_ns)
+        if self._feedback.second_sync and not self._second_sync:
+            self.fail(SECOND_SYNC)
+        self._second_sync = self._feedback.second_sync
         lost = self._lose_silent(period_ns)
         if lost:
             self._outage.lost(lost)
@@ -118,7 +122,9 @@ class Supervision:
                 self._take_back(node)  # unless a worker has started it just now
         for number, pdo, missed in self._feedback.stale():
             age_ms, node = missed * self._sync_period_s * 1000, self._axes[number].drive.node
-            if self._lose(node, f"{pdo.name} has not come for {age_ms:.0f} ms"):
+            if self._lose(
+                node, f"{self._feedback.name(number, pdo)} has not come for {age_ms:.0f} ms"
+            ):
                 lost.append(node)
         return lost
 

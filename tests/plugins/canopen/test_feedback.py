@@ -345,3 +345,39 @@ def test_the_turn_of_the_velocity_is_that_of_its_source(objects: list[str], turn
     slow, usual = (axis.drive for axis in Master(robot, layout, FakeClock()).axes)
     assert (slow.turn, slow.velocity_turn) == (20, turn)
     assert (usual.turn, usual.velocity_turn) == (4, 1)
+
+
+def test_a_tpdo_that_is_shorter_than_mapped_has_that_name(drives: Drives) -> None:
+    pdo = drives.axes[0].tpdos[0]
+    handler, feedback = drives.handlers[0, pdo.cob_id], drives.feedback
+    with pytest.raises(ValueError, match="TPDO 1 has 4 bytes, 7 are mapped"):
+        handler(bytearray(4))
+    assert feedback.name(0, pdo) == "TPDO 1 (shorter than mapped: 4 of 7 bytes)"
+    assert feedback.name(1, drives.axes[1].tpdos[0]) == "TPDO 1"
+    drives.answer(0)
+    assert feedback.name(0, pdo) == "TPDO 1"
+
+
+@pytest.mark.parametrize("echoes", [False, True])
+def test_a_second_sync_producer_is_found_within_two_windows_and_forgotten_when_it_ends(
+    drives: Drives, *, echoes: bool
+) -> None:
+    feedback, found = drives.feedback, []
+    feedback.echoes = echoes
+    for comes in (False, True, False):
+        for _ in range(2 * WINDOW_SYNCS):
+            for _ in range(comes + echoes):
+                feedback.note_sync(bytearray())
+            drives.sync()
+        feedback.take()
+        found.append(feedback.second_sync)
+    assert found == [False, True, False]
+
+
+def test_echoes_that_come_late_are_no_second_producer(drives: Drives) -> None:
+    drives.feedback.echoes = True
+    for number in range(8 * WINDOW_SYNCS):
+        for _ in range(0 if number % 40 < 30 else 4):
+            drives.feedback.note_sync(bytearray())
+        drives.sync()
+        assert not drives.feedback.second_sync

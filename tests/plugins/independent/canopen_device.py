@@ -208,6 +208,9 @@ class CanopenDevice(ObjectDictionary):
         else:
             self.send(message)
 
+    def transmit_pdo(self, can_id: int, data: bytes) -> None:
+        self.transmit(can_id, data)
+
     def emergency(self, code: int, register: int) -> None:
         """Send an EMCY; code 0 says that there is no error any more."""
         self[0x1001] = (self[0x1001] | register | 1) if code else 0

@@ -271,7 +271,7 @@ class Pdo:
         self.sent, self.sent_at = data, self.device.now
         if data:
             self.device.reported.update(index for index, _, _ in self.objects())
-            self.device.transmit(self.cob_id & 0x7FF, data)
+            self.device.transmit_pdo(self.cob_id & 0x7FF, data)
 
     def poll(self) -> None:
         """Send an event-driven TPDO whose data changed or whose event timer elapsed."""

@@ -202,6 +202,9 @@ class ServoDrive(CanopenDevice):
     def announces(self, pdo: Pdo) -> bool:
         return not (self.knobs.event_position and pdo is self.tpdos[2])
 
+    def transmit_pdo(self, can_id: int, data: bytes) -> None:
+        self.transmit(can_id, data[: len(data) - self.knobs.missing_bytes])
+
     def answer_delay_s(self, index: int, sub: int, write: bool) -> float | None:
         if index in self.knobs.sdo_mute or self.knobs.sdo_missing:
             self.knobs.sdo_missing -= self.knobs.sdo_missing > 0

@@ -27,6 +27,7 @@ class Knobs:
     event_position: bool = False  # its TPDO has no event timer and is not sent without a change
     unmapped: tuple[int, ...] = ()  # indexes that no PDO can hold
     mode_delay_s: float = 0.0  # from 0x6060 to the change of the mode, and to its display
+    missing_bytes: int = 0  # at the end of each TPDO
     fixed_mapping: bool = False  # mapping objects are constant
     position_alone: bool = False  # the default mapping has the position in a TPDO of its own
     self_starting: bool = False  # operational without an NMT command, TPDOs active by default
