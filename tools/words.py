@@ -23,6 +23,7 @@ NOT_READ = (
     "tools/words.py",
     "tests/tools/test_words.py",
 )
+OPENING = re.compile(r'^ *"""(What|Which|Whether|Why|Who|How|Where|As|Of)\b', re.MULTILINE)
 CODE = re.compile(r"``[^`]*``|`[^`]*`")
 
 
@@ -85,11 +86,14 @@ def module_text(text: str, *, is_test: bool = False) -> Iterator[tuple[int, str]
 
 def findings(name: str, text: str) -> Iterator[str]:
     """Yield the places of a file that break a rule, with what to write."""
+    is_page, is_test = name.endswith(".md"), name.startswith("tests/")
+    for found in () if is_page or "tests/" in name else OPENING.finditer(text):
+        number = text.count("\n", 0, found.start()) + 1
+        yield f'{name}:{number}: "{found[1]}": begin a docstring with a noun or a verb'
     lower = text.lower()
     rules = [rule for rule in RULES if rule.literal in lower and re.search(rule.pattern, lower)]
     if not rules:  # as in most files: parsing them all would take some seconds
         return
-    is_page, is_test = name.endswith(".md"), name.startswith("tests/")
     lines = page_text(text) if is_page else module_text(text, is_test=is_test)
     for number, line in sorted(lines):
         for rule in rules:

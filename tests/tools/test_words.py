@@ -20,7 +20,7 @@ SENTENCES = {
     "what is ": "what is beyond is dropped",
     "of a moment ago": "the stop of a moment ago",
     "none was sent": "none was sent",
-    "as above": "As above.",
+    "as above": "It is done as above.",
     "told": "the client is told so",
     "heard": "the answer was not heard",
     "whoever": "whoever asked",
@@ -47,3 +47,15 @@ def test_quoted_names_and_plain_english_pass() -> None:
     plain = "It stands still and stands for a number; `noted` and ``stands`` are names."
     assert [*findings("a.py", MODULE.format(plain, plain, plain))] == []
     assert [*findings("a.md", plain)] == []
+
+
+def test_a_docstring_begins_with_a_noun_or_a_verb() -> None:
+    text = '''"""Axes."""
+
+
+def speed() -> float:
+    """Whether it moves."""
+'''
+    assert [place.split(":")[1] for place in findings("core/a.py", text)] == ["5"]
+    assert [*findings("core/a.py", text.replace("Whether it moves", "Speed of the axis"))] == []
+    assert [*findings("tests/a.py", text)] == []

@@ -98,7 +98,7 @@ def cpu_s(pid: int) -> float:
 
 
 def fresh_environment(domain: int) -> dict[str, str]:
-    """As a terminal would have it: a program finds its own ROS libraries, as a user's does."""
+    """Environment of a terminal: a program finds its own ROS libraries, as a user's does."""
     environment = os.environ | {
         "ROS_DOMAIN_ID": str(domain),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",

@@ -102,7 +102,7 @@ def answer(request: Any, response: Any) -> Any:
 
 
 def prepare_thread() -> None:
-    """As the daemon's cycle does, so that the two can be compared."""
+    """Set timer slack and priority as the daemon's cycle has them, for comparison."""
     ctypes.CDLL(None).prctl(PR_SET_TIMERSLACK, 1, 0, 0, 0)
     request_realtime(PRIORITY)
 

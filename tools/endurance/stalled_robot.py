@@ -52,7 +52,7 @@ class MotorRecorder:
 
     @classmethod
     def of_drives(cls, motors: Motors) -> Self:
-        """Of simulated CiA 402 drives.
+        """Record simulated CiA 402 drives.
 
         Their clock counts SYNCs: it gets ahead where one in time follows a late one.
         """

@@ -105,7 +105,7 @@ def _ip(*arguments: str) -> None:
 
 
 def _position(shown: str) -> float | None:
-    """Of axis 0, in what the stand-in tells of its engine."""
+    """Read the value of axis 0 that the stand-in reports of its engine."""
     if shown.startswith("engine 0 "):
         return None
     found = re.search(r"^axis 0 .*position (\S+)", shown, re.MULTILINE)

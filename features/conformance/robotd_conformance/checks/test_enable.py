@@ -19,7 +19,7 @@ from robotd.api import (
 from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 
 JUMP = 2.0
-"""Of a profile's velocity: a servo that polls its targets overshoots by up to a half."""
+"""Part of a profile's velocity: a servo that polls its targets overshoots by up to a half."""
 ALARM = 0x2310
 TOO_SHORT_S = 1e-6  # for any drive to confirm anything
 
