@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 from robotd.api import DescriptorError, did_you_mean
+from robotd.api.features import Section
 from robotd.api.models import YamlNode
 from robotd_teach.program_file import Condition, ProgramFile, Step, parse_program
 
@@ -209,8 +210,19 @@ def text_of(step: Step) -> str:
     value = step.value
     if step.message is not None and not step.message.wait:
         value = step.message.text
-    if not isinstance(value, str):
-        value = value.model_dump(exclude_none=True, exclude_defaults=True, by_alias=True)
-    shown: str = yaml.dump({step.kind: value}, Dumper=_DUMPER, **_STYLE)
-    text = shown.strip()[1:-1]
+    return one_line({step.kind: value if isinstance(value, str) else shown(value)})
+
+
+def shown(part: Section, but: frozenset[str] = frozenset()) -> dict[str, Any]:
+    """Return what the file says of a part of a step, without the keys of ``but``."""
+    content: dict[str, Any] = part.model_dump(
+        exclude=set(but), exclude_none=True, exclude_defaults=True, by_alias=True
+    )
+    return content
+
+
+def one_line(content: Mapping[str, Any]) -> str:
+    """Return keys as a line of YAML, cut where it is long."""
+    whole: str = yaml.dump(dict(content), Dumper=_DUMPER, **_STYLE)
+    text = whole.strip()[1:-1]
     return text if len(text) <= MAX_TEXT else f"{text[: MAX_TEXT - 3]}..."

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from robotd_teach.program_code import Keys, Program, text_of
+from robotd_teach.program_code import Keys, Program, one_line, shown, text_of
 from robotd_teach.program_edit import POSED
 from robotd_teach.program_file import Step
 
@@ -14,8 +14,9 @@ def outline(program: Program) -> list[dict[str, Any]]:
     """Return the rows of a program in the order of its file.
 
     Each has ``text``, ``depth``, ``line`` (null where it has none) and ``keys``, those of its
-    place in the file (empty where it is a heading); a step also ``key`` as in ``ProgramState``,
-    ``kind``, ``numbers`` (values by key that can be edited, null where the file has none),
+    place in the file (empty where it is a heading, or a segment of a sequence: ``part``); a step
+    also ``key`` as in ``ProgramState``, ``kind``, ``numbers`` (values by key that can be edited,
+    null where the file has none),
     ``posed`` (its target can be the present pose), and whether there are steps before and after it.
     """
     file = program.file
@@ -44,6 +45,9 @@ def _rows(
             "before": index > 0,
             "after": index < len(steps) - 1,
         }
+        for number, segment in enumerate(step.sequence.segments if step.sequence else ()):
+            part = one_line(shown(segment))
+            yield _heading(program, part, (*value, "segments", number), depth + 1, is_part=True)
         if step.repeat is not None:
             yield from _rows(program, step.repeat.steps, (*value, "steps"), depth + 1)
         if step.branch is not None:
@@ -53,8 +57,11 @@ def _rows(
                 yield from _rows(program, step.branch.otherwise, (*value, "else"), depth + 1)
 
 
-def _heading(program: Program, text: str, keys: Keys, depth: int) -> dict[str, Any]:
-    return {"text": text, "depth": depth, "line": program.tree.find(keys).line, "keys": []}
+def _heading(
+    program: Program, text: str, keys: Keys, depth: int, *, is_part: bool = False
+) -> dict[str, Any]:
+    line = program.tree.find(keys).line
+    return {"text": text, "depth": depth, "line": line, "keys": [], "part": is_part}
 
 
 def _text(step: Step) -> str:
@@ -63,6 +70,8 @@ def _text(step: Step) -> str:
         return f"repeat: {times} times" if times else "repeat: without an end"
     if step.branch is not None:
         return f"if: {step.branch.input} is {'on' if step.branch.level else 'off'}"
+    if step.sequence is not None:
+        return one_line({"sequence": shown(step.sequence, but=frozenset({"segments"}))})
     return f"call: {step.call}" if step.call is not None else text_of(step)
 
 
@@ -72,4 +81,6 @@ def _numbers(step: Step) -> dict[str, float | None]:
     numbers = {"speed": value.speed} if hasattr(value, "speed") else {}
     if step.path is not None and step.path.through is not None:
         numbers["blend_m"] = step.path.blend_m
+    if step.sequence is not None:
+        numbers["blend_m"] = step.sequence.blend_m or None
     return numbers

@@ -168,3 +168,26 @@ def test_a_program_is_changed_as_it_was_shown_or_not_at_all(
     with pytest.raises(NotReady, match="was changed since it was shown"):
         folder.change("cell", shown, lambda text: edit.with_number(text, (), "speed", 0.2))
     assert folder.read("cell").file.speed == 0.1
+
+
+def test_the_segments_of_a_sequence_are_outlined_below_it() -> None:
+    text = """\
+steps:
+  - sequence:
+      segments:
+        - line: {by: {z: -0.1}}
+          blend_m: 0.01
+        - arc: {via: {by: {y: 0.1}}, to: {by: {y: 0.2}}, speed: 0.5}
+      speed: 0.3
+  - message: zurück
+"""
+    rows = outline(Program.parse(text))
+    assert [(row["line"], row["depth"], row["text"]) for row in rows] == [
+        (2, 0, "sequence: {speed: 0.3}"),
+        (4, 1, "line: {by: {z: -0.1}}, blend_m: 0.01"),
+        (6, 1, "arc: {via: {by: {y: 0.1}}, to: {by: {y: 0.2}}, speed: 0.5}"),
+        (8, 0, "message: zurück"),
+    ]
+    assert [row["keys"] for row in rows] == [["steps", 0], [], [], ["steps", 1]]
+    assert rows[0]["numbers"] == {"speed": 0.3, "blend_m": None}
+    assert "blend_m: 0.02" in edit.with_number(text, ("steps", 0, "sequence"), "blend_m", 0.02)

@@ -159,7 +159,8 @@ export class ProgramPanel {
   private row(row: ProgramRow): Shown {
     const text = make("span", "text", row.text);
     text.style.setProperty("--depth", String(row.depth));
-    const made = make("button", `step${row.keys.length ? "" : " heading"}`, make("span", "line-number", String(row.line ?? "")), text);
+    const kind = row.part ? " part" : row.keys.length ? "" : " heading";
+    const made = make("button", `step${kind}`, make("span", "line-number", String(row.line ?? "")), text);
     made.type = "button";
     const item = make("li", "", made);
     const place = placeOf(row);

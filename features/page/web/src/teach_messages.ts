@@ -50,6 +50,7 @@ export interface ProgramRow {
   depth: number;
   line: number | null;
   keys: (string | number)[]; // of its place in the file
+  part?: boolean; // segment of the sequence above it
   key?: string; // as in ``ProgramRun``
   numbers?: Partial<Record<NumberKey, number | null>>; // that can be edited; null: the file has none
   posed?: boolean; // its target can be the present pose

@@ -10,6 +10,7 @@ from playwright.sync_api import Browser, Page, expect
 from tests.features.page.server.browser import NO_WEBGL, open_page
 from tests.features.page.server.viewer import wait_until
 
+from robotd.api import Capability
 from robotd.clock.simulated import PacedClock
 from robotd.feature_host import FeatureHost
 from robotd.robot import Robot, build_robot
@@ -41,9 +42,16 @@ class Served:
 
 
 @contextmanager
-def serve(folder: Path, robot: str | Path = "cr3a", *, teaches: bool = False) -> Iterator[Served]:
-    """A simulated robot in paced time, which no stall of the computer disturbs."""
+def serve(
+    folder: Path, robot: str | Path = "cr3a", *, teaches: bool = False, falls: bool = False
+) -> Iterator[Served]:
+    """A simulated robot in paced time, which no stall of the computer disturbs.
+
+    ``falls``: it says that nothing carries it while it is guided.
+    """
     made = build_robot(robot, "sim", clock=PacedClock(1.0))
+    if falls:
+        made.capabilities |= {Capability.FALLS_WHEN_GUIDED}
     host = FeatureHost(made, (), "/", print)
     with observed(made, flight_folder=folder) as recorder, open_tool_space(host) as tools:
         control = PageControl(

@@ -13,6 +13,7 @@ from tests.features.page.server.browser import (
     SCREENSHOT,
     chromium,
     has_sideways_scrolling,
+    keep_screenshot,
     needs_browser,
     open_page,
 )
@@ -35,6 +36,13 @@ steps:
   - move: {joints: {joint1: 0.4}} # left
   - move: {joints: {joint1: -0.4}, speed: 0.01} # 20 s
   - message: done
+"""
+SEQUENCE = """\
+  - sequence:
+      segments:
+        - line: {by: {z: 0.01}}
+        - line: {by: {z: -0.01}}
+      blend_m: 0.002
 """
 pytestmark = needs_browser
 
@@ -291,17 +299,41 @@ def test_a_program_runs_is_paused_stepped_and_ends_with_its_page(
     assert position(served) > -0.39
 
 
+def test_an_arm_that_falls_is_guided_only_while_it_is_said_to_be_held(
+    folder: Path, browser: Browser
+) -> None:
+    with serve(folder, folder / "robot.yaml", teaches=True, falls=True) as served:
+        page = light_page(browser, [])
+        unlock(page, served)
+        button, held = page.locator("#guide-on"), page.locator("#guide-held")
+        expect(page.locator("#guide-falls")).to_be_visible()
+        expect(button).to_be_disabled()
+        held.check()
+        expect(button).to_be_enabled()
+        button.hover()
+        page.mouse.down()
+        wait_until(lambda: "guiding" in served.robot.axes.owner(0))
+        page.mouse.up()
+        wait_until(lambda: "guiding" not in served.robot.axes.owner(0))
+        held.uncheck()
+        expect(button).to_be_disabled()
+        page.close()
+
+
 def test_the_panel_fits_each_width(served: Served, folder: Path, browser: Browser) -> None:
-    write_cell(folder)
+    write_cell(folder, CELL + SEQUENCE)
     bend(served)
     served.robot.feature(Poses).save("above", replace=True)
     page = light_page(browser, [])
     unlock(page, served)
     choose(page, "cell")
     page.locator(".step").first.click()
+    parts = ["10line: {by: {z: 0.01}}", "11line: {by: {z: -0.01}}"]
+    expect(page.locator(".step.part")).to_have_text(parts)
     for width in WIDTHS:
         page.set_viewport_size({"width": width, "height": 900})
         assert not has_sideways_scrolling(page)
+        keep_screenshot(page, f"teach-{width}")
         expect(page.locator("#stop")).to_be_in_viewport()
         for button in page.locator("#teach button:visible").all():
             box = button.bounding_box()
@@ -325,6 +357,14 @@ def test_the_picture_of_the_documentation(served: Served, folder: Path, browser:
     page.locator(".step.stopped").click()
     page.locator("#bar").evaluate("bar => { bar.style.visibility = 'hidden'; }")
     page.mouse.move(5.0, 5.0)
+    page.locator("#program-none").evaluate(f"""line => {{
+        const shown = line.cloneNode(true);
+        shown.removeAttribute("id");
+        shown.textContent = shown.textContent.replace("{folder}", "~/my_arm");
+        line.after(shown);
+        line.style.display = "none";
+    }}""")  # the folder of the test says nothing to a reader
+    expect(page.get_by_text("*.yaml in ~/my_arm/programs")).to_be_visible()
     SCREENSHOT.mkdir(parents=True, exist_ok=True)
     page.locator("#teach").screenshot(path=SCREENSHOT / "page-teach.png")
     page.close()
