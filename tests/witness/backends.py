@@ -45,6 +45,7 @@ BENCHES: dict[str, Callable[..., Bench]] = {
     "canopen-base": partial(CanopenBench, axes=1, base=True),
     "keeping-base": partial(CanopenBench, axes=1, base=True, keeps=True),
     "ethercat-base": partial(EthercatBench, axes=1, base=True),
+    "wmx-base": partial(WmxBench, axes=1, base=True),
     "mujoco-tool": partial(with_tool, MujocoBench),
     "dobot-tool": partial(with_tool, DobotBench),
     "franka-tool": partial(with_tool, FrankaBench),

@@ -65,7 +65,7 @@ def wmx(request: pytest.FixtureRequest) -> Iterator[Bench]:
 
 
 def started(name: str, **options: float) -> Iterator[Bench]:
-    if name == "wmx":
+    if name.startswith("wmx"):
         pytest.importorskip("nanobind", reason="make -C plugins/wmx tools")
     made = BENCHES[name](rate_hz=100.0, **options)
     with made.requested():
@@ -187,12 +187,15 @@ def test_a_ramp_of_the_sender_that_is_too_hard(wmx: Bench) -> None:
     assert any("velocity of the target changes" in finding for finding in wmx.findings)
 
 
-def test_wheels_that_move_by_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("name", ["canopen-base", "wmx-base"])
+def test_wheels_that_move_by_themselves(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """As without the time-out of commands, and after a stop."""
-    monkeypatch.setattr(WheelMotion, "advance", go_on_driving)
-    made = BENCHES["canopen-base"](rate_hz=100.0)
-    with made.requested():
-        made.robot.start()
+    for made in started(name):
+        monkeypatch.setattr(WheelMotion, "advance", go_on_driving)
+        drive_and_stop(made)
+
+
+def drive_and_stop(made: Bench) -> None:
     base, wheel = made.robot.base, made.judges[1]
     assert base is not None
     base.command(0.3, 0.0, timeout_s=0.1)
@@ -203,8 +206,25 @@ def test_wheels_that_move_by_themselves(monkeypatch: pytest.MonkeyPatch) -> None
     assert any("nobody commands it" in finding for finding in made.findings)
     wheel.must_rest = True
     made.run(0.1)
-    made.robot.shutdown()
     assert any("after a stop" in finding for finding in wheel.findings)
+
+
+def test_a_velocity_that_jumps() -> None:
+    for made in started("wmx-base"):
+        drive_with_a_jump(made)
+
+
+def drive_with_a_jump(made: Bench) -> None:
+    base = made.robot.base
+    assert base is not None
+    base.command(0.3, 0.0, timeout_s=1.0)
+    made.run(0.5)
+    assert made.findings == []
+    stream = vars(made.robot.axes._driver)["wrapped"]._stream
+    put = stream.put
+    stream.put = lambda velocity: put(velocity + 3.0)
+    made.run(0.05)
+    assert any("target goes from" in finding for finding in made.findings)
 
 
 def go_on_driving(motion: WheelMotion, time_ns: int, period_ns: int, image: ProcessImage) -> bool:

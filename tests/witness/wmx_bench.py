@@ -2,7 +2,7 @@
 
 The judge gets what each servo was commanded in each cycle of the engine, from its own record. The
 engine runs in this process, as far as simulated time has come (``plugins/wmx/tests/standin``). The
-thread that sends positions is replaced by calls at the same simulated times.
+threads that send positions and velocities are replaced by calls at the same simulated times.
 """
 
 from __future__ import annotations
@@ -11,10 +11,12 @@ import ctypes
 import importlib
 import os
 import sys
+import threading
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from unittest.mock import patch
 
@@ -53,6 +55,47 @@ class Row(ctypes.Structure):
     ]
 
 
+class NothingToDo(Exception):
+    """What a thread waits for does not come now."""
+
+
+class SentAtOnce:
+    """The thread that sends velocities, as calls: ``turn`` runs it until it waits."""
+
+    def __init__(self, now_s: Callable[[], float]) -> None:
+        self._now_s, self._set, self._since_s = now_s, False, now_s()
+        self._run: Callable[[], None] = lambda: None
+        self.threading = SimpleNamespace(
+            **vars(threading) | {"Thread": self._begin, "Event": lambda: self}
+        )
+
+    def _begin(self, target: Callable[[], None], **_: Any) -> Any:
+        self._run = target
+        return SimpleNamespace(start=lambda: None)
+
+    def turn(self) -> None:
+        with suppress(NothingToDo):
+            self._run()
+
+    def end(self) -> None:
+        """End the thread, as the end of its process does."""
+        self._run = lambda: None
+
+    def set(self) -> None:
+        self._set, self._since_s = True, self._now_s()
+
+    def clear(self) -> None:
+        self._set = False
+
+    def wait(self, timeout: float | None) -> bool:
+        if self._set:
+            return True
+        if timeout is None or self._now_s() < self._since_s + timeout:
+            raise NothingToDo
+        self._since_s = self._now_s()
+        return False
+
+
 def imported(name: str, folder: Path) -> Any:
     """Import from a folder, where other tests do not find it: to them it is not installed."""
     sys.path.insert(0, str(folder))
@@ -74,8 +117,11 @@ def standin() -> ctypes.CDLL:
 class WmxBench(Bench):
     """A robot that is not yet started; ``close`` when it is not needed any more."""
 
-    def __init__(self, axes: int = 2, rate_hz: float = 100.0, **options: Any) -> None:
-        self.prepare(axes, rate_hz, base=False)
+    def __init__(
+        self, axes: int = 2, rate_hz: float = 100.0, *, base: bool = False, **options: Any
+    ) -> None:
+        self.prepare(axes, rate_hz, base=base)
+        axes = len(self.judges)
         self._engine = standin()
         self._plugin = importlib.import_module("robotd_wmx.plugin")
         period_s = 1.0 / rate_hz
@@ -91,6 +137,7 @@ class WmxBench(Bench):
         self._senders: list[Any] = []
         self._send_s = self._late_s = 0.0  # no turn of the sender before; then so far apart
         self._excused_s = 0.0
+        self._velocities, self._sends_velocities = SentAtOnce(lambda: self.now_s), False
         self._ran_ns = self.clock.now_ns()
         self._hook = ctypes.CFUNCTYPE(None, ctypes.c_double)(self._pass_time)
         self._engine.standin_step_time(ctypes.c_int64(self._ran_ns), self._hook)
@@ -105,6 +152,9 @@ class WmxBench(Bench):
             return sender
 
         self._patches.enter_context(patch.object(native, "PositionStream", make_sender))
+        self._patches.enter_context(
+            patch("robotd_wmx.velocity_stream.threading", self._velocities.threading)
+        )
         self.clock.advanced = self.settle
         self.robot = self.make_robot()
 
@@ -125,6 +175,7 @@ class WmxBench(Bench):
     def unplug(self) -> None:
         self._engine.standin_kill()
         self._senders.clear()
+        self._velocities.end()
 
     def port(self, command: str, *arguments: int) -> None:
         """Run a command of the stand-in's fault port."""
@@ -135,14 +186,22 @@ class WmxBench(Bench):
 
     def _pass_time(self, milliseconds: float) -> None:
         """Let time pass while a call of the SDK waits."""
-        self.run(milliseconds / 1000)
+        if self._sends_velocities:  # the thread waits, and nothing else does
+            self._run_engine(self._ran_ns + round(milliseconds * 1e6))
+        else:
+            self.run(milliseconds / 1000)
 
     def settle(self) -> None:
         """Let the engine live up to the present."""
-        now_ns = self.clock.now_ns()
         self._send()
-        while self._ran_ns < now_ns:
-            self._ran_ns = min(now_ns, self._ran_ns + CYCLE_NS)
+        self._run_engine(self.clock.now_ns())
+        for end in [end for end in self._ends if end[0] <= self.now_s]:
+            self._ends.remove(end)
+            end[1]()
+
+    def _run_engine(self, until_ns: int) -> None:
+        while self._ran_ns < until_ns:
+            self._ran_ns = min(until_ns, self._ran_ns + CYCLE_NS)
             ran = self._engine.standin_run(
                 ctypes.c_int64(self._ran_ns), self._rows, len(self.judges)
             )
@@ -151,9 +210,6 @@ class WmxBench(Bench):
                 for axis, judge in enumerate(self.judges):
                     self._judge(judge, axis, time_s)
             self._send()
-        for end in [end for end in self._ends if end[0] <= self.now_s]:
-            self._ends.remove(end)
-            end[1]()
 
     def stall(self, seconds: float) -> None:
         self._send_s = max(self._send_s, self.now_s + seconds)  # the whole process is suspended
@@ -169,12 +225,20 @@ class WmxBench(Bench):
         for sender in self._senders:
             while sender.turn():
                 pass
+        if not self._sends_velocities:
+            self._sends_velocities = True
+            try:
+                self._velocities.turn()
+            finally:
+                self._sends_velocities = False
 
     def _judge(self, judge: Judge, axis: int, time_s: float) -> None:
         row = Row.from_buffer_copy(self._rows[axis])
         before, self._before[axis] = self._before[axis], row
         judge.power(time_s, bool(row.servo_on))
-        if not row.servo_on or before is None or not before.servo_on or before.zero != row.zero:
+        if axis >= self.joints:
+            self._judge_wheel(judge, before, row, time_s)
+        elif not row.servo_on or before is None or not before.servo_on or before.zero != row.zero:
             judge.own_ramp()
         elif row.queue == EXECUTING:
             slows = abs(row.velocity) < abs(before.velocity) - ROUNDING / CYCLE_S
@@ -187,6 +251,19 @@ class WmxBench(Bench):
                 judge.own_ramp()
                 judge.profile(time_s, (row.command - before.command) / CYCLE_S)
                 judge.bounds(time_s, row.command, before.command)
+
+    def _judge_wheel(self, judge: Judge, before: Row | None, row: Row, time_s: float) -> None:
+        """Judge a velocity that the engine commands; it goes on by itself until the next one.
+
+        It commands none to a slave that is offline, and lower ones in any step where calls were
+        rejected or late.
+        """
+        slows = before is not None and abs(row.velocity) < abs(before.velocity)
+        excused = slows and time_s <= self._excused_s
+        if not row.servo_on or before is None or not before.servo_on or excused:
+            judge.own_ramp()
+        else:
+            judge.execute(Command(time_s, row.velocity, "velocity", place=before.velocity))
 
     def _judge_end(self, judge: Judge, before: Row, row: Row, time_s: float) -> None:
         """Judge a buffer that has no command any more: the axis rests at once."""
