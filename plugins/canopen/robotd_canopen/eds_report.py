@@ -10,7 +10,7 @@ from canopen.objectdictionary import ObjectDictionary
 
 from robotd.api import DescriptorError, RobotDescriptor
 from robotd_canopen.default_pdos import LOST
-from robotd_canopen.layout import AxisLayout, plan_network
+from robotd_canopen.layout import NO_HEARTBEAT, AxisLayout, plan_network
 from robotd_canopen.object_dictionary import DcfValue, dcf_values, describe, read_eds, variable
 from robotd_canopen.options import CanopenOptions
 from robotd_canopen.pdo import Pdo
@@ -19,7 +19,7 @@ from robotd_cia402.modes import OperationMode
 from robotd_cia402.options import STARTUP_WRITES, SetpointMode, VelocityMode
 
 _DRIVE = 402
-_SUPPORTED_MODES = 0x6502
+_SUPPORTED_MODES, _HEARTBEAT = 0x6502, 0x1017
 _FALLING = (0x1016, 0x6007)  # without which a drive need not stop when its connection is lost
 _IO = {0x6000: "input_length", 0x6200: "output_length"}
 
@@ -38,18 +38,21 @@ def eds_report(
     values = dcf_values(dictionary)
     yield from _device(path, dictionary, is_dcf=bool(values))
     profile = _default(dictionary, 0x1000) & 0xFFFF
-    lacks = ""
+    lacks: list[str] = []
     if profile == _DRIVE or (not profile and 0x6040 in dictionary):
         yield _modes(dictionary)
         modes = {"stream_mode": stream_mode, "velocity_mode": velocity_mode}
-        axis = _planned(path, {**modes, "eds": path.absolute()}, node)
+        heartbeat = variable(dictionary, _HEARTBEAT, 0) is not None
+        axis = _planned(path, {**modes, "eds": path.absolute(), "heartbeat": heartbeat}, node)
         yield from _drive(axis, dictionary)
-        lacks = missing_mode(_default(dictionary, _SUPPORTED_MODES), axis.options)
+        lacks = [missing_mode(_default(dictionary, _SUPPORTED_MODES), axis.options)]
+        lacks += [] if heartbeat else [NO_HEARTBEAT]
     else:
         yield from _module(dictionary, profile)
     yield from _values(values)
-    if lacks:
-        raise DescriptorError(f"the start refuses a drive that is as this file: {lacks}", path=path)
+    if reasons := "; ".join(filter(None, lacks)):
+        what = f"the start refuses a drive that is as this file: {reasons}"
+        raise DescriptorError(what, path=path)
 
 
 def _device(path: Path, dictionary: ObjectDictionary, *, is_dcf: bool) -> Iterator[str]:
@@ -101,7 +104,8 @@ def _drive(axis: AxisLayout, dictionary: ObjectDictionary) -> Iterator[str]:
     for base in axis.left_out:
         yield f"not in the PDOs: {describe(dictionary, base, 0)}: {LOST[base]}"
     written = [index for index in STARTUP_WRITES if _is_writable(dictionary, index)]
-    yield f"written at start: {_hexadecimal([0x1017, *written])}"
+    heartbeat = [_HEARTBEAT] if axis.options.heartbeat else []
+    yield f"written at start: {_hexadecimal([*heartbeat, *written]) or 'nothing'}"
     if missing := [index for index in STARTUP_WRITES if index not in written]:
         yield f"not written, missing or read-only: {_hexadecimal(missing)}"
     if unsafe := [index for index in _FALLING if index in missing]:

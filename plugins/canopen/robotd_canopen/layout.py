@@ -34,6 +34,11 @@ from robotd_cia402.options import OptionProblems, SetpointMode, parse_object, wi
 _SECTION = "backends.canopen"
 _NEEDED = (0x6040, 0x6041, 0x6060, 0x6061, 0x6064)  # without these it is no CiA 402 drive
 _SUPPORTED_MODES = 0x6502
+_HEARTBEAT = 0x1017
+NO_HEARTBEAT = (
+    "object 0x1017 (heartbeat) is not in the EDS: set heartbeat: false to supervise the drive by"
+    " its PDOs"
+)
 _BY_PDO = {0x6040: "controlword", 0x607A: "target position"}
 _INTERPOLATED = {0x60C1: "interpolation data"}
 _FROM_PDO = {0x6041: "statusword", 0x6064: "position"}
@@ -168,6 +173,8 @@ class _NodePlanner:
             index = on_axis(base, drive.axis_offset)
             if variable(dictionary, index, 0) is None:
                 add(key, f"object 0x{index:04X} is not in the EDS")
+        if drive.heartbeat and variable(dictionary, _HEARTBEAT, 0) is None:
+            add(key, NO_HEARTBEAT)
         rpdos = self._resolve(key, receive, Direction.RECEIVE, drive, dictionary)
         tpdos = self._resolve(key, transmit, Direction.TRANSMIT, drive, dictionary)
         outputs = _BY_PDO | (_INTERPOLATED if drive.stream_mode is SetpointMode.IP else {})

@@ -12,7 +12,7 @@ from canopen.objectdictionary import ObjectDictionary
 from robotd.api import NANOSECONDS, Clock, OperationError, RobotdError, get_logger, wait_until
 from robotd_canopen.bus import Bus
 from robotd_canopen.object_dictionary import DcfValue, dcf_values, startup_writes, variable
-from robotd_canopen.options import CanopenOptions, NodeOptions
+from robotd_canopen.options import AxisOptions, CanopenOptions, NodeOptions
 from robotd_canopen.pdo import Pdo, configure, disable_others
 from robotd_canopen.sdo import Sdo
 from robotd_cia402.code_tables import error_text, register_text
@@ -22,6 +22,8 @@ from robotd_cia402.node import IDENTITY, Emergency, FieldbusNode
 log = get_logger("canopen")
 
 _EMCY, _HEARTBEAT = 0x080, 0x700
+_POLL_S = 0.002
+_GUARD_S = 0.02  # between two requests for the state of a node without heartbeats
 _START_TIMEOUT_S = 2.0  # for the first heartbeat in state OPERATIONAL
 _CONSUMER = 0x1016
 RESET = "it was reset and has lost its configuration; start communication again"
@@ -118,6 +120,7 @@ class Node(FieldbusNode):
         self.unwatched = self._unwatched(dictionary)
         self._heartbeats = self._seen_heartbeats = self._silence_ns = 0
         self._rate = HeartbeatRate()
+        self._sends_heartbeat = not isinstance(options, AxisOptions) or options.heartbeat
         self._has_booted = False
         self.boot_ns = 0
         self.clock, self._bus, self._common = clock, bus, common
@@ -182,8 +185,17 @@ class Node(FieldbusNode):
         self.state, self._silence_ns = NmtState.UNKNOWN, 0
         self.forget_emergency_before(self.boot_ns)
         self.command(NmtCommand.START)
-        if not wait_until(lambda: self.state is NmtState.OPERATIONAL, _START_TIMEOUT_S, self.clock):
+        poll_s = _POLL_S if self._sends_heartbeat else _GUARD_S
+        if not wait_until(self._is_operational, _START_TIMEOUT_S, self.clock, poll_s):
             raise OperationError(f"NMT start: {self._start_failure()}")
+
+    def _is_operational(self) -> bool:
+        """Return True in that state; a node without heartbeats is asked for it (node guarding)."""
+        if self.state is NmtState.OPERATIONAL:
+            return True
+        if not self._sends_heartbeat:
+            self._bus.send_message(_HEARTBEAT + self.number, b"", remote=True)
+        return False
 
     def enter(self) -> None:
         """Take the node, which has started, into operation."""
@@ -236,7 +248,7 @@ class Node(FieldbusNode):
             return RESET
         if self.state is not NmtState.OPERATIONAL:
             return f"it went to {self.state.name.lower().replace('_', '-')} by itself"
-        if self._silence_ns > limit_ns:
+        if self._silence_ns > limit_ns and self._sends_heartbeat:
             self.lost_heartbeats += self.online
             return f"no heartbeat for {self._silence_ns / 1e6:.0f} ms"
         return ""
@@ -281,6 +293,8 @@ class Node(FieldbusNode):
     def _write_heartbeat(self) -> None:
         """Set the heartbeat period, and read the one that the node has made of it."""
         self._rate.period_s = 0.0
+        if not self._sends_heartbeat:
+            return
         self.sdo.write(0x1017, 0, round(self._common.heartbeat_s * 1000))
         try:
             self._rate.period_s = self.sdo.read(0x1017) / 1000

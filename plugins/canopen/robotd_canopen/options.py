@@ -107,6 +107,11 @@ class NodeOptions(BackendSection):
 class AxisOptions(DriveOptions, NodeOptions):
     """One axis of a drive."""
 
+    heartbeat: bool = Field(
+        True,
+        description="The drive sends heartbeats; false: it has no object 0x1017, and is supervised"
+        " by its PDOs alone.",
+    )
     rpdos: tuple[PdoOptions, ...] = Field((), description="PDOs to the drive; empty: the default.")
     tpdos: tuple[PdoOptions, ...] = Field((), description="PDOs of the drive; empty: the default.")
 

@@ -146,6 +146,7 @@ def test_the_report_of_a_drive_with_constant_rpdos_and_few_objects() -> None:
         "not in the PDOs: 0x606C:00: the velocity is computed from positions",
         "not written, missing or read-only: 0x1016, 0x6007",
         "dcf_values: true writes 3 of 4 values",
+        "0x1017 (heartbeat) is not in the EDS: set heartbeat: false",
         "  0x2000:02 (Gains 2) = 1065353216\n",
     ):
         assert line in result.output

@@ -68,6 +68,7 @@ class CanopenDevice(ObjectDictionary):
         self._stored: dict[tuple[int, int], int | str] = {}
         self._producers: dict[int, float] = {}  # heartbeats: when each node counts as lost
         self._heartbeat_at = self._boot_at = 0.0
+        self._guard_toggle = 0x80  # of the last answer to node guarding; the first one is 0
         self.tpdos = [Pdo(self, number, True) for number in range(4)]
         self.rpdos = [Pdo(self, number, False) for number in range(4)]
         self._add_communication_objects()
@@ -166,7 +167,7 @@ class CanopenDevice(ObjectDictionary):
     def _boot(self) -> None:
         self.counts["boots"] += 1
         self.transmit(0x700 + self.node_id, b"\0")
-        self._heartbeat_at = self.now + self[0x1017] * 1e-3
+        self._heartbeat_at = self.now + self.get(0x1017) * 1e-3
         self.enter(Nmt.PRE_OPERATIONAL)
         if self.self_starting:
             self.enter(Nmt.OPERATIONAL)
@@ -184,7 +185,7 @@ class CanopenDevice(ObjectDictionary):
             self._boot()
         while self._queue and self._queue[0][0] <= now:
             self.send(heapq.heappop(self._queue)[2])
-        if self[0x1017] and self.state is not Nmt.INITIALISING and now >= self._heartbeat_at:
+        if self.get(0x1017) and self.state is not Nmt.INITIALISING and now >= self._heartbeat_at:
             self._heartbeat_at = max(self._heartbeat_at + self[0x1017] * 1e-3, now)
             for _ in range(self.heartbeat_copies):
                 self.transmit(0x700 + self.node_id, bytes([self.state]))
@@ -236,6 +237,9 @@ class CanopenDevice(ObjectDictionary):
         elif can_id == 0x600 + self.node_id:
             if self.state is not Nmt.STOPPED and len(data) == 8:
                 self._sdo(data)
+        elif can_id == 0x700 + self.node_id and message.is_remote_frame:
+            self._guard_toggle ^= 0x80
+            self.transmit(can_id, bytes([self.state | self._guard_toggle]))
         elif 0x700 < can_id < 0x780:
             self._heard(can_id - 0x700)
         elif self.state is Nmt.OPERATIONAL:

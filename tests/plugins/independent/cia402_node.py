@@ -195,7 +195,8 @@ class ServoDrive(CanopenDevice):
                 entry.pdo = ""
             if knobs.empty_strings and entry.kind == "s":
                 entry.default = ""
-        self.objects[0x1017, 0].default = knobs.heartbeat_ms
+        if 0x1017 not in knobs.absent:
+            self.objects[0x1017, 0].default = knobs.heartbeat_ms
 
     # Knobs that act on the communication
 
