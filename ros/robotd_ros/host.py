@@ -19,7 +19,7 @@ from robotd.control.loop.watchdog import Watchdog, place_of
 from robotd.errors import NotReady, OperationError
 from robotd.events import sent_by
 from robotd.log import get_logger
-from robotd_ros.answered_services import answer_always
+from robotd_ros.failed_requests import answer_always
 from robotd_ros.middleware import (
     NODE_GONE,
     PREFIX_BYTES,

@@ -21,7 +21,7 @@ from rclpy.subscription import Subscription
 
 from robotd.errors import RobotdError
 from robotd.log import get_logger
-from robotd_ros.answered_services import deferred, rejection
+from robotd_ros.failed_requests import deferred, rejection
 from robotd_ros.host import RosHost
 from robotd_ros.middleware import NewestItems, RateLimit, ServiceResponses, with_message_info
 from robotd_ros.qos import SERVICE

@@ -1,4 +1,4 @@
-"""What guards a robot is made with it, and a key that nothing uses is named."""
+"""Guards of a robot are made with it, and a key that nothing uses is named."""
 
 from __future__ import annotations
 

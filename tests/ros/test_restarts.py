@@ -147,7 +147,7 @@ class Commanders:
 
 
 class Restarted:
-    """What a client sees of one robotd after the other."""
+    """States and problems that a client sees of one robotd after the other."""
 
     def __init__(self, client: Client) -> None:
         self.states = client.listen(AxisState, "/wmx/axis/state", 100)

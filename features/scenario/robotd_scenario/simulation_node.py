@@ -20,7 +20,7 @@ from std_srvs.srv import SetBool
 
 from robotd.api import NANOSECONDS, InvalidArgument, ProcessImage
 from robotd.api.robots import PacedClock, Robot
-from robotd_ros.answered_services import value_of
+from robotd_ros.failed_requests import value_of
 from robotd_ros.host import RosHost
 from robotd_ros.middleware import HotPublisher
 from robotd_ros.run_nodes import NodeContext

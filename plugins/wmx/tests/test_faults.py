@@ -225,7 +225,7 @@ with open_robot(sys.argv[1], "wmx") as robot:
 
 
 def position() -> float:
-    """Of axis 0, as the engine has it."""
+    """Return the position of axis 0, as the engine has it."""
     words = next(line for line in port("show").splitlines() if line.startswith("axis 0 ")).split()
     return float(words[words.index("position") + 1])
 

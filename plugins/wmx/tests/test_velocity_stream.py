@@ -113,7 +113,7 @@ def test_a_stop_that_a_move_rejects_ends_velocity_commands(
 def test_a_rejected_axis_leaves_no_other_one_at_its_last_velocity(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rejected: int
 ) -> None:
-    """As at a limit switch, against which the axis is commanded."""
+    """A limit switch against which the axis is commanded stops it so."""
     axes = [AXIS, AXIS + 1]
     with running(tmp_path) as robot:
         for axis in axes:

@@ -67,7 +67,7 @@ def speed(door: Door) -> float:
 
 
 def moves_without_a_guard(door: Door, said: Callable[[], str]) -> None:
-    """What the others are compared with."""
+    """Move that those with a guard are compared with."""
     door.go()
     assert door.said == ""
     assert travel(door) > ARRIVED_RAD

@@ -227,7 +227,7 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
 def test_simulated_time_waits_while_a_fault_is_saved(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As fast as the computer goes, the memory would be overwritten before the process reads it."""
+    """Without waiting the memory would be overwritten before the process reads it."""
     passed = list[bool]()
 
     class LateProcess(RecorderProcess):

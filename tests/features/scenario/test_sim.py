@@ -13,7 +13,7 @@ import pytest
 from click.testing import Result
 
 from robotd.cli.exit_codes import ExitCode
-from robotd_ros.answered_services import value_of
+from robotd_ros.failed_requests import value_of
 
 Robotd = Callable[..., Result]
 

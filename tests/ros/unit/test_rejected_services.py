@@ -10,7 +10,7 @@ from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomic
 from std_srvs.srv import Trigger
 
 from robotd.errors import NotReady
-from robotd_ros.answered_services import MAX_ANSWER_CHARACTERS, rejection
+from robotd_ros.failed_requests import MAX_ANSWER_CHARACTERS, rejection
 
 ERRORS = [NotReady("joint1: servo is off"), OverflowError("too large")]
 

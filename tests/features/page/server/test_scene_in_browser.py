@@ -1,4 +1,4 @@
-"""What an arm keeps away from, in a real browser: drawn while it is there, and carried."""
+"""Bodies that an arm keeps away from, drawn in a real browser while they are there, and carried."""
 
 from __future__ import annotations
 
