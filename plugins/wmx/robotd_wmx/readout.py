@@ -43,7 +43,9 @@ class Readout:
         self._cycle = cycle
         if self._alarms or image.amp_alarm.any():
             self._explain(image)
+        image.silent[:] = False
         if self._stream.active.any():
+            image.silent |= self._stream.behind
             self._stream.drop(~image.servo_on | image.amp_alarm | image.offline)
             self._mark_streaming(image)
         if self._positions.running:

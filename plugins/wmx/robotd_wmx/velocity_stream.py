@@ -44,6 +44,8 @@ class VelocityStream:
         self._unstopped: set[int] = set()  # axes whose stop the engine has rejected
         self._ramp_ms = 1000.0 / connection.robot.cycle.rate_hz
         self._velocity: FloatArray = np.full(axes, np.nan)
+        self._number = 0  # of the newest setpoint
+        self._accepted = np.zeros(axes, np.int64)  # number of the last one that the engine took in
         self._sending = threading.Lock()
         self._fresh = threading.Event()
         self._thread: threading.Thread | None = None
@@ -51,11 +53,22 @@ class VelocityStream:
     def put(self, velocity: FloatArray) -> None:
         """Cycle thread: the velocities to be reached one period later, rad/s or m/s."""
         self._velocity[:] = velocity
+        self._number += 1
         self._fresh.set()
+
+    @property
+    def behind(self) -> BoolArray:
+        """(n,) axes that have not been commanded the newest setpoint. Cycle thread.
+
+        The engine has rejected it, or the sender is late: a further step of a ramp would be added.
+        """
+        outdated: BoolArray = self._accepted != self._number
+        return self.active & np.isfinite(self._velocity) & outdated
 
     def begin(self, axes: Sequence[int]) -> None:
         """Obey from now on."""
         self._velocity[list(axes)] = np.nan
+        self._accepted[list(axes)] = self._number
         self.active[list(axes)] = True
         if self._thread is None:
             self._thread = threading.Thread(target=self._run, name="wmx-stream", daemon=True)
@@ -97,9 +110,11 @@ class VelocityStream:
 
     def _send(self, axes: list[int]) -> None:
         """An axis that the engine rejects leaves no other one at its last velocity."""
+        number = self._number  # before its setpoint: that may be newer, never older
         velocities = self._velocity[axes] * self._connection.scaling.units[axes]
         try:
             self._connection.stream.start_vels(axes, velocities.tolist(), self._ramp_ms)
+            self._accepted[axes] = number
         except CallError:
             if len(axes) == 1:
                 raise
