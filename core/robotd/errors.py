@@ -11,6 +11,7 @@
     │   ├── NotReady         the device is not in a state that allows the command
     │   └── Unsupported      this backend cannot do it, ever
     └── DeviceTimeout        the device did not do it in time (also a TimeoutError)
+        └── AbandonedCall    a call into a plugin has not returned at all
 
 A backend's own errors inherit one of these. Every error carries its parts: ``reason``, the
 ``axis`` that it concerns, and the vendor's number in ``code``. ``str`` puts them together once.
@@ -175,6 +176,13 @@ class Unsupported(OperationError):
 
 class DeviceTimeout(RobotdError, TimeoutError):
     """The device did not reach the requested state in time; it may still do so."""
+
+
+class AbandonedCall(DeviceTimeout):
+    """A call into a plugin has not returned in its time limit; its thread is left to itself.
+
+    A driver that gives up by itself raises ``DeviceTimeout``: it can be called again at once.
+    """
 
 
 def reason_of(error: Exception) -> str:

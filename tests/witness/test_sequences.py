@@ -118,6 +118,9 @@ FAILED = [
     ("wmx-base", 27),
     ("wmx-base", 32),
     ("wmx-base", 35),
+    # The engine did not answer a stop in time: it was repeated 10 s later, and the wheels went on.
+    ("wmx-base", 60),
+    ("wmx-base", 77),
 ]
 
 
@@ -126,8 +129,8 @@ NOT_MENDED = [
     ("wmx-base", 23),
     # A sender that is late by less than a period: parts of two steps come in one.
     ("wmx-base", 44),
-    # A wheel goes on at a low speed while nobody commands it.
-    ("wmx-base", 60),
+    # Wheels that follow a jump after the slave of one of them was lost; not explained yet.
+    ("wmx-base", 71),
 ]
 
 

@@ -13,13 +13,13 @@ from robotd.clock import NANOSECONDS, Clock
 from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation
-from robotd.errors import DeviceTimeout, RobotdError
+from robotd.errors import AbandonedCall, RobotdError
 from robotd.log import get_logger
 
 log = get_logger("stop")
 
 FIRST_RETRY_S, LAST_RETRY_S = 0.05, 1.0  # after a call that failed; each time twice as long
-HUNG_RETRY_S = 10.0  # after a call that did not return: its thread is abandoned
+ABANDONED_RETRY_S = 10.0  # each call that does not return keeps a thread
 QUICK_AFTER = 3  # calls that failed or had no effect
 POLL_INTERVAL_S = 0.02  # of the thread while a stop is not confirmed
 SLOWER = 0.9  # ratio of speeds that counts as slowing down
@@ -274,10 +274,9 @@ class AxisStops:
             for stop in stops.values():
                 stop.done_ns, stop.failure = 0, reason
                 stop.calls, stop.vain = stop.calls + 1, stop.vain + 1
-                hung = isinstance(error, DeviceTimeout)
-                stop.due_ns = now_ns + (
-                    round(HUNG_RETRY_S * NANOSECONDS) if hung else self._retry_ns(stop, 0)
-                )
+                abandoned_ns = round(ABANDONED_RETRY_S * NANOSECONDS)
+                hangs = isinstance(error, AbandonedCall)
+                stop.due_ns = now_ns + (abandoned_ns if hangs else self._retry_ns(stop, 0))
         if not known:
             names = [self._names[axis] for axis in stops]
             log.error("stopping the axes failed; it is repeated", axes=names, reason=reason)

@@ -1,7 +1,7 @@
 """Fault isolation for plugin drivers: exceptions and hangs become robotd errors.
 
-A foreign exception becomes an ``OperationError``, a call that does not return a
-``DeviceTimeout``; both name the plugin. Calls of the control loop, and those that only read
+A foreign exception becomes an ``OperationError``, a call that does not return an
+``AbandonedCall``; both name the plugin. Calls of the control loop, and those that only read
 memory, have no time limit, because it takes a thread: the watchdog of the control loop detects a
 hang. A device whose ``state`` does not return is in state UNKNOWN; of one whose ``fault`` does
 not return, that is the fault.
@@ -24,7 +24,7 @@ from robotd.device.payload import PayloadDriver
 from robotd.device.state import ConnectionState
 from robotd.device.world import World
 from robotd.errors import (
-    DeviceTimeout,
+    AbandonedCall,
     OperationError,
     RobotdError,
     Unsupported,
@@ -111,7 +111,7 @@ def _guarded(
             return call_with_timeout(budget_s, partial(call, *given, **named), name)
         except CallTimeout as late:
             text = f"{what} did not return within {budget_s:g} s{late.note}"
-            raise DeviceTimeout(text) from None
+            raise AbandonedCall(text) from None
         except Unsupported as error:
             if error.backend:
                 raise

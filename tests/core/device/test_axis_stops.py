@@ -8,24 +8,31 @@ import pytest
 from tests.core.device.harness import PROFILE, Harness
 
 from robotd.device.axes import Jog, Move
-from robotd.device.axis_stops import QUICK_AFTER
+from robotd.device.axis_stops import ABANDONED_RETRY_S, QUICK_AFTER
 from robotd.device.state import CommandMode, ConnectionState, Operation
-from robotd.errors import NotReady, OperationError
+from robotd.errors import AbandonedCall, DeviceTimeout, NotReady, OperationError, RobotdError
 from robotd.motion.profile import Profile
 
 
 class Busy:
-    """Driver's stop that says busy ``times`` times before it obeys."""
+    """Driver's stop that says busy ``times`` times, by an ``error``, before it obeys."""
 
-    def __init__(self, harness: Harness, times: int, name: str = "stop") -> None:
+    def __init__(
+        self,
+        harness: Harness,
+        times: int,
+        name: str = "stop",
+        error: type[RobotdError] = OperationError,
+    ) -> None:
         self.left, self.calls, self._obey = times, 0, getattr(harness.driver, name)
+        self._error = error
         setattr(harness.driver, name, self)
 
     def __call__(self, axes: Sequence[int], *rest: float) -> None:
         self.calls += 1
         if self.left:
             self.left -= 1
-            raise OperationError("busy")
+            raise self._error("busy")
         self._obey(axes, *rest)
 
 
@@ -40,10 +47,11 @@ def moving(harness: Harness, axis: int, operation: Operation = Operation.POSITIO
 
 
 @pytest.mark.parametrize("operation", [Operation.POSITION, Operation.VELOCITY, Operation.STREAM])
+@pytest.mark.parametrize("error", [OperationError, DeviceTimeout])
 def test_a_stop_that_the_control_loop_asks_for_is_repeated(
-    harness: Harness, operation: Operation
+    harness: Harness, operation: Operation, error: type[RobotdError]
 ) -> None:
-    busy = Busy(harness, 2)
+    busy = Busy(harness, 2, error=error)
     moving(harness, 1, operation)
     harness.axes.stops.request([1])
     assert harness.driver.image.operation[1] == operation
@@ -51,6 +59,16 @@ def test_a_stop_that_the_control_loop_asks_for_is_repeated(
     assert harness.driver.image.operation[1] == Operation.IDLE
     assert not harness.axes.stops.pending
     assert busy.calls == 3
+
+
+def test_a_stop_whose_call_does_not_return_is_called_less_often(harness: Harness) -> None:
+    busy = Busy(harness, 1, error=AbandonedCall)
+    moving(harness, 1)
+    harness.axes.stops.request([1])
+    run(harness, ABANDONED_RETRY_S - 1.0)
+    assert busy.calls == 1
+    run(harness, 2.0)
+    assert harness.driver.image.operation[1] == Operation.IDLE
 
 
 def test_a_stop_of_a_client_goes_on_although_it_was_told_of_the_failure(harness: Harness) -> None:

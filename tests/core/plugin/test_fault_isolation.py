@@ -19,7 +19,7 @@ from robotd.control.loop.setpoint_source import Outcome
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import ConnectionState
-from robotd.errors import DeviceTimeout, NotReady, OperationError, Unsupported
+from robotd.errors import AbandonedCall, NotReady, OperationError, Unsupported
 from robotd.motion import TrajectoryRequest
 from robotd.plugin import fault_isolation
 from robotd.plugin.fault_isolation import isolated
@@ -233,12 +233,12 @@ def test_a_call_that_does_not_return_is_given_up(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(fault_isolation, "COMMAND_BUDGET_S", 0.05)
     behind = isolated(Endless(1), AxisDriver, PLUGIN, "odd")
     try:
-        with pytest.raises(DeviceTimeout) as caught:
+        with pytest.raises(AbandonedCall) as caught:
             behind.servo(0, True, timeout_s=0.03)
         assert str(caught.value) == (
             f"plugin {PLUGIN}: AxisDriver.servo did not return within 0.05 s"
         )
-        with pytest.raises(DeviceTimeout, match="stop did not return"):
+        with pytest.raises(AbandonedCall, match="stop did not return"):
             behind.stop([0])
     finally:
         released.set()
