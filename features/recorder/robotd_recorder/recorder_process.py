@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from collections.abc import Sequence
 from contextlib import suppress
 from importlib.metadata import version
 from multiprocessing.connection import Pipe
+from pathlib import Path
 from typing import Self
 
+from robotd.api import NANOSECONDS
 from robotd.api.features import Event, Sample, Tap
 from robotd_recording import writer_process
 from robotd_recording.recording_folder import RecordingFolder
@@ -30,6 +33,8 @@ from {writer_process.__name__} import main
 main()
 """
 END_S = 5.0  # for a process that is asked to end
+LOOK_S = 0.05  # least time between two looks at it
+PATIENCE = 5  # times its time-out, with a process that waits for a processor
 
 
 class RecorderProcess:
@@ -105,12 +110,28 @@ class RecorderProcess:
         return report
 
     def finish(self, timeout_s: float) -> Report:
-        """Complete the file and return its report."""
+        """Complete the file and return its report.
+
+        Time in which the process waits for a processor does not count, up to ``PATIENCE`` times
+        ``timeout_s``: its niceness leaves little to it on a busy computer. Raises TimeoutError.
+        """
         self._put(Batch(last=True))
-        while self._connection.poll(timeout_s):
-            if (report := self._receive()).is_last:
+        began_s, queued_s, left_s = time.monotonic(), self._queued_s(), timeout_s
+        while left_s > 0.0:
+            if self._connection.poll(max(left_s, LOOK_S)) and (report := self._receive()).is_last:
                 return report
+            passed_s = time.monotonic() - began_s
+            had_s = passed_s - (self._queued_s() - queued_s)
+            left_s = min(timeout_s - had_s, PATIENCE * timeout_s - passed_s)
         raise TimeoutError(f"the recording is not complete after {timeout_s:g} s")
+
+    def _queued_s(self) -> float:
+        """Return how long the process has waited for a processor; 0 where that is not counted."""
+        try:
+            text = Path(f"/proc/{self._process.pid}/schedstat").read_text(encoding="ascii")
+            return int(text.split()[1]) / NANOSECONDS
+        except (OSError, IndexError, ValueError):
+            return 0.0
 
     def _put(self, batch: Batch) -> None:
         """Send a batch. Raises OSError, with the reason of a writer that has ended."""

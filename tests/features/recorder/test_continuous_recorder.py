@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,9 +17,10 @@ from robotd.errors import OperationError
 from robotd.feature_host import FeatureHost
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
-from robotd_recorder import continuous_recorder
+from robotd_recorder import continuous_recorder, recorder_process
 from robotd_recorder.continuous_recorder import ContinuousRecorder
 from robotd_recorder.recorder import open_recorder
+from robotd_recorder.recorder_process import RecorderProcess
 from robotd_recording.recording_folder import RecordingFolder
 from robotd_recording.recording_reader import RecordingError, read_recording
 from robotd_recording.recording_repair import recover
@@ -129,6 +132,24 @@ def test_a_recording_whose_process_hangs_is_not_reported_as_complete(
     finally:
         os.kill(child, signal.SIGCONT)
     assert wait_until(lambda: not recorder.is_recording, WAIT_S, CLOCK)
+
+
+def test_a_process_that_waits_for_a_processor_completes_its_file(
+    arm: Observed, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    others = {*_children()}
+    monkeypatch.setattr(RecorderProcess, "_queued_s", lambda _: time.monotonic())
+    monkeypatch.setattr(recorder_process, "PATIENCE", 10.0 * WAIT_S)
+    folder = RecordingFolder(arm.folder, "cr3a", 1, 1e6)
+    with RecorderProcess(arm.tap, folder, "request", None) as process:
+        (child,) = {*_children()} - others
+        os.kill(child, signal.SIGSTOP)
+        goes_on = threading.Timer(0.5, os.kill, (child, signal.SIGCONT))
+        goes_on.start()
+        report = process.finish(0.1)
+    goes_on.join()
+    assert report.is_last
+    assert report.path is not None
 
 
 def _children() -> list[int]:
