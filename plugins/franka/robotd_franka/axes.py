@@ -75,6 +75,8 @@ class FrankaAxes(ProfiledAxes):
         image.servo_on[:] = state.followed
         image.offline[:] = False
         image.silent[:] = state.followed and link.silent
+        if image.silent.any() and self._last_target is not None:
+            image.position_command[:] = self._last_target  # followed with the next state
         image.set_controller_alarm(*alarm_of(state.mode, state.errors))
         image.reason[:] = [link.ended] * JOINTS
         if not state.followed:
