@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
 from robotd.api import NANOSECONDS, OperationError, get_logger, untimed
 from robotd.api.features import Event, EventKind, FeatureHost, Tap, why_unwritable
-from robotd.api.robots import Robot
+from robotd.api.robots import PacedClock, Robot
 from robotd_recorder.continuous_recorder import ContinuousRecorder
 from robotd_recorder.feature import RecorderKeys, RecorderSettings
 from robotd_recorder.recorder_process import RecorderProcess
@@ -119,10 +119,13 @@ class FlightRecorder:
 
     def _save(self, word: str, cause: Event) -> Path:
         tap = self._tap
-        # Simulated time waits: as fast as the computer goes, the frames of the cause would be
-        # overwritten before the process reads them.
+        clock = tap.robot.clock
+        # Where it passes faster than real time the frames of the cause would be overwritten before
+        # the process reads them; else a busy computer, on which that takes 30 s, would hold up the
+        # robot as long.
+        is_fast = isinstance(clock, PacedClock) and clock.scale > 1.0
         with (
-            untimed(tap.robot.clock),
+            untimed(clock) if is_fast else nullcontext(),
             RecorderProcess(tap, self._folder, word, cause) as process,
         ):
             events = _recent(tap.events.since(0)[0], tap.frames.oldest_ns)
