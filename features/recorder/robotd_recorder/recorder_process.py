@@ -6,10 +6,10 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
-from contextlib import suppress
 from importlib.metadata import version
 from multiprocessing.connection import Pipe
 from pathlib import Path
+from threading import Thread
 from typing import Self
 
 from robotd.api import NANOSECONDS
@@ -93,8 +93,10 @@ class RecorderProcess:
 
     def __exit__(self, *_: object) -> None:
         self._connection.close()
-        with suppress(subprocess.TimeoutExpired):
+        try:
             self._process.wait(END_S)
+        except subprocess.TimeoutExpired:  # a busy computer: it ends by itself, and is reaped then
+            Thread(target=self._process.wait, name="robotd-reaper", daemon=True).start()
 
     def send(
         self, events: Sequence[Event], samples: Sequence[Sample], pictures: Sequence[Picture] = ()

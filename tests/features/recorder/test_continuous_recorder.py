@@ -152,6 +152,19 @@ def test_a_process_that_waits_for_a_processor_completes_its_file(
     assert report.path is not None
 
 
+def test_a_process_that_ends_late_is_reaped_then(
+    arm: Observed, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    others = {*_children()}
+    monkeypatch.setattr(recorder_process, "END_S", 0.01)
+    with RecorderProcess(arm.tap, RecordingFolder(arm.folder, "cr3a", 1, 1e6), "request", None):
+        (child,) = {*_children()} - others
+        os.kill(child, signal.SIGSTOP)
+    assert child in _children()
+    os.kill(child, signal.SIGCONT)
+    assert wait_until(lambda: child not in _children(), WAIT_S, CLOCK)
+
+
 def _children() -> list[int]:
     tasks = Path("/proc/self/task").iterdir()
     return [int(child) for task in tasks for child in (task / "children").read_text().split()]
