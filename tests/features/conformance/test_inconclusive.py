@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import time
 from pathlib import Path
 
 import pytest
 
+from robotd.api import MonotonicClock, wait_until
 from robotd_conformance.checks import inconclusive
 from robotd_conformance.checks.inconclusive import ATTEMPTS, STALL_S, Repeats, StallMonitor
 
@@ -140,3 +144,17 @@ def test_a_monitor_sees_a_stall_of_the_process() -> None:
         sum(range(4_000_000))  # one call of C: no other thread runs
     assert stalls.longest_s > 0.01
     assert not stalls._thread.is_alive()
+
+
+def test_a_monitor_sees_that_a_process_which_was_started_waits_for_a_processor() -> None:
+    busy = [sys.executable, "-c", "while True: pass"]
+    processes = [subprocess.Popen(busy) for _ in range(4)]
+    try:
+        with StallMonitor() as stalls:
+            for process in processes:
+                os.sched_setaffinity(process.pid, {min(os.sched_getaffinity(0))})
+            assert wait_until(lambda: stalls.longest_s > STALL_S, 40.0, MonotonicClock())
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()

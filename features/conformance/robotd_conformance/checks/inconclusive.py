@@ -6,6 +6,9 @@ import os
 import threading
 import time
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
 from typing import Protocol, Self
 
 import pytest
@@ -20,17 +23,19 @@ REFUSED = "refused by the kit"
 ATTEMPTS = 3
 STALL_S = 0.015  # a thread that wakes up so late, and others with it
 STALL_CHECK_S = 0.005
+PROCESSES_CHECKS = 10  # of ``STALL_CHECK_S`` between two looks at the processes
 CALM_S, PATIENCE_S = 1.0, 8.0  # without a stall, before a further attempt; how long to wait for it
 
 
 class StallMonitor:
-    """Longest stall of this process while the context is open.
+    """Longest stall of this process, and of those that it started, while the context is open.
 
     A thread sleeps and looks how late it wakes up. Processor time that other processes take is
-    seen as well as time that a host takes from a virtual machine.
+    seen as well as time that a host takes from a virtual machine. Simulated drives may be processes
+    of their own: how long their threads wait for a processor is read from Linux.
 
     Attributes:
-        longest_s: how late the thread woke up at most.
+        longest_s: how late the thread woke up, or another thread waited between two looks, at most.
     """
 
     def __init__(self) -> None:
@@ -47,11 +52,40 @@ class StallMonitor:
         self._thread.join()
 
     def _watch(self) -> None:
-        before_s = time.monotonic()
+        before_s, waited_s, checks = time.monotonic(), _waited_s(), 0
         while not self._end.wait(STALL_CHECK_S):
             now_s = time.monotonic()
             self.longest_s = max(self.longest_s, now_s - before_s - STALL_CHECK_S)
+            checks += 1
+            if checks % PROCESSES_CHECKS == 0:
+                earlier_s, waited_s = waited_s, _waited_s()
+                for thread, total_s in waited_s.items():
+                    grown_s = total_s - earlier_s.get(thread, total_s)
+                    self.longest_s = max(self.longest_s, grown_s)
+                now_s = time.monotonic()
             before_s = now_s
+
+
+def _waited_s() -> dict[Path, float]:
+    """Return how long each thread of the processes that this one started waited for a processor.
+
+    Field 2 of ``schedstat``, see sched-stats.rst of the Linux kernel; empty where there is none.
+    """
+    waited_s = {}
+    for process in _started_by(os.getpid()):
+        for thread in Path(f"/proc/{process}/task").glob("*/schedstat"):
+            with suppress(OSError, IndexError):  # it has ended
+                waited_s[thread] = int(thread.read_text(encoding="ascii").split()[1]) * 1e-9
+    return waited_s
+
+
+def _started_by(process: int) -> Iterator[int]:
+    """Yield the processes that ``process`` and those that it started have started."""
+    for children in Path(f"/proc/{process}/task").glob("*/children"):
+        with suppress(OSError):  # the thread has ended
+            for child in map(int, children.read_text(encoding="ascii").split()):
+                yield child
+                yield from _started_by(child)
 
 
 class CheckTarget(Protocol):
