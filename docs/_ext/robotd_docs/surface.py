@@ -2,7 +2,8 @@
 
 The robots that come with robotd are run on the simulation and asked over ROS. The body of the
 directive is a definition list with the meaning of each topic and service; a name without a
-meaning, and a meaning without a name, are errors.
+meaning, and a meaning without a name, are errors. With ``:like: NODE`` topics and services that
+the body leaves out have the meanings of those with the same last word there.
 """
 
 from __future__ import annotations
@@ -12,9 +13,10 @@ import subprocess
 import sys
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from docutils import nodes
+from docutils.parsers.rst import directives
 from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
 
@@ -23,6 +25,7 @@ from robotd_doctor.model_tables import table
 
 log = logging.getLogger(__name__)
 DOCUMENTED: set[str] = set()
+MEANINGS: dict[str, dict[str, str]] = {}  # by node, then by the last word of a name
 TIMEOUT_S = 180.0
 
 
@@ -43,6 +46,7 @@ class RosNodeDirective(SphinxDirective):
 
     required_arguments = 1
     has_content = True
+    option_spec: ClassVar = {"like": directives.unchanged_required}
 
     def run(self) -> list[nodes.Node]:
         """Return one table for each kind of thing that the node offers."""
@@ -52,23 +56,36 @@ class RosNodeDirective(SphinxDirective):
             raise self.error(f"no robot runs a node named {name!r}")
         DOCUMENTED.add(name)
         meanings = definitions(self.content)
+        like = self.options.get("like")
+        if like and like not in MEANINGS:
+            raise self.error(f"{like!r} is not described before {name}")
+        shared = MEANINGS.get(like, {})
+        MEANINGS[name] = shared | {last_word(key): text for key, text in meanings.items()}
         used: set[str] = set()
-        parts = [self._entities(node, kind, meanings, used) for kind in KINDS]
+        parts = [self._entities(node, kind, meanings, shared, used) for kind in KINDS]
         parts.append(self._parameters(node, meanings, used))
         if unknown := sorted(set(meanings) - used):
             raise self.error(f"{name} has no {', '.join(unknown)}")
         return self.parse_text_to_nodes("\n\n".join(filter(None, parts)))
 
-    def _entities(self, node: Any, kind: str, meanings: dict[str, str], used: set[str]) -> str:
+    def _entities(
+        self,
+        node: Any,
+        kind: str,
+        meanings: dict[str, str],
+        shared: dict[str, str],
+        used: set[str],
+    ) -> str:
         rows = []
         for entity in node[kind]:
             key = entity["parameter"] or entity["name"].removeprefix("/")
-            if key not in meanings:
+            meaning = meanings.get(key, shared.get(last_word(key)))
+            if meaning is None:
                 raise self.error(f"{entity['name']} ({kind}) has no meaning: add `{key}`")
             used.add(key)
             names = [entity["parameter"], entity["name"]] if entity["parameter"] else [key]
             cell = " ".join(map(code, [*names, entity["type"]]))
-            rows.append((cell, entity["qos"], meanings[key]))
+            rows.append((cell, entity["qos"], meaning))
         return table((KINDS[kind], "QoS", "meaning"), rows) if rows else ""
 
     def _parameters(self, node: Any, meanings: dict[str, str], used: set[str]) -> str:
@@ -86,6 +103,11 @@ class RosNodeDirective(SphinxDirective):
             cell = f"{code(name)} {code(parameter['type'])}"
             rows.append((cell, ", ".join(values), meaning))
         return table(("parameter", "value", "meaning"), rows) if rows else ""
+
+
+def last_word(name: str) -> str:
+    """Return ``set_pose`` of ``diff_drive_controller/set_pose``."""
+    return name.rpartition("/")[2]
 
 
 KINDS = {
