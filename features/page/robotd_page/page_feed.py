@@ -25,6 +25,7 @@ from robotd_shared.robot_state import SHARED_S, Goals, event_of, state_of
 
 FIRST_EVENTS = 300  # of the log that a new viewer gets
 STATE_LOOKS = 2  # calls of ``PageFeed.messages`` with changes for one state
+REPEAT_LOOKS = 10  # for a state that has not changed: a page that hears nothing calls itself old
 PROTOCOL = 2  # of the messages; the page asks to be loaded again when it has another one
 DIGITS = 5  # of poses: 0.01 mm
 
@@ -261,10 +262,10 @@ class PageFeed:
             yield from self._changes(viewers)
 
     def _changes(self, viewers: int) -> Iterator[Message]:
-        """Yield the events and the state, as far as they are new.
+        """Yield new events, and the state where it is due.
 
         The state is read with each event and else in every ``STATE_LOOKS``-th call, because it
-        takes ten times as long as a sample.
+        takes ten times as long as a sample. It is sent with each change, and once a second.
         """
         events, cursor = self._tap.events.since(self._cursor)
         self._note(events, cursor)
@@ -275,7 +276,7 @@ class PageFeed:
             return
         # With an event problems are new: what a viewer has seen decides which commands are taken.
         state = self._read_state(viewers, 0.0 if events else SHARED_S)
-        if state != self._state:
+        if state != self._state or self._looks % REPEAT_LOOKS == 0:
             self._state = state
             yield json_text(state)
 

@@ -413,6 +413,27 @@ def test_buttons_have_enough_contrast(page: Page, scheme: str) -> None:
     assert min(contrasts(page, scheme, lines)) >= 3.0
 
 
+def test_a_page_that_hears_nothing_says_that_it_is_old(served: Served, browser: Browser) -> None:
+    """As behind a cable that was pulled: its connection is not closed."""
+    page = light_page(browser, [])
+    is_cut = False
+
+    def tunnel(client: WebSocketRoute) -> None:
+        client.connect_to_server().on_message(
+            lambda message: None if is_cut else client.send(message)
+        )
+
+    page.route_web_socket(re.compile("/ws$"), tunnel)
+    unlock(page, served)
+    lost = page.locator("#lost")
+    expect(lost).to_be_hidden()
+    is_cut = True
+    expect(lost).to_contain_text("Nothing has come from robotd for 5 s. What is shown is old.")
+    is_cut = False
+    expect(lost).to_be_hidden()
+    page.close()
+
+
 def test_without_the_token_the_page_only_reads(served: Served, browser: Browser) -> None:
     page = light_page(browser, [])
     page.goto(served.url)

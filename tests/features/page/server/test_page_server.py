@@ -159,6 +159,10 @@ def test_a_viewer_gets_the_description_the_past_and_what_changes(tmp_path: Path)
             assert "robotd recover" in first["remedy"]
             assert "following error" in viewer.state["axes"][2]["fault"]
             await viewer.until(lambda: any(event["kind"] == "fault" for event in viewer.events))
+            for _ in range(3):  # the same again, so that the page knows that it is not old
+                before = viewer.state
+                await viewer.until(lambda before=before: viewer.state is not before)
+            assert viewer.state == before
 
     with served_page(tmp_path) as (arm, server):
         asyncio.run(watch())
