@@ -44,10 +44,27 @@ def test_an_arm_goes_to_a_pose_that_was_saved(arm: RobotProcess, client: Client)
     assert output.startswith("goal reached after ")
     assert positions(arm.domain)[:3] == pytest.approx([0.0, 0.0, 0.0], abs=2e-3)
     output = robotd(arm.domain, "pose", "list")[1]
-    assert [line.split()[:3] for line in output.splitlines()] == [
+    joints, tools = output.splitlines()[:2], output.splitlines()[2:]
+    assert [line.split()[:3] for line in joints] == [
         ["home", "joint1", "+0.000"],
         ["bent", "joint1", "+0.400"],
     ]
+    assert [line.split(" at ")[0] for line in tools] == [
+        "home: link in base",
+        "bent: link in base",
+    ]
+
+
+def test_the_tool_goes_to_a_pose_on_a_line(arm: RobotProcess) -> None:
+    assert robotd(arm.domain, "move", "joint2=-0.4", "joint3=1.4", "joint5=1.0")[0] == 0
+    assert robotd(arm.domain, "pose", "save", "above", "--replace")[0] == 0
+    assert robotd(arm.domain, "move", "--tool", "z+0.03", "--line")[0] == 0
+    there = positions(arm.domain)
+    code, output, error = robotd(arm.domain, "pose", "go", "above", "--line", "--speed", "1")
+    assert code == 0, output + error
+    found = positions(arm.domain)
+    assert found[1:3] == pytest.approx([-0.4, 1.4], abs=5e-3)
+    assert abs(found[1] - there[1]) > 0.01
 
 
 def test_what_cannot_be_is_named(arm: RobotProcess) -> None:

@@ -1,4 +1,4 @@
-"""File of poses: names, and the positions of joints. Plain YAML that a person reads and edits."""
+"""File of poses: positions of joints, and pose of the tool. YAML that a person reads and edits."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 import yaml
 from pydantic import Field
@@ -22,10 +24,29 @@ DECIMALS = 6
 Poses = Mapping[str, Mapping[str, float]]
 
 
+class SavedToolPose(Section):
+    """Pose of a tool in a work frame: m, and rad about the fixed axes x, y, z.
+
+    Attributes:
+        tool: name of the tool, "" for the link itself.
+        work_frame: name of the work frame, "" for the base of the arm.
+    """
+
+    x: float
+    y: float
+    z: float
+    roll: float
+    pitch: float
+    yaw: float
+    tool: str = ""
+    work_frame: str = ""
+
+
 class PoseFile(Section):
     """Content of a file."""
 
     poses: dict[str, dict[str, float]] = Field(description="Positions by joint, by pose.")
+    tool_poses: dict[str, SavedToolPose] = Field({}, description="Pose of the tool there, by pose.")
 
 
 def file_of(descriptor: RobotDescriptor) -> Path:
@@ -44,20 +65,39 @@ def state_folder() -> Path:
 
 def read_poses(path: Path) -> dict[str, dict[str, float]]:
     """Return the poses of a file, none where it does not exist. Raises DescriptorError."""
+    return read_pose_file(path).poses
+
+
+def read_pose_file(path: Path) -> PoseFile:
+    """Return the content of a file, none where it does not exist. Raises DescriptorError."""
     if not path.exists():
-        return {}
+        return PoseFile(poses={})
     tree = read_yaml(path)
-    return validate(PoseFile, tree.plain(), tree).poses
+    return validate(PoseFile, tree.plain(), tree)
 
 
-def write_poses(path: Path, poses: Poses) -> None:
-    """Write a file, whole or not at all. Raises OSError."""
-    rounded = {
-        name: {joint: round(position, DECIMALS) + 0.0 for joint, position in joints.items()}
-        for name, joints in poses.items()
-    }
-    text = HEAD + yaml.safe_dump({"poses": rounded}, sort_keys=False, default_flow_style=None)
+def write_poses(
+    path: Path, poses: Poses, tool_poses: Mapping[str, SavedToolPose] = MappingProxyType({})
+) -> None:
+    """Write a file, whole or not at all. Raises OSError.
+
+    ``tool_poses``: by pose; those of other names are left out.
+    """
+    content = {"poses": {name: _rounded(joints) for name, joints in poses.items()}}
+    tools = {name: tool_poses[name] for name in poses if name in tool_poses}
+    if tools:
+        content["tool_poses"] = {
+            name: _rounded(pose.model_dump(exclude_defaults=True)) for name, pose in tools.items()
+        }
+    text = HEAD + yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=200)
     write_whole(path, text)
+
+
+def _rounded(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        name: round(value, DECIMALS) + 0.0 if isinstance(value, float) else value
+        for name, value in values.items()
+    }
 
 
 def write_whole(path: Path, text: str) -> None:

@@ -71,13 +71,13 @@ class TeachPanel:
 
     def _read_poses(self) -> dict[str, Any]:
         try:
-            found = self._poses.all()
+            found, problems = self._poses.all(), self._poses.problems()
         except RobotdError as error:
             return {"error": str(error), "poses": {}}
         poses = {
             name: {
                 "joints": {joint: round(position, DECIMALS) for joint, position in joints.items()},
-                "problem": self._poses.problem(joints),
+                "problem": problems.get(name, ""),
             }
             for name, joints in found.items()
         }

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from typing import Any
 
 from robotd_msgs.msg import SavedPoses
-from robotd_msgs.srv import DeletePose, PlanPose, RenamePose, SavePose
+from robotd_msgs.srv import ComputeFk, DeletePose, PlanPose, RenamePose, SavePose
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 
 from robotd_ros.client.ros_client import RosClient
 from robotd_ros.qos import LATCHED
@@ -14,10 +18,23 @@ TOPIC = "robotd/poses"
 
 
 def poses_of(client: RosClient) -> dict[str, Any]:
-    """Return positions (``joints``) and ``problem`` of each pose. Raises DeviceTimeout."""
+    """Return positions (``joints``), ``tool`` and ``problem`` of each pose. Raises DeviceTimeout.
+
+    ``tool``: x, y, z, roll, pitch, yaw, m and rad, with ``tool`` and ``work_frame``; None: not
+    saved.
+    """
     with client.listen(SavedPoses, TOPIC, LATCHED) as messages:
         poses = messages.wait().poses
-    return {pose.name: {"joints": _by_joint(pose), "problem": pose.problem} for pose in poses}
+    with client.listen(String, f"{TOPIC}/tools", LATCHED) as messages:
+        tools = json.loads(messages.wait().data)
+    return {
+        pose.name: {
+            "joints": _by_joint(pose),
+            "tool": tools.get(pose.name),
+            "problem": pose.problem,
+        }
+        for pose in poses
+    }
 
 
 def save(client: RosClient, name: str, group: str, *, replace: bool) -> str:
@@ -42,6 +59,16 @@ def plan(client: RosClient, name: str, speed: float) -> tuple[dict[str, float], 
     """
     response = client.call(PlanPose, f"{TOPIC}/plan", name=name, speed=speed)
     return _by_joint(response), response.duration_s
+
+
+def tool_pose_at(client: RosClient, joints: Mapping[str, float], group: str = "") -> Any:
+    """Return the geometry_msgs/Pose of the chosen tool at positions, in the chosen work frame.
+
+    ``group``: joint group; "": the only one. Raises the errors of ``call``.
+    """
+    state = JointState(name=[*joints], position=[*joints.values()])
+    request = {"group": group, "joint_state": state}
+    return client.call(ComputeFk, "robotd/compute_fk", **request).pose_stamped.pose
 
 
 def _by_joint(message: Any) -> dict[str, float]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
+from typing import Any
 
 import click
 
@@ -14,6 +16,7 @@ from robotd_ros.commands.robot_client import (
     require_one_robot,
     robot_client,
 )
+from robotd_ros.commands.tool_move import COMPONENTS, move_tool_to
 
 CLIENT = "robotd_teach.pose_client"
 SPEED = 0.2
@@ -59,6 +62,9 @@ def list_poses(timeout_s: float, *, as_json: bool) -> None:
     for line in columns(row + [""] * (longest - len(row)) for row in rows):
         click.echo(line)
     for name, told in found.items():
+        if told["tool"]:
+            click.echo(escaped(f"{name}: {_tool_text(told['tool'])}"))
+    for name, told in found.items():
         if told["problem"]:
             click.echo(escaped(f"{name} cannot be gone to: {told['problem']}"))
 
@@ -70,10 +76,12 @@ def list_poses(timeout_s: float, *, as_json: bool) -> None:
     type=NumberRange(0.01, 1.0),
     default=SPEED,
     show_default=True,
-    help="Part of the velocity and acceleration limits of the joints.",
+    help="Part of the velocity and acceleration limits of the joints, or of the tool's speed.",
 )
+@click.option("--line", is_flag=True, help="Along a straight line of the chosen tool.")
+@click.option("--group", default="", metavar="NAME", help="With --line, of several joint groups.")
 @client_options
-def go(timeout_s: float, *, name: str, speed: float) -> ExitCode:
+def go(timeout_s: float, *, name: str, speed: float, line: bool, group: str) -> ExitCode:
     """Move to a pose, by default slowly.
 
     All joints of the pose move together and arrive together. Ctrl-C, or the loss of the terminal,
@@ -82,12 +90,23 @@ def go(timeout_s: float, *, name: str, speed: float) -> ExitCode:
     with robot_client(timeout_s) as client:
         require_one_robot(client)
         joints, seconds = import_ros(CLIENT).plan(client, name, speed)
+        if line:
+            import_ros("robotd_ros.client.operator_client").require_motion(client)
+            pose = import_ros(CLIENT).tool_pose_at(client, joints, group)
+            code, reason = move_tool_to(client, pose, line=True, speed=speed, group=group)
+            return print_ending(code, reason)
         arm = import_ros("robotd_ros.client.motion_client").find_arm(client, joints)
         import_ros("robotd_ros.client.operator_client").require_motion(client, arm.namespace)
         progress = ProgressLine(tuple(joints), seconds)
         code, reason = carry_out(client, arm, joints, seconds, progress.show)
         progress.end()
     return print_ending(code, reason)
+
+
+def _tool_text(tool: Mapping[str, Any]) -> str:
+    """Return the pose of a tool as text."""
+    place = "  ".join(f"{part} {tool[part]:+z.3f}" for part in COMPONENTS)
+    return f"{tool['tool'] or 'link'} in {tool['work_frame'] or 'base'} at {place}"
 
 
 @pose.command("rename", epilog=ROS_EPILOG)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from robotd_msgs.msg import SavedPose, SavedPoses
 from robotd_msgs.srv import DeletePose, PlanPose, RenamePose, SavePose
+from std_msgs.msg import String
 
 from robotd.api import RobotdError, get_logger
 from robotd_ros.nodes.latched_topics import publish_if_alive
@@ -25,22 +27,25 @@ def add_pose_services(context: NodeContext, poses: Poses) -> Iterator[None]:
     """Add services and topic."""
     node, host = context.operator, context.host
     topic = node.create_publisher(SavedPoses, POSES, LATCHED)
+    tools_topic = node.create_publisher(String, f"{POSES}/tools", LATCHED)
 
     def publish() -> None:
         try:
-            found = poses.all()
+            found, problems, tools = poses.all(), poses.problems(), poses.tool_poses()
         except RobotdError as error:
             log.warning("the poses cannot be read", reason=str(error))
-            found = {}
+            found, problems, tools = {}, {}, {}
         saved = [
             SavedPose(
                 name=name,
                 joints=[*joints],
                 positions=[*joints.values()],
-                problem=poses.problem(joints),
+                problem=problems.get(name, ""),
             )
             for name, joints in found.items()
         ]
+        text = json.dumps({name: pose.model_dump() for name, pose in tools.items()})
+        publish_if_alive(tools_topic, String(data=text))
         publish_if_alive(topic, SavedPoses(poses=saved))
 
     def save(request: Any, response: Any) -> str:
@@ -56,9 +61,9 @@ def add_pose_services(context: NodeContext, poses: Poses) -> Iterator[None]:
         return f"{request.name} is deleted"
 
     def plan(request: Any, response: Any) -> str:
-        joints = poses.known(request.name)
-        response.duration_s = poses.duration_s(joints, request.speed or SPEED)
-        response.joints, response.positions = [*joints], [*joints.values()]
+        _, goal = poses.plan(request.name, request.speed or SPEED)
+        response.duration_s = float(goal.times_s[-1])
+        response.joints, response.positions = [*goal.joint_names], goal.positions[-1].tolist()
         return f"{request.name} takes {response.duration_s:.1f} s"
 
     for service_type, name, handle in (

@@ -75,6 +75,7 @@ class StepPlanner:
         file: the program's.
         taught: poses of the robot by name.
         paths: recorded ones by name, as far as the program plays them.
+        problems: why the arm cannot go to taught poses, by their name; "": it can.
 
     Attributes:
         group: joint group that moves.
@@ -89,8 +90,10 @@ class StepPlanner:
         file: ProgramFile,
         taught: Mapping[str, JointsByName],
         paths: Mapping[str, PathFile],
+        problems: Mapping[str, str],
     ) -> None:
         self._robot, self._file, self._taught, self._paths = robot, file, taught, paths
+        self._problems = problems
         self.group = joint_group(robot, file.group)
         self.tool: RobotTool | None = None
         self.reason = ""
@@ -184,11 +187,13 @@ class StepPlanner:
     def positions_of(self, name: str) -> FloatArray:
         """Return the positions (n,) of a pose by its name.
 
-        Raises InvalidArgument: there is none, or it is of other joints.
+        Raises InvalidArgument: there is none, it is of other joints, or the arm cannot go there.
         """
         poses = {**self._taught, **self._file.poses}
         if name not in poses:
             raise InvalidArgument(unknown_name("pose", name, poses))
+        if name not in self._file.poses and (problem := self._problems.get(name, "")):
+            raise InvalidArgument(f"pose {name} cannot be gone to: {problem}")
         return self.checked_pose(f"pose {name}", poses[name])
 
     def checked_pose(self, what: str, joints: JointsByName) -> FloatArray:

@@ -218,10 +218,11 @@ class Programs:
     def _checked(self, program: Program, wait: Callable[[], None]) -> StepPlanner:
         """Return the planner of a program that has passed its check."""
         taught = read_poses(self._poses.path)
+        problems = self._poses.problems() if taught else {}
         paths = self._paths.read(program.paths)
-        planner = StepPlanner(self._robot, program.file, taught, paths)
+        planner = StepPlanner(self._robot, program.file, taught, paths, problems)
         place = planner.here()
-        subject = program.path, program.text, taught, paths, _numbers(place)
+        subject = program.path, program.text, taught, problems, paths, _numbers(place)
         if subject != self._passed:
             ProgramCheck(self._robot, program, planner, wait).run(place)
             self._passed = subject

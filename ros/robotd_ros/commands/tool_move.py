@@ -75,20 +75,19 @@ def move_tool(
     Ctrl-C, SIGTERM and the loss of the terminal cancel the goal: INTERRUPTED. Raises Rejected with
     the robot's reason.
     """
-    tools = import_ros("robotd_ros.client.tool_client")
     values = dict.fromkeys(COMPONENTS, 0.0)
     if not relative:
+        tools = import_ros("robotd_ros.client.tool_client")
         values = components_of(tools.tool_pose(client, goal.get("group", ""))[0])
     pose = pose_message({**values, **components})
+    return move_tool_to(client, pose, frame=frame_name if relative else "", **goal)
+
+
+def move_tool_to(client: RosClient, pose: Any, **goal: Any) -> tuple[ExitCode, str]:
+    """Move the tool to a geometry_msgs/Pose; ``goal``, result and errors as in ``move_tool``."""
+    tools = import_ros("robotd_ros.client.tool_client")
     with Interrupt() as interrupt:
-        ending, reason = tools.move_tool(
-            client,
-            [pose],
-            lambda: interrupt.happened,
-            _show,
-            frame=frame_name if relative else "",
-            **goal,
-        )
+        ending, reason = tools.move_tool(client, [pose], lambda: interrupt.happened, _show, **goal)
     if sys.stderr.isatty():
         click.echo(CLEAR_LINE, err=True, nl=False)
     return exit_code(ending, reason), reason

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,9 @@ from robotd import DescriptorError, InvalidArgument, NotReady, OperationError, R
 from robotd.api.robots import SteppedClock
 from robotd_shared.pose_file import HEAD, read_poses, write_poses
 from robotd_teach.poses import Poses
+from robotd_teach.program_code import Program
+from robotd_teach.programs import Programs
+from robotd_tool_space.tool_groups import ToolGroups
 
 BENT = {"joint1": 0.4, "joint2": -0.3, "joint3": 0.5, "joint4": 0.0, "joint5": 0.1, "joint6": 0.0}
 
@@ -100,6 +104,69 @@ def test_a_pose_that_a_changed_robot_has_made_invalid_says_so(
     with pytest.raises(InvalidArgument, match=reason):
         poses.go("old")
     assert positions(robot) == pytest.approx([0.0] * 6, abs=1e-6)
+
+
+TOOLS = """
+tool_space:
+  tools: {tip: {xyz_m: [0, 0, TIP]}}
+  work_frames: {table: {xyz_m: [0.3, 0.0, 0.1]}}
+"""
+
+
+@contextmanager
+def opened_with_tip(file: Path, tip_m: float) -> Iterator[Robot]:
+    head = file.read_text(encoding="utf-8").split("tool_space")[0]
+    file.write_text(head.rstrip() + TOOLS.replace("TIP", f"{tip_m}"), encoding="utf-8")
+    with open_robot(file, "sim", clock=SteppedClock()) as robot:
+        yield robot
+
+
+def test_a_pose_keeps_that_of_the_tool_and_names_a_change_of_it(file: Path) -> None:
+    with opened_with_tip(file, 0.1) as robot:
+        poses, tool = robot.feature(Poses), robot.feature(ToolGroups).only
+        write_poses(poses.path, {"start": BENT})
+        poses.go("start", 1.0)
+        tool.select_tool("tip")
+        tool.select_work_frame("table")
+        poses.save("bent")
+        kept = poses.tool_poses()["bent"]
+        assert (kept.tool, kept.work_frame) == ("tip", "table")
+        assert [kept.x, kept.y, kept.z] == pytest.approx(tool.pose[:3, 3].tolist(), abs=2e-3)
+        poses.rename("bent", "pick")
+        assert [*poses.tool_poses()] == ["pick"]
+    with opened_with_tip(file, 0.1005) as robot:  # within what counts as the same
+        assert robot.feature(Poses).problems() == {"start": "", "pick": ""}
+    with opened_with_tip(file, 0.15) as robot:
+        poses = robot.feature(Poses)
+        assert poses.problems()["start"] == ""
+        changed = r"tip would be 50\.0 mm and 0\.000 rad from where it was saved"
+        with pytest.raises(InvalidArgument, match=changed):
+            poses.go("pick")
+        program = Program.parse("steps: [{move: {pose: pick}}]\n")
+        with pytest.raises(DescriptorError, match=f"pose pick cannot be gone to: {changed}"):
+            robot.feature(Programs).run(program)
+        assert positions(robot) == pytest.approx([0.0] * 6, abs=1e-6)
+    file.write_text(file.read_text(encoding="utf-8").replace("tip:", "pin:"), encoding="utf-8")
+    with open_robot(file, "sim", clock=SteppedClock()) as robot:
+        assert "unknown tool 'tip'" in robot.feature(Poses).problems()["pick"]
+        robot.feature(Poses).delete("pick")
+        assert not robot.feature(Poses).tool_poses()
+
+
+def test_the_tool_goes_to_a_pose_on_a_line(robot: Robot, poses: Poses) -> None:
+    above = BENT | {"joint2": -0.4, "joint3": 1.4, "joint5": 1.0}
+    write_poses(poses.path, {"above": above, "end": above | {"joint1": 1.2, "joint2": -0.3}})
+    poses.go("above", 1.0)
+    kinematics = robot.feature(ToolGroups).only.kinematics
+    rows: list[list[float]] = []
+    robot.control_loop.every(500, "test", lambda image: rows.append(positions(robot)))
+    poses.go("end", 1.0, line=True)
+    assert positions(robot) == pytest.approx(list(poses.known("end").values()), abs=2e-3)
+    places = kinematics.forward(np.array(rows))[:, :3, 3]
+    way = places[-1] - places[0]
+    beside = np.cross(places - places[0], way / np.linalg.norm(way))
+    assert np.linalg.norm(way) > 0.05
+    assert np.linalg.norm(beside, axis=1).max() < 1e-3
 
 
 def test_names_are_checked(poses: Poses) -> None:
