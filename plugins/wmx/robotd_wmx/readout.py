@@ -36,16 +36,19 @@ class Readout:
         if self._reader is None or self._bound != (device, image):
             self._reader, self._bound = self._bind(image), (device, image)
         reader = self._reader
-        cycle = reader.read()
+        cycle, now_ns = reader.read(), self._connection.clock.now_ns()
+        cycle_ns = int(reader.cycle_ms * 1e6)
         if reader.communicating and cycle != self._cycle:
-            cycle_ns, now_ns = int(reader.cycle_ms * 1e6), self._connection.clock.now_ns()
             image.fresh_ns = self._time.of(cycle, cycle_ns, now_ns)
+        # A control loop as fast as the engine may find a cycle twice.
+        halted = cycle == self._cycle and now_ns - image.fresh_ns > 2 * cycle_ns
         self._cycle = cycle
         if self._alarms or image.amp_alarm.any():
             self._explain(image)
         image.silent[:] = False
         if self._stream.active.any():
-            image.silent |= self._stream.behind
+            # A halted engine would ramp in one period to all that is sent meanwhile.
+            image.silent |= self._stream.active if halted else self._stream.behind
             self._stream.drop(~image.servo_on | image.amp_alarm | image.offline)
             self._mark_streaming(image)
         if self._positions.running:
