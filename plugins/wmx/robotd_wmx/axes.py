@@ -10,6 +10,8 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from functools import partial
 
+import numpy as np
+
 from robotd.api import (
     AxisDriver,
     CommandMode,
@@ -19,6 +21,7 @@ from robotd.api import (
     OperationError,
     ProcessImage,
     Profile,
+    RobotdError,
     Underrun,
     Unsupported,
     get_logger,
@@ -158,6 +161,7 @@ class WmxAxes(AxisDriver):
             self._device.set_command_mode(axis, int(mode))
         if not self._wait(lambda: self._status().mode_feedback(axis) == mode, MODE_TIMEOUT_S):
             raise DeviceTimeout(f"{what}: no confirmation within {MODE_TIMEOUT_S:g} s", axis=axis)
+        self._stream.rolling[axis] = False
 
     def set_polarity(self, axis: int, polarity: int) -> None:
         what = f"polarity {polarity}"
@@ -195,6 +199,7 @@ class WmxAxes(AxisDriver):
             start(axis, *self._scaling.profile(axis, profile))
         if in_velocity_mode:
             self._jogging.add(axis)
+            self._stream.rolling[axis] = False
 
     def stop(self, axes: Sequence[int]) -> None:
         """Stop splines in the joints' own time, moves with their deceleration."""
@@ -202,16 +207,15 @@ class WmxAxes(AxisDriver):
         by_velocity = self._stream.end(axes)
         streamed = by_velocity + self._positions.stop(axes)
         others = [axis for axis in axes if axis not in streamed]
-        status = self._status()
-        splined = [axis for axis in others if status.interpolating(axis)]
-        others = [axis for axis in others if axis not in splined]
         with ExitStack() as stops:  # all of them, also where one is rejected
-            device = self._device
+            stops.callback(self._slow_down, by_velocity)
+            status, device = self._status(), self._device
+            splined = [axis for axis in others if status.interpolating(axis)]
+            others = [axis for axis in others if axis not in splined]
             stops.callback(self._each_mode, others, device.stop_motion, device.stop_velocity)
             if splined:
                 duration_s = SPLINE_STOP * self._stop_s(status, splined)
                 stops.callback(self.stop_trajectory, splined, duration_s)
-            stops.callback(self._slow_down, by_velocity)
 
     def stop_trajectory(self, axes: Sequence[int], duration_s: float) -> None:
         """``Motion::Stop`` would use the spline's own acceleration, however gentle that is.
@@ -231,10 +235,14 @@ class WmxAxes(AxisDriver):
 
     def quick_stop(self, axes: Sequence[int]) -> None:
         self._jogging.difference_update(axes)
-        self._stream.end(axes)
-        streamed = self._positions.quick_stop(axes)
-        axes = [axis for axis in axes if axis not in streamed]
-        self._each_mode(axes, self._device.quick_stop_motion, self._device.quick_stop_velocity)
+        by_velocity = self._stream.end(axes)
+        streamed = by_velocity + self._positions.quick_stop(axes)
+        others = [axis for axis in axes if axis not in streamed]
+        with ExitStack() as stops:
+            device = self._device
+            for axis in by_velocity:
+                stops.callback(self._end_rolling, axis, partial(device.quick_stop_velocity, [axis]))
+            self._each_mode(others, device.quick_stop_motion, device.quick_stop_velocity)
 
     @property
     def _device(self) -> Device:
@@ -288,13 +296,23 @@ class WmxAxes(AxisDriver):
         self._excusing(partial(self._device.timed_stop_velocity, axis, milliseconds), [axis])
 
     def _slow_down(self, axes: Sequence[int]) -> None:
-        """Streamed commands have no deceleration of their own: stop within |v| / deceleration."""
-        status = self._status()
+        """Streamed commands have no deceleration of their own: stop within |v| / deceleration.
+
+        Where no status can be read |v| is that of the last command: a stop needs none.
+        """
+        seconds = np.abs(self._stream.sent) / self._scaling.stop_deceleration
+        with suppress(RobotdError):
+            status = self._status()
+            seconds[list(axes)] = [self._stop_s(status, [axis]) for axis in axes]
         with ExitStack() as stops:
             for axis in axes:
-                milliseconds = max(1.0, self._stop_s(status, [axis]) * 1000.0)
+                milliseconds = max(1.0, float(seconds[axis]) * 1000.0)
                 call = partial(self._device.timed_stop_velocity, axis, milliseconds)
-                stops.callback(self._excusing, call, [axis])
+                stops.callback(self._end_rolling, axis, call)
+
+    def _end_rolling(self, axis: int, stop: Callable[[], None]) -> None:
+        self._excusing(stop, [axis])
+        self._stream.rolling[axis] = False
 
     def _stop_s(self, status: Snapshot, axes: Sequence[int]) -> float:
         """The longest |v| / deceleration of ``axes``, s."""

@@ -46,7 +46,7 @@ class Readout:
         if self._alarms or image.amp_alarm.any():
             self._explain(image)
         image.silent[:] = False
-        if self._stream.active.any():
+        if self._stream.active.any() or self._stream.rolling.any():
             # A halted engine would ramp in one period to all that is sent meanwhile.
             image.silent |= self._stream.active if halted else self._stream.behind
             self._stream.drop(~image.servo_on | image.amp_alarm | image.offline)

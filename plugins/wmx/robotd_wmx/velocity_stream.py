@@ -33,6 +33,8 @@ class VelocityStream:
 
     Attributes:
         active: (n,) the axes that are streamed now.
+        rolling: (n,) of the axes whose streams have ended, those that no stop has reached yet.
+        sent: (n,) the velocities that the engine has taken in last, rad/s or m/s.
     """
 
     def __init__(
@@ -40,6 +42,8 @@ class VelocityStream:
     ) -> None:
         axes = connection.robot.axes
         self.active = np.zeros(axes, bool)
+        self.rolling = np.zeros(axes, bool)
+        self.sent: FloatArray = np.zeros(axes)
         self._connection, self._slow_down = connection, slow_down
         self._unstopped: set[int] = set()  # axes whose stop the engine has rejected
         self._ramp_ms = 1000.0 / connection.robot.cycle.rate_hz
@@ -69,7 +73,7 @@ class VelocityStream:
         """Obey from now on."""
         self._velocity[list(axes)] = np.nan
         self._accepted[list(axes)] = self._number
-        self.active[list(axes)] = True
+        self.active[list(axes)], self.rolling[list(axes)] = True, False
         if self._thread is None:
             self._thread = threading.Thread(target=self._run, name="wmx-stream", daemon=True)
             self._thread.start()
@@ -80,13 +84,14 @@ class VelocityStream:
         The engine rejects what is being sent to them at this moment.
         """
         self.active &= ~axes
+        self.rolling &= ~axes
 
     def end(self, axes: Sequence[int]) -> list[int]:
-        """Obey no longer; which of ``axes`` did. Nothing is sent for them afterwards."""
+        """Obey no longer: nothing is sent for ``axes`` afterwards. Return which of them roll."""
         with self._sending:
             ended = [axis for axis in axes if self.active[axis]]
-            self.active[ended] = False
-        return ended
+            self.active[ended], self.rolling[ended] = False, True
+        return [axis for axis in axes if self.rolling[axis]]
 
     def _run(self) -> None:
         failing = False
@@ -111,10 +116,11 @@ class VelocityStream:
     def _send(self, axes: list[int]) -> None:
         """An axis that the engine rejects leaves no other one at its last velocity."""
         number = self._number  # before its setpoint: that may be newer, never older
-        velocities = self._velocity[axes] * self._connection.scaling.units[axes]
+        velocities = self._velocity[axes]
+        units = velocities * self._connection.scaling.units[axes]
         try:
-            self._connection.stream.start_vels(axes, velocities.tolist(), self._ramp_ms)
-            self._accepted[axes] = number
+            self._connection.stream.start_vels(axes, units.tolist(), self._ramp_ms)
+            self._accepted[axes], self.sent[axes] = number, velocities
         except CallError:
             if len(axes) == 1:
                 raise
