@@ -60,9 +60,13 @@ class NothingToDo(Exception):
 
 
 class SentAtOnce:
-    """The thread that sends velocities, as calls: ``turn`` runs it until it waits."""
+    """The thread that sends velocities, as calls: ``turn`` runs it until it waits.
 
-    def __init__(self, now_s: Callable[[], float]) -> None:
+    ``wake`` is called when it has got something to send.
+    """
+
+    def __init__(self, now_s: Callable[[], float], wake: Callable[[], None]) -> None:
+        self._wake = wake
         self._now_s, self._set, self._since_s = now_s, False, now_s()
         self._run: Callable[[], None] = lambda: None
         self.threading = SimpleNamespace(
@@ -83,6 +87,7 @@ class SentAtOnce:
 
     def set(self) -> None:
         self._set, self._since_s = True, self._now_s()
+        self._wake()
 
     def clear(self) -> None:
         self._set = False
@@ -137,7 +142,8 @@ class WmxBench(Bench):
         self._senders: list[Any] = []
         self._send_s = self._late_s = 0.0  # no turn of the sender before; then so far apart
         self._excused_s = 0.0
-        self._velocities, self._sends_velocities = SentAtOnce(lambda: self.now_s), False
+        self._velocities = SentAtOnce(lambda: self.now_s, self._send_velocities)
+        self._sends_velocities = False
         self._ran_ns = self.clock.now_ns()
         self._hook = ctypes.CFUNCTYPE(None, ctypes.c_double)(self._pass_time)
         self._engine.standin_step_time(ctypes.c_int64(self._ran_ns), self._hook)
@@ -225,6 +231,13 @@ class WmxBench(Bench):
         for sender in self._senders:
             while sender.turn():
                 pass
+        self._turn_velocities()
+
+    def _send_velocities(self) -> None:
+        if self._ran_ns / NANOSECONDS >= self._send_s:
+            self._turn_velocities()
+
+    def _turn_velocities(self) -> None:
         if not self._sends_velocities:
             self._sends_velocities = True
             try:

@@ -14,7 +14,7 @@ from contextlib import ExitStack
 
 import numpy as np
 
-from robotd.api import BoolArray, FloatArray, RobotdError, get_logger
+from robotd.api import NANOSECONDS, BoolArray, FloatArray, RobotdError, get_logger
 from robotd_wmx._native import CallError
 from robotd_wmx.connection import WmxConnection
 from robotd_wmx.errors import text_of
@@ -46,7 +46,8 @@ class VelocityStream:
         self.sent: FloatArray = np.zeros(axes)
         self._connection, self._slow_down = connection, slow_down
         self._unstopped: set[int] = set()  # axes whose stop the engine has rejected
-        self._ramp_ms = 1000.0 / connection.robot.cycle.rate_hz
+        self._period_ns = round(NANOSECONDS / connection.robot.cycle.rate_hz)
+        self._reached_ns = np.zeros(axes, np.int64)  # when the ramp to the last setpoint ends
         self._velocity: FloatArray = np.full(axes, np.nan)
         self._number = 0  # of the newest setpoint
         self._accepted = np.zeros(axes, np.int64)  # number of the last one that the engine took in
@@ -114,12 +115,19 @@ class VelocityStream:
                     failing = True
 
     def _send(self, axes: list[int]) -> None:
-        """An axis that the engine rejects leaves no other one at its last velocity."""
+        """An axis that the engine rejects leaves no other one at its last velocity.
+
+        A setpoint that follows a late one closely adds what is left of that one's ramp to its own.
+        """
         number = self._number  # before its setpoint: that may be newer, never older
         velocities = self._velocity[axes]
         units = velocities * self._connection.scaling.units[axes]
+        now_ns = self._connection.clock.now_ns()
+        rest_ns = max(0, min(self._period_ns, int(self._reached_ns[axes].max()) - now_ns))
+        ramp_ns = self._period_ns + rest_ns
         try:
-            self._connection.stream.start_vels(axes, units.tolist(), self._ramp_ms)
+            self._connection.stream.start_vels(axes, units.tolist(), ramp_ns / 1e6)
+            self._reached_ns[axes] = now_ns + ramp_ns
             self._accepted[axes], self.sent[axes] = number, velocities
         except CallError:
             if len(axes) == 1:
