@@ -17,7 +17,7 @@ def short_log(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.long
 def test_a_repeated_program_leaks_nothing() -> None:
-    assert list(leaks(repeat(TIMES), TIMES)) == []
+    assert list(leaks([*repeat(TIMES)], TIMES)) == []
 
 
 @pytest.mark.long
@@ -27,13 +27,14 @@ def test_one_object_kept_after_each_run_is_found() -> None:
     def keep(programs: Programs) -> None:
         kept.append(programs.state)
 
-    found = list(leaks(repeat(TIMES, keep), TIMES))
+    found = list(leaks([*repeat(TIMES, keep)], TIMES))
     assert "10 more objects robotd_teach.programs.ProgramState after 10 runs" in found
 
 
 @pytest.mark.long
 def test_what_the_garbage_collector_does_not_track_is_found_as_blocks() -> None:
     kept: list[object] = []
-    found = list(leaks(repeat(TIMES, lambda _: kept.extend([object(), object()])), TIMES))
+    looks = [*repeat(TIMES, lambda _: kept.extend([object(), object()]))]
+    found = list(leaks(looks, TIMES))
     assert len(found) == 1
     assert "more blocks of memory after 10 runs" in found[0]

@@ -26,7 +26,8 @@ MAX_GROWTH_MIB = 1.0  # of resident memory in the last half
 PROGRAM = Program.parse(f"""
 speed: 1.0
 steps:
-  - move: {{joints: {{joint2: 0.3, joint3: 1.4, joint5: 1.2}}}}
+  - move:
+      joints: {{joint1: 0.0, joint2: 0.3, joint3: 1.4, joint4: 0.0, joint5: 1.2, joint6: 0.0}}
   - line: {{by: {{z: 0.001}}}}
   - repeat:
       times: {IN_A_RUN}
@@ -68,8 +69,10 @@ def objects_by_type() -> Counter[str]:
     return Counter(f"{kind.__module__}.{kind.__qualname__}" for kind in types)
 
 
-def repeat(times: int, after_run: Callable[[Programs], None] = lambda programs: None) -> list[Look]:
-    """Return looks at even distances, the last one at the end.
+def repeat(
+    times: int, after_run: Callable[[Programs], None] = lambda programs: None
+) -> Iterator[Look]:
+    """Yield looks at even distances, the last one at the end.
 
     The first run begins when the log of events is full: until then it grows.
 
@@ -84,17 +87,15 @@ def repeat(times: int, after_run: Callable[[Programs], None] = lambda programs: 
             programs = robot.feature(Programs)
             while _held_events(robot) == robot.events.added:
                 programs.run(PROGRAM)
-            looks: list[Look] = []
-            own_blocks = 0
+            own_blocks = 0  # of the looks
             for _ in range(LOOKS):
                 for _ in range(times // IN_A_RUN // LOOKS):
                     programs.run(PROGRAM)
                     after_run(programs)
                 blocks = blocks_in_use()
                 found = Look(vitals(os.getpid()), objects_by_type(), blocks - own_blocks)
-                looks.append(found)
                 own_blocks += blocks_in_use() - blocks
-            return looks
+                yield found
 
 
 def leaks(looks: Sequence[Look], times: int) -> Iterator[str]:
@@ -124,8 +125,10 @@ def _held_events(robot: Robot) -> int:
 def main(times: int, leak: bool) -> None:
     """Repeat a short program on the simulation; status 1 where the process holds more and more."""
     kept: list[object] = []
-    looks = repeat(times, lambda programs: kept.append(programs.state) if leak else None)
-    for number, found in enumerate(looks, 1):
+    looks = []
+    found_looks = repeat(times, lambda programs: kept.append(programs.state) if leak else None)
+    for number, found in enumerate(found_looks, 1):
+        looks.append(found)
         process = found.vitals
         click.echo(
             f"{times * number // LOOKS:6d} times: {process.rss_mib:7.2f} MiB,"
