@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from typing import Any
 
-from robotd_msgs.msg import SavedPoses
+from robotd_msgs.msg import SavedPose, SavedPoses
 from robotd_msgs.srv import ComputeFk, DeletePose, PlanPose, RenamePose, SavePose
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
 
 from robotd_ros.client.ros_client import RosClient
+from robotd_ros.commands.tool_move import components_of
 from robotd_ros.qos import LATCHED
 
 TOPIC = "robotd/poses"
@@ -25,12 +24,10 @@ def poses_of(client: RosClient) -> dict[str, Any]:
     """
     with client.listen(SavedPoses, TOPIC, LATCHED) as messages:
         poses = messages.wait().poses
-    with client.listen(String, f"{TOPIC}/tools", LATCHED) as messages:
-        tools = json.loads(messages.wait().data)
     return {
         pose.name: {
             "joints": _by_joint(pose),
-            "tool": tools.get(pose.name),
+            "tool": _tool_pose(pose) if pose.has_tool_pose else None,
             "problem": pose.problem,
         }
         for pose in poses
@@ -69,6 +66,11 @@ def tool_pose_at(client: RosClient, joints: Mapping[str, float], group: str = ""
     state = JointState(name=[*joints], position=[*joints.values()])
     request = {"group": group, "joint_state": state}
     return client.call(ComputeFk, "robotd/compute_fk", **request).pose_stamped.pose
+
+
+def _tool_pose(pose: SavedPose) -> dict[str, Any]:
+    names = {"tool": pose.tool, "work_frame": pose.work_frame}
+    return {**components_of(pose.tool_pose), **names}
 
 
 def _by_joint(message: Any) -> dict[str, float]:

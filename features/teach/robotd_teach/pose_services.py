@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
 from robotd_msgs.msg import SavedPose, SavedPoses
 from robotd_msgs.srv import DeletePose, PlanPose, RenamePose, SavePose
-from std_msgs.msg import String
 
 from robotd.api import RobotdError, get_logger
 from robotd_ros.nodes.latched_topics import publish_if_alive
 from robotd_ros.qos import LATCHED
 from robotd_ros.run_nodes import NodeContext
 from robotd_ros.services import add_service
+from robotd_shared.pose_file import SavedToolPose
 from robotd_teach.poses import SPEED, Poses
+from robotd_teach.tool_poses import matrix_of
+from robotd_tool_space.rotations import fill_pose
 
 POSES = "~/poses"
 log = get_logger("teach")
@@ -27,7 +28,6 @@ def add_pose_services(context: NodeContext, poses: Poses) -> Iterator[None]:
     """Add services and topic."""
     node, host = context.operator, context.host
     topic = node.create_publisher(SavedPoses, POSES, LATCHED)
-    tools_topic = node.create_publisher(String, f"{POSES}/tools", LATCHED)
 
     def publish() -> None:
         try:
@@ -36,16 +36,9 @@ def add_pose_services(context: NodeContext, poses: Poses) -> Iterator[None]:
             log.warning("the poses cannot be read", reason=str(error))
             found, problems, tools = {}, {}, {}
         saved = [
-            SavedPose(
-                name=name,
-                joints=[*joints],
-                positions=[*joints.values()],
-                problem=problems.get(name, ""),
-            )
+            _message(name, joints, problems.get(name, ""), tools.get(name))
             for name, joints in found.items()
         ]
-        text = json.dumps({name: pose.model_dump() for name, pose in tools.items()})
-        publish_if_alive(tools_topic, String(data=text))
         publish_if_alive(topic, SavedPoses(poses=saved))
 
     def save(request: Any, response: Any) -> str:
@@ -76,3 +69,14 @@ def add_pose_services(context: NodeContext, poses: Poses) -> Iterator[None]:
     poses.on_change = publish
     publish()
     yield
+
+
+def _message(
+    name: str, joints: Mapping[str, float], problem: str, tool_pose: SavedToolPose | None
+) -> SavedPose:
+    message = SavedPose(name=name, joints=[*joints], positions=[*joints.values()], problem=problem)
+    if tool_pose is not None:
+        message.has_tool_pose = True
+        message.tool, message.work_frame = tool_pose.tool, tool_pose.work_frame
+        fill_pose(message.tool_pose, matrix_of(tool_pose))
+    return message

@@ -57,8 +57,7 @@ def tool_change(
         pose = _pose(tool, saved.tool, saved.work_frame, positions)
     except InvalidArgument as error:
         return str(error)
-    components = [getattr(saved, name) for name in COMPONENTS]
-    difference = pose_differences(pose, pose_of(components[:3], components[3:]))
+    difference = pose_differences(pose, matrix_of(saved))
     shift, turn = (float(np.linalg.norm(part)) for part in (difference[:3], difference[3:]))
     if shift <= MAX_SHIFT_M and turn <= MAX_TURN_RAD:
         return ""
@@ -67,6 +66,12 @@ def tool_change(
         f" was saved, at most {1e3 * MAX_SHIFT_M:g} mm and {MAX_TURN_RAD:g} rad: tool, work frame"
         " or arm has changed; save the pose anew, or remove it from tool_poses in the file"
     )
+
+
+def matrix_of(saved: SavedToolPose) -> FloatArray:
+    """Return a saved pose as a matrix (4, 4)."""
+    components = [getattr(saved, name) for name in COMPONENTS]
+    return pose_of(components[:3], components[3:])
 
 
 def _pose(tool: RobotTool, name: str, work_frame: str, positions: FloatArray) -> FloatArray:
