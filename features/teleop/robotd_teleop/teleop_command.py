@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from robotd.api import RobotdError
+from robotd.api import InvalidArgument, RobotdError
 from robotd.api.commands import ExitCode, Interrupt, NumberRange, log_options, stop_signals
 
 if TYPE_CHECKING:
+    from robotd.api.robots import Robot
+    from robotd_teleop.joint_map import JointMapping
     from robotd_teleop.leader_follower import LeaderFollower
 
 EPILOG = """\b
@@ -53,6 +55,8 @@ MAX_ELAPSED_S = 0.1  # a program that was stopped does not leap
     show_default=True,
     help="Speed of the approach to the leader, rad/s.",
 )
+@click.option("--path", metavar="NAME", help="Save the motion of the robot as a path.")
+@click.option("--replace", is_flag=True, help="Replace a path of this name.")
 @click.option("--yes", is_flag=True, help="Do not ask before the robot moves.")
 @log_options
 def teleop(
@@ -64,7 +68,9 @@ def teleop(
     mappings: Sequence[str],
     rate_hz: float,
     align_speed: float,
+    path: str | None,
     *,
+    replace: bool,
     yes: bool,
 ) -> ExitCode:
     """Let a robot follow a leader arm, within the robot's own limits. Ctrl-C ends it.
@@ -90,7 +96,10 @@ def teleop(
             text = f"{following.descriptor.name} moves {joints} to the leader at {align_speed:g}"
             with _signals_end_questions():
                 click.confirm(f"{text} rad/s. Go on", abort=True)
-        with LeaderFollower(leading, following, chosen, align_speed) as follower:
+        with (
+            _saved(following, chosen, path, replace=replace),
+            LeaderFollower(leading, following, chosen, align_speed) as follower,
+        ):
             try:
                 _follow(follower, 1.0 / rate_hz, interrupt)
             except RobotdError as error:
@@ -98,6 +107,31 @@ def teleop(
                 return ExitCode.FAILED
         click.echo("ended by the operator")
         return ExitCode.OK
+
+
+@contextmanager
+def _saved(
+    robot: Robot, mappings: Sequence[JointMapping], path: str | None, *, replace: bool
+) -> Iterator[None]:
+    """Save the motion in the block as a path; None: do not.
+
+    Raises InvalidArgument: the name is taken, or joints of several groups are moved.
+    """
+    if path is None:
+        yield
+        return
+    from robotd_teach.paths import Paths
+
+    moved = {mapping.joint for mapping in mappings}
+    groups = [name for name, group in robot.groups.items() if moved & {*group.joint_names}]
+    if len(groups) > 1:
+        raise InvalidArgument(f"a path is of one group, and the leader moves {', '.join(groups)}")
+    paths = robot.feature(Paths)
+    paths.begin(path, groups[0], replace=replace)
+    try:
+        yield
+    finally:
+        click.echo(paths.end())
 
 
 @contextmanager

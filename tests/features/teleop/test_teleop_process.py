@@ -11,16 +11,19 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from tests.plugins.serial_servo.sts_bus import StsBus
 from tests.plugins.serial_servo.sts_servo import Servo
 
 from robotd.api import MonotonicClock, wait_until
+from robotd_teach.path_file import read_path
 
 WAIT_S = 60.0
 START = {1: -0.3, 2: 0.4}
 HAND_RAD_S, HAND_PERIOD_S = 0.5, 0.01
+MOVED_RAD = 0.02
 MOVING, AT_REST = 150.0, 80.0  # steps/s; 0.5 rad/s are 326
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(180)]
@@ -35,6 +38,7 @@ def write_robot(folder: Path, port: str, **options: object) -> Path:
     robot = {
         "schema": 1,
         "name": folder.name,
+        "poses": "poses.yaml",
         "backend": "feetech",
         "cycle": {"rate_hz": 100},
         "engine": {"stale_after_s": 5.0, "servo_timeout_s": 30.0, "shutdown_s": 30.0},
@@ -92,7 +96,7 @@ def test_a_signal_slows_the_follower_to_rest_and_switches_it_off(
     leader, follower = buses
     robots = [
         "--leader", write_robot(tmp_path / "leader", leader.port, free=True),
-        "--robot", write_robot(tmp_path / "follower", follower.port),
+        "--robot", write_robot(tmp_path / "follower", follower.port), "--path", "led",
     ]  # fmt: skip
     log = tmp_path / "output"
     with log.open("w") as output:
@@ -124,6 +128,11 @@ def test_a_signal_slows_the_follower_to_rest_and_switches_it_off(
             process.wait()
     assert status == 0, log.read_text()
     assert "ended by the operator" in log.read_text()
+    assert "led: " in log.read_text()
+    path = read_path(tmp_path / "follower" / "paths" / "led.yaml")
+    led = path.positions(["joint1", "joint2"])
+    assert np.ptp(led[:, 0]) > MOVED_RAD
+    assert np.abs(led[0] - [*START.values()]).max() < 0.05
     with follower.lock:
         assert [follower[key].get("torque") for key in START] == [0, 0]
         energised = [step for step in follower[1].executed if step.torque]
