@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from functools import partial
+from itertools import product
 
 import numpy as np
 
@@ -123,16 +124,17 @@ class WmxAxes(AxisDriver):
             if on:
                 self._bring_command_to_position(axis)
             self._device.set_servo(axis, on)
-        failure = ""
+        is_on, failure = not on, ""
 
         def settled() -> bool:
-            nonlocal failure
-            status = self._status()
-            failure = _servo_failure(status, axis) if on else ""
-            return status.servo_on(axis) == on or bool(failure)
+            nonlocal is_on, failure
+            if status := self._status_or_none():
+                is_on = status.servo_on(axis)
+                failure = _servo_failure(status, axis) if on else ""
+            return is_on == on or bool(failure)
 
         confirmed = self._wait(settled, timeout_s)
-        if on and not (confirmed and self._status().servo_on(axis)):
+        if on and not is_on:
             with suppress(CallError):  # else it may come on later, by itself
                 self._device.set_servo(axis, False)
         if not confirmed:
@@ -209,11 +211,11 @@ class WmxAxes(AxisDriver):
         others = [axis for axis in axes if axis not in streamed]
         with ExitStack() as stops:  # all of them, also where one is rejected
             stops.callback(self._slow_down, by_velocity)
-            status, device = self._status(), self._device
-            splined = [axis for axis in others if status.interpolating(axis)]
+            status, device = self._status_or_none(), self._device
+            splined = [axis for axis in others if status and status.interpolating(axis)]
             others = [axis for axis in others if axis not in splined]
             stops.callback(self._each_mode, others, device.stop_motion, device.stop_velocity)
-            if splined:
+            if status and splined:
                 duration_s = SPLINE_STOP * self._stop_s(status, splined)
                 stops.callback(self.stop_trajectory, splined, duration_s)
 
@@ -223,8 +225,8 @@ class WmxAxes(AxisDriver):
         An axis whose drive has failed may refuse; the others stop all the same, and along the
         path. Where the engine refuses a timed stop for all of them, its own stop is the next best.
         """
-        status = self._status()
-        moving = [axis for axis in axes if not status.idle(axis)]
+        status = self._status_or_none()
+        moving = [axis for axis in axes if not (status and status.idle(axis))]
         if not moving:
             return
         try:
@@ -251,6 +253,13 @@ class WmxAxes(AxisDriver):
     def _status(self) -> Snapshot:
         with translated("status"):
             return Snapshot(self._device)
+
+    def _status_or_none(self) -> Snapshot | None:
+        """None where it cannot be read: a stop needs no status."""
+        try:
+            return self._status()
+        except RobotdError:
+            return None
 
     def _wait(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         return wait_until(condition, timeout_s, self._connection.clock, POLL_S)
@@ -301,8 +310,7 @@ class WmxAxes(AxisDriver):
         Where no status can be read |v| is that of the last command: a stop needs none.
         """
         seconds = np.abs(self._stream.sent) / self._scaling.stop_deceleration
-        with suppress(RobotdError):
-            status = self._status()
+        if status := self._status_or_none():
             seconds[list(axes)] = [self._stop_s(status, [axis]) for axis in axes]
         with ExitStack() as stops:
             for axis in axes:
@@ -326,13 +334,32 @@ class WmxAxes(AxisDriver):
         velocity: Callable[[list[int]], None],
     ) -> None:
         """Stop moving axes by the calls of their mode; one rejection spares none."""
-        status = self._status()
+        status = self._status_or_none()
+        if status is None:
+            self._stop_blindly(axes, position, velocity)
+            return
         moving = [axis for axis in axes if not status.idle(axis)]
         with ExitStack() as stops:
             for call, mode in ((position, False), (velocity, True)):
                 chosen = [a for a in moving if (status.mode(a) == CommandMode.VELOCITY) is mode]
                 if chosen:
                     stops.callback(self._excusing, partial(call, chosen), chosen)
+
+    def _stop_blindly(
+        self,
+        axes: Sequence[int],
+        position: Callable[[list[int]], None],
+        velocity: Callable[[list[int]], None],
+    ) -> None:
+        """Call both stops for each axis, of unknown mode: the engine rejects one of them."""
+        rejected: list[CallError] = []
+        for axis, call in product(axes, (position, velocity)):
+            try:
+                call([axis])
+            except CallError as error:
+                rejected.append(error)
+        if len(rejected) > len(axes):
+            raise translate(rejected[-1], f"stop of axes {list(axes)}") from rejected[-1]
 
     def _excusing(self, stop: Callable[[], None], axes: Sequence[int]) -> None:
         """Call ``stop``: it may be rejected for an axis that came to rest meanwhile."""

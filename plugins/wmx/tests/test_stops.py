@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +13,13 @@ import pytest
 from robotd.clock import NANOSECONDS
 from robotd.control.loop.setpoint_source import Outcome
 from robotd.control.sources.trajectory_execution import TrajectoryExecution
+from robotd.device.axes import Jog, Move
 from robotd.device.process_image import ProcessImage
-from robotd.device.state import Operation
+from robotd.device.state import CommandMode, Operation
 from robotd.motion import TrajectoryRequest
+from robotd.motion.profile import Profile
 from robotd.robot import Robot
+from robotd_wmx._native import CallError, Device, Snapshot
 from robots import JOINTS, eventually, goal, running
 from standin_port import port
 
@@ -123,3 +126,27 @@ def test_a_steering_axis_stops_with_the_ramp_of_steering(tmp_path: Path) -> None
     ramp = (speeds < 1.2) & (speeds > 0.1)
     assert ramp.sum() >= 2
     assert np.polyfit(times_s[ramp], speeds[ramp], 1)[0] == pytest.approx(-6.0, rel=0.3)
+
+
+@pytest.mark.parametrize(
+    ("motion", "end"), [("move", "stop"), ("jog", "quick_stop"), ("trajectory", "stop")]
+)
+def test_a_stop_needs_no_status(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, motion: str, end: str
+) -> None:
+    def unreadable(_: Device) -> Snapshot:
+        raise CallError("GetStatus", "core motion", 1, "", "")
+
+    with running(tmp_path, stream_positions=False) as robot, ExitStack() as goals:
+        if motion == "trajectory":
+            goals.enter_context(robot.follower.follow(goal([GENTLE_S], GENTLE_RAD)))
+        elif motion == "move":
+            robot.axes.move([Move(0, 3.0, Profile(0.5, 5.0, 5.0))])
+        else:
+            robot.axes.set_command_mode(0, CommandMode.VELOCITY)
+            robot.axes.jog([Jog(0, Profile(0.5, 5.0, 5.0))])
+        eventually(lambda: robot.image.velocity_command[0] > 0.08)
+        monkeypatch.setattr("robotd_wmx.axes.Snapshot", unreadable)
+        getattr(robot.axes._driver, end)(range(6))
+        eventually(at_rest(robot), 3.0)
+        assert robot.image.servo_on[0]
