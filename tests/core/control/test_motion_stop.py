@@ -40,6 +40,15 @@ def test_a_goal_stops_on_its_path_and_the_next_one_is_rejected(harness: Harness)
     assert harness.robot.problems == [CAUSE]
 
 
+def test_a_stop_ends_streams_of_ended_sources_in_the_device(harness: Harness) -> None:
+    """Their client may keep the axes, and a device may have setpoints left."""
+    with harness.goal(FAR) as execution:
+        harness.until(lambda: execution.done)
+        assert (harness.robot.image.operation == Operation.STREAM).all()
+        harness.robot.stop()
+        assert (harness.robot.image.operation == Operation.IDLE).all()
+
+
 def test_a_stop_whose_end_no_value_shows_says_so(harness: Harness) -> None:
     """A goal ends with the device, while its axes still slow down."""
     with harness.goal(FAR) as execution:

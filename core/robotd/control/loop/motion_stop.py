@@ -54,7 +54,7 @@ class MotionStop:
         if self._axes.stops.pending:
             return False
         operations = self._axes.image.operation.tolist()
-        moving = (*BY_DEVICE, Operation.STOPPING)
+        moving = (*BY_DEVICE, Operation.STREAM, Operation.STOPPING)
         return not self._mixer.active and not any(operation in moving for operation in operations)
 
     def enforce(self, image: ProcessImage) -> None:
@@ -72,11 +72,15 @@ class MotionStop:
             self._stop_moved(image, everything=bool(latch.reason))
 
     def _stop_moved(self, image: ProcessImage, *, everything: bool) -> None:
-        """Stop what the device moves: ``everything``, or after calls that were given up."""
+        """Stop what the device moves: ``everything``, or after calls that were given up.
+
+        A device may go on with a stream whose source has ended: late setpoints wait in it.
+        """
         operations, given_up = image.operation.tolist(), self._axes.given_up.copy()
         ended = range(image.axes) if everything else given_up
         moved = [axis for axis in ended if operations[axis] in BY_DEVICE]
-        moved += [axis for axis in given_up if operations[axis] == Operation.STREAM]
+        without_source = given_up if self._mixer.active else ended
+        moved += [axis for axis in without_source if operations[axis] == Operation.STREAM]
         if moved:
             self._axes.stops.request(moved)
 
