@@ -41,8 +41,8 @@ class ProfiledAxes(AxisDriver):
     ``ProcessImage.silent`` names holds likewise, at the ``position_command`` that ``read_feedback``
     gives it: the target that its drive has. Axes that moved when values were lost hold where they
     are found. A profile advances by one period with each set of targets,
-    however late it is, and has ended when values have come that were measured after its last target
-    was sent.
+    however late it is, and has ended when values have come that were measured ``response_s`` after
+    its last target was sent.
 
     Args:
         axes: number of axes.
@@ -115,7 +115,7 @@ class ProfiledAxes(AxisDriver):
     def read(self, image: ProcessImage) -> None:
         is_new = not image.fresh_ns  # communication has begun
         self.read_feedback(image)
-        now_ns = self.clock.now_ns()
+        now_ns, response_ns = self.clock.now_ns(), round(self.response_s * NANOSECONDS)
         with self._lock:
             self._note_pause(now_ns)
             lost = now_ns - image.fresh_ns > self._feedback_lost_s * NANOSECONDS
@@ -129,7 +129,7 @@ class ProfiledAxes(AxisDriver):
                     motion.end_guiding()
                 if motion.guided:
                     continue
-                motion.end_profile(image.fresh_ns)
+                motion.end_profile(image.fresh_ns - response_ns)
                 motion.track(float(image.position[axis]), enabled=enabled, lost=lost)
                 if motion.operation is Operation.STREAM and not self._streamed:
                     self._hold(motion)  # a setpoint is late: its target is held
@@ -382,9 +382,9 @@ class _AxisMotion:
         if len(self._segments) == 1 and self.velocity == 0.0 and not self._segments[0].acceleration:
             self._ended_ns = now_ns
 
-    def end_profile(self, fresh_ns: int) -> None:
-        """Become idle if values measured at ``fresh_ns`` show what the last target has led to."""
-        if self._ended_ns and fresh_ns > self._ended_ns:
+    def end_profile(self, executed_ns: int) -> None:
+        """Become idle if the values show what targets sent until ``executed_ns`` have led to."""
+        if self._ended_ns and executed_ns > self._ended_ns:
             arrived = self.operation is Operation.POSITION
             self.begin(Operation.IDLE)
             self.complete = arrived
