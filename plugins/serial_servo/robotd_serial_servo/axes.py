@@ -22,6 +22,7 @@ from robotd_serial_servo.servo_faults import TEXTS, Fault
 from robotd_serial_servo.switching import catch, clear, energise
 
 READ_ONLY = "the servos of this arm stay off: it is moved by hand (option free)"
+LATE_PERIODS = 2.5  # since the last exchange, until targets wait for the next one
 CATCH_S = 3.0  # in which an arm that was let go has to come to rest
 FALLS = (
     "The arm falls when its servos are switched off: support it, or move it to a rest pose first"
@@ -87,8 +88,11 @@ class ServoAxes(ProfiledAxes):
         image.position[:] = feedback.position
         image.velocity[:] = feedback.velocity
         image.servo_on[:] = feedback.torque
-        # What a servo that comes on, or is back, holds may be beside its position.
-        image.silent[:] = feedback.silent | (feedback.activation > self._shown)
+        # What a servo that comes on, or is back, holds may be beside its position. A bus thread
+        # that is late has not sent the last targets.
+        waited_s = (self.clock.now_ns() - feedback.ended_ns) / NANOSECONDS
+        late = waited_s > LATE_PERIODS * self._plan.options.exchange_period_s
+        image.silent[:] = feedback.silent | (feedback.activation > self._shown) | late
         known = image.silent & np.isfinite(feedback.goal)
         np.copyto(image.position_command, feedback.goal, where=known)
         image.offline[:] = feedback.offline

@@ -39,12 +39,14 @@ class Feedback:
 
     Attributes:
         time_ns: when the newest were asked for; 0 before any.
+        ended_ns: when the exchange was over; 0 before any.
         goal: that the servo has, as far as is known; NaN while it takes none.
         silent: the last request had no reply, and the servo is not offline yet.
         activation: of each servo, 0 while it takes no goals.
     """
 
     time_ns: int
+    ended_ns: int
     position: FloatArray
     velocity: FloatArray
     goal: FloatArray
@@ -125,7 +127,7 @@ class Exchange:
         self._lock = threading.Lock()  # of the jobs
         self._ends = False
         self._round = 0
-        self.feedback = self._summary()
+        self.feedback = self._summary(0)
         self._thread = threading.Thread(target=self._run, name="serial-servo-bus", daemon=True)
 
     def start(self) -> None:
@@ -239,8 +241,9 @@ class Exchange:
                 log.warning("servo alarm", servo=record.servo, code=hex(record.alarm))
         # Those from before the replies, however late these are: one more of each exchange.
         self._send_goals(*targets)
-        self.longest_s = max(self.longest_s, (self._clock.now_ns() - began_ns) / NANOSECONDS)
-        self.feedback = self._summary()
+        ended_ns = self._clock.now_ns()
+        self.longest_s = max(self.longest_s, (ended_ns - began_ns) / NANOSECONDS)
+        self.feedback = self._summary(ended_ns)
 
     def _send_goals(self, targets: FloatArray, meant: IntArray) -> None:
         goals, period_s = {}, self._period_ns / NANOSECONDS
@@ -252,7 +255,7 @@ class Exchange:
         if goals:
             self.bus.write_goals(goals)
 
-    def _summary(self) -> Feedback:
+    def _summary(self, ended_ns: int) -> Feedback:
         records, states = self.records, [record.state for record in self.records]
         angles, speeds, goals = np.full((3, len(records)), np.nan)
         on = np.zeros(len(records), bool)
@@ -270,6 +273,7 @@ class Exchange:
         ]
         return Feedback(
             max((state.time_ns for state in states if state), default=0),
+            ended_ns,
             angles,
             speeds,
             goals,
