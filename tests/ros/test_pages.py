@@ -48,6 +48,7 @@ SKIPPED = {  # commands of the pages that are run
     r"robotd new-backend acme --minimal": "the same folder as the full package, which is taken",
     r".*--page": "a server; tests/features/page",
     r".*--keys": "needs a terminal; tests/ros/test_operator_tools.py",
+    r"robotd tool frame (tf|follow):": "of another program; tests/ros/test_world_frames.py",
     r"robotd move left_finger": "of a finger in a group; tests/ros/test_joint_groups.py",
     r"robotd conform --backend acme": "of a generated package; tests/features/conformance/runs",
     r"robotd new-robot rover ": "of a file that the reader has; tests/features/new_robot",

@@ -15,7 +15,6 @@ from robotd_tool_space.rotations import (
     pose_of,
     rpy_of,
 )
-from robotd_tool_space.tool_frames import CUSTOM_FRAME, CUSTOM_TOOL
 from robotd_tool_space.tool_groups import ToolGroups
 
 MAX_SHIFT_M, MAX_TURN_RAD = 1e-3, 0.01  # of a tool that counts as the same
@@ -35,7 +34,7 @@ def tool_pose_at(robot: Robot, group: JointGroup, positions: FloatArray) -> Save
     None: no kinematics, or a tool or work frame that is not in the robot's file.
     """
     tool = tool_of(robot, group)
-    if tool is None or tool.tool_name == CUSTOM_TOOL or tool.work_frame_name == CUSTOM_FRAME:
+    if tool is None or not tool.are_of_file:
         return None
     pose = _pose(tool, tool.tool_name, tool.work_frame_name, positions)
     numbers = map(float, [*pose[:3, 3], *rpy_of(pose)])

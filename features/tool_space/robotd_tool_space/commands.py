@@ -62,7 +62,11 @@ def set_tool(group: str, timeout_s: float, *, name: str) -> ExitCode:
 @client_options
 @click.pass_obj
 def set_work_frame(group: str, timeout_s: float, *, name: str) -> ExitCode:
-    """Choose a work frame by its name; none: the base of the arm."""
+    """Choose a work frame by its name; none: the base of the arm.
+
+    Of a frame in /tf, tf:NAME stays where that is now, and follow:NAME moves with it, for streams
+    of the tool.
+    """
     with robot_client(timeout_s) as client:
         require_one_robot(client)
         clients = import_ros("robotd_ros.client.tool_client")

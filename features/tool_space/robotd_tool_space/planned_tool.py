@@ -79,7 +79,7 @@ class PlannedTool(ToolFrames):
         start = self.start()
         with self._noted():
             plan = self._planner(constant_speed=constant_speed)
-            return plan_parts([step.in_base(self.work_frame) for step in steps], start, plan)
+            return plan_parts([step.in_base(self.fixed_work_frame) for step in steps], start, plan)
 
     def plan_behind(
         self, start: FloatArray, first: int, steps: Sequence[SequenceStep]
@@ -88,14 +88,14 @@ class PlannedTool(ToolFrames):
 
         Errors: see ``plan_sequence``.
         """
-        in_base = [step.in_base(self.work_frame) for step in steps]
+        in_base = [step.in_base(self.fixed_work_frame) for step in steps]
         return plan_parts(in_base, start, self._planner(constant_speed=False), first)
 
     def plan_further(
         self, last: SequenceMotion, steps: Sequence[SequenceStep]
     ) -> list[SequencePart]:
         """Return the parts of a motion with ``steps`` behind it. Errors: see ``plan_sequence``."""
-        in_base = [*last.segments, *(step.in_base(self.work_frame) for step in steps)]
+        in_base = [*last.segments, *(step.in_base(self.fixed_work_frame) for step in steps)]
         plan = self._planner(constant_speed=False)
         return plan_parts(in_base, last.motion.positions[0], plan, last.first)
 

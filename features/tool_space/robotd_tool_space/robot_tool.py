@@ -20,13 +20,14 @@ from robotd_tool_space.rotations import (
     inverse_pose,
     pose_of,
     rpy_of,
+    turned_twist,
 )
 from robotd_tool_space.segments import Line, MotionSegment, SequenceStep, check_speed
 from robotd_tool_space.sequence_parts import SequenceMotion, SequencePart
 from robotd_tool_space.sequence_run import SequenceRun, require_success
 from robotd_tool_space.tool_motion import ToolMotion, plan_joint_motion
 from robotd_tool_space.tool_stream import ToolStream
-from robotd_tool_space.twist import TwistStage
+from robotd_tool_space.twist import PoseCommand, ToolTwist, TwistStage
 
 BASE, TOOL = "base", "tool"
 
@@ -39,13 +40,14 @@ class RobotTool(PlannedTool):
     """
 
     def measured_pose(self, image: ProcessImage | None = None) -> FloatArray | None:
-        """Return the measured pose; None while a position is unknown.
+        """Return the measured pose; None while a position, or a followed frame, is unknown.
 
         Args:
             image: a copy, which does not change meanwhile; None: the present one.
         """
         positions = (image or self._robot.image.copy()).position[list(self.group.joint_axes)]
-        if not np.isfinite(positions).all():
+        lost = self.followed is not None and self.followed.failure
+        if lost or not np.isfinite(positions).all():
             return None
         return inverse_pose(self.work_frame) @ self._kinematics.forward(positions)
 
@@ -110,7 +112,7 @@ class RobotTool(PlannedTool):
         """
         check_speed(speed)
         start = self.start()
-        target = self.work_frame @ checked_pose(pose)
+        target = self.fixed_work_frame @ checked_pose(pose)
         goals = self._kinematics.solutions(target, start)
         for goal in goals:
             motion = self._plan_joints(start, goal, speed)
@@ -162,7 +164,7 @@ class RobotTool(PlannedTool):
         """
         if not segments:
             raise InvalidArgument("a sequence needs a segment")
-        in_base = [segment.in_base(self.work_frame) for segment in segments]
+        in_base = [segment.in_base(self.fixed_work_frame) for segment in segments]
         plan, start = self._planner(constant_speed=constant_speed), self.start()
         with self._noted():
             return plan(start, in_base, None)
@@ -216,4 +218,21 @@ class RobotTool(PlannedTool):
         """Return an open stream of twists; ``options`` and errors are those of ``JointStreams``."""
         _ = self._kinematics.task  # takes a while: not in the control loop
         stage = TwistStage(lambda: self._kinematics, self.group.motion_limits)
-        return ToolStream(self.group.stream(**options), stage)
+        return ToolStream(self.group.stream(**options), stage, self)
+
+    def twist_in_work_frame(self, twist: FloatArray) -> ToolTwist:
+        """Return the command of a velocity (6,) in the chosen work frame, and with a followed one.
+
+        Raises NotReady: that is not followed any more.
+        """
+        if (followed := self.followed) is None:
+            return ToolTwist(turned_twist(self.work_frame[:3, :3], twist))
+        followed.require()
+        return ToolTwist(twist, frame=followed)
+
+    def target_in_work_frame(self, pose: FloatArray) -> PoseCommand:
+        """Return the command of a pose, see ``twist_in_work_frame``."""
+        if (followed := self.followed) is None:
+            return PoseCommand(self.work_frame @ pose)
+        followed.require()
+        return PoseCommand(pose, followed)

@@ -78,6 +78,20 @@ def pose_differences(poses: FloatArray, target: FloatArray) -> FloatArray:
     return np.concatenate([shift, rotation_vectors(turned)], axis=-1)
 
 
+def moved_pose(pose: FloatArray, way: FloatArray) -> FloatArray:
+    """Return ``pose`` moved by ``way`` (6,) along fixed axes: m, and a rotation vector in rad."""
+    result = pose.copy()
+    result[:3, 3] += way[:3]
+    if way[3:].any():
+        result[:3, :3] = rotation_matrices(way[3:]) @ pose[:3, :3]
+    return result
+
+
+def turned_twist(rotation: FloatArray, twist: FloatArray) -> FloatArray:
+    """Return a twist (6,) in the axes of ``rotation`` (3, 3)."""
+    return np.concatenate([rotation @ twist[:3], rotation @ twist[3:]])
+
+
 def inverse_pose(pose: FloatArray) -> FloatArray:
     """Return the inverse of a pose (4, 4)."""
     result = np.eye(4)

@@ -13,7 +13,7 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from std_msgs.msg import Int8, String
 
-from robotd.api import FloatArray, InvalidArgument, unknown_name
+from robotd.api import FloatArray, InvalidArgument, RobotdError, unknown_name
 from robotd.api.robots import Robot
 from robotd_ros.api import STREAM, RosHost, TopicStream, add_command_subscription, read_settings
 from robotd_tool_space.node_settings import ServoSettings, ServoTopics, read_servo
@@ -85,15 +85,20 @@ class _GroupServo:
     def publish(self) -> None:
         """Publish the status."""
         status = self._stage.status if self._stream.is_open else ServoStatus()
+        if (followed := self._tool.followed) is not None and followed.failure:
+            status = status._replace(text=followed.failure)
         self._status.publish(Int8(data=int(status.code)))
         self._message.publish(String(data=status.text))
 
     def _command(
         self, read: Callable[[Any], Command], commands: Any, message: Any, sent_ns: int
     ) -> Any:
-        command = read(message)
-        moves = not isinstance(command, ToolTwist) or bool(command.twist.any())
-        return commands.reference(self._stage, command, moves=moves, sent_ns=sent_ns)
+        try:
+            command = read(message)
+        except RobotdError:
+            commands.source.admit(moves=True)  # no silence: it would move once its frame is chosen
+            raise
+        return commands.reference(self._stage, command, moves=command.moves, sent_ns=sent_ns)
 
     def _twist(self, message: TwistStamped) -> ToolTwist:
         linear, angular = message.twist.linear, message.twist.angular
@@ -101,21 +106,31 @@ class _GroupServo:
         twist: FloatArray = np.array(numbers, np.float64)
         if not np.isfinite(twist).all():
             raise InvalidArgument(f"twist {list(numbers)} has a number that is not finite")
-        return ToolTwist(twist, self._is_tool(message.header.frame_id))
+        frame = message.header.frame_id
+        if self._is_work_frame(frame):
+            return self._tool.twist_in_work_frame(twist)
+        return ToolTwist(twist, self._is_tool(frame))
 
     def _pose(self, message: PoseStamped) -> PoseCommand:
         pose = pose_of_message(message.pose)
         frame = message.header.frame_id
+        if self._is_work_frame(frame):
+            return self._tool.target_in_work_frame(pose)
         if self._is_tool(frame):
             raise InvalidArgument(f"frame_id {frame}: a pose is one in {self._tool.base}")
         return PoseCommand(pose)
+
+    def _is_work_frame(self, frame: str) -> bool:
+        return bool(frame) and frame == self._tool.work_frame_name
 
     def _is_tool(self, frame: str) -> bool:
         """Return True for the tool in force; "" is the base.
 
         The link that the tools are fixed to stands for it: clients of MoveIt Servo know no tools.
         """
-        base, *names = filter(None, (self._tool.base, self._tool.link, self._tool.tool_name))
+        tool = self._tool
+        base, *names = filter(None, (tool.base, tool.link, tool.tool_name))
         if frame and frame not in (base, *names):
-            raise InvalidArgument(unknown_name("frame_id", frame, (base, *names)))
+            known = filter(None, (base, *names, tool.work_frame_name))
+            raise InvalidArgument(unknown_name("frame_id", frame, known))
         return frame in names

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cached_property
 
 import numpy as np
 
@@ -14,8 +15,11 @@ from robotd.api import (
     NotReady,
     did_you_mean,
     get_logger,
+    read_urdf,
 )
+from robotd.api.features import EventKind, Level
 from robotd.api.robots import JointGroup, Robot
+from robotd_tool_space.followed_frame import FOLLOWED, FROZEN, FollowedFrame, FrameSource
 from robotd_tool_space.kinematics import Kinematics
 from robotd_tool_space.rotations import checked_pose, inverse_pose
 from robotd_tool_space.scene import Scene
@@ -41,6 +45,8 @@ class ToolFrames:
         on_change: called when a tool or a work frame was chosen.
         choices: number of tools and work frames that were chosen.
         scene: what the arm keeps away from; None where collisions are not checked.
+        frame_source: of the work frames ``tf:NAME`` and ``follow:NAME``; None: there are none.
+        followed: work frame that moves; None: the chosen one does not.
 
     Raises Unsupported, DescriptorError: as ``Kinematics.of_descriptor``.
     """
@@ -59,6 +65,8 @@ class ToolFrames:
         self._kinematics = self._with_tool(self._tool)
         self.choices = 0
         self.scene: Scene | None = None
+        self.frame_source: FrameSource | None = None
+        self.followed: FollowedFrame | None = None
 
     @property
     def base(self) -> str:
@@ -79,6 +87,12 @@ class ToolFrames:
     def work_frame_name(self) -> str:
         """Name of the chosen work frame; "" for the base, ``CUSTOM_FRAME`` of one that was set."""
         return self._work_frame
+
+    @property
+    def are_of_file(self) -> bool:
+        """The chosen tool and work frame are in the robot's file, or none."""
+        of_file = self._work_frame in ("", *self.work_frame_names)
+        return of_file and self._tool != CUSTOM_TOOL
 
     @property
     def tool_names(self) -> tuple[str, ...]:
@@ -114,7 +128,14 @@ class ToolFrames:
 
     @property
     def work_frame(self) -> FloatArray:
-        """The chosen work frame in the base, (4, 4)."""
+        """The chosen work frame in the base, (4, 4); of a followed one where it is now."""
+        if self.followed is not None:
+            return self.followed.pose
+        return self.work_frame_of(self._work_frame)
+
+    @property
+    def fixed_work_frame(self) -> FloatArray:
+        """The chosen work frame for plans. Raises NotReady: it is followed."""
         return self.work_frame_of(self._work_frame)
 
     def kinematics_of(self, tool: str) -> Kinematics:
@@ -130,11 +151,17 @@ class ToolFrames:
     def work_frame_of(self, name: str) -> FloatArray:
         """Return a work frame in the base, (4, 4), by its name; "" for the base.
 
-        ``CUSTOM_FRAME`` is that of ``set_work_frame``, while it is chosen. Raises
-        InvalidArgument: unknown name.
+        ``CUSTOM_FRAME`` and frames of the world are known while they are chosen. Raises
+        InvalidArgument: unknown name; NotReady: it is followed.
         """
-        if name == self._work_frame == CUSTOM_FRAME:
+        if name == self._work_frame and self.followed is not None:
+            frozen = name.replace(FOLLOWED, FROZEN)
+            text = f"work frame {name!r} moves, and only streams of the tool follow it"
+            raise NotReady(f"{text}; {frozen!r} is where it is at the choice")
+        if name == self._work_frame and name not in ("", *self.work_frame_names):
             return self._custom_frame
+        if name.startswith((FROZEN, FOLLOWED)):
+            raise InvalidArgument(f"work frame {name!r}: its pose is known once it is chosen")
         self._require_known("work frame", name, self.work_frame_names)
         return self._settings.work_frames[name].pose if name else np.eye(4)
 
@@ -163,22 +190,72 @@ class ToolFrames:
     def select_work_frame(self, name: str) -> None:
         """Choose a work frame by its name; "" for the base.
 
-        Raises InvalidArgument: unknown name; NotReady: the joints move.
+        ``tf:NAME`` is where a frame of ``/tf`` is now, and stays there. ``follow:NAME`` moves with
+        that frame, for streams. Both wait for its transforms, and need the nodes of the robot.
+
+        Raises InvalidArgument: unknown name; NotReady: the joints move, or it cannot be followed.
         """
+        if name.startswith((FROZEN, FOLLOWED)):
+            self._select_world_frame(name)
+            return
         self._require_known("work frame", name, self.work_frame_names)
-        with self._choosing(f"work frame {name!r}"):
-            self._work_frame = name
-        log.info("work frame chosen", group=self.group.name, work_frame=name or self.base)
+        self._use_work_frame(name)
 
     def set_work_frame(self, frame: FloatArray) -> None:
         """Use a work frame at ``frame`` (4, 4) in the base until another is chosen.
 
         It stays where it is, whatever it was measured from. Raises NotReady: the joints move.
         """
-        frame = checked_pose(frame, "work frame").copy()
-        with self._choosing("a work frame"):
-            self._custom_frame, self._work_frame = frame, CUSTOM_FRAME
-        log.info("work frame chosen", group=self.group.name, work_frame=CUSTOM_FRAME)
+        self._use_work_frame(CUSTOM_FRAME, checked_pose(frame, "work frame").copy())
+
+    def _select_world_frame(self, name: str) -> None:
+        what = f"work frame {name!r}"
+        if self.frame_source is None:
+            raise NotReady(f"{what}: transforms are received by the nodes of the robot only")
+        self._require_rest(what)  # of the transforms of the arm itself
+        if name.startswith(FROZEN):
+            frame = name.removeprefix(FROZEN)
+            self._use_work_frame(name, self.frame_source.find(self.base, frame))
+            return
+        frame = name.removeprefix(FOLLOWED)
+        links, on_failure = self._carried_links, self._note_lost
+        followed = self.frame_source.follow(self.base, frame, links, on_failure)
+        try:
+            self._use_work_frame(name, followed=followed)
+        except NotReady:
+            followed.end()
+            raise
+
+    def _note_lost(self, reason: str) -> None:
+        self._robot.events.add(EventKind.STATE, "tool", reason, level=Level.WARNING)
+
+    @cached_property
+    def _carried_links(self) -> tuple[str, ...]:
+        """Links that the joints of the tool move."""
+        if (path := self._robot.descriptor.urdf) is None:
+            return ()  # never: a chain has one
+        urdf = read_urdf(path)
+        moved = [urdf.joint[name].child for name in self.at_link.chain.moving]
+        return (*dict.fromkeys([*moved, self.link]),)
+
+    def _use_work_frame(
+        self,
+        name: str,
+        frame: FloatArray | None = None,
+        followed: FollowedFrame | None = None,
+    ) -> None:
+        """Choose a work frame; ``frame`` (4, 4) in the base where it is not in the file."""
+        what = f"work frame {name!r}"
+        with self._choosing(what):
+            if followed is not None:  # which starts no client that commands in it already
+                interruptions = self._robot.rearming.interruptions
+                interruptions.add(self.group.joint_axes, f"{what} was chosen")
+            before, self.followed = self.followed, followed
+            self._custom_frame = np.eye(4) if frame is None else frame
+            self._work_frame = name
+        if before is not None:
+            before.end()
+        log.info("work frame chosen", group=self.group.name, work_frame=name or self.base)
 
     @contextmanager
     def _choosing(self, what: str) -> Iterator[None]:

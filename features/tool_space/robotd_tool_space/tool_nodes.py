@@ -16,6 +16,7 @@ from robotd_ros.qos import LATCHED
 from robotd_ros.run_nodes import NodeContext
 from robotd_tool_space.scene_services import SceneServices
 from robotd_tool_space.sequence_services import MoveSequenceAction
+from robotd_tool_space.tf_frames import TfFrames
 from robotd_tool_space.tool_groups import ToolGroups
 from robotd_tool_space.tool_services import MoveToolAction, ToolServices
 
@@ -27,6 +28,9 @@ STATIC_TOPIC = "/tf_static"
 def add_tool_nodes(context: NodeContext, tools: ToolGroups) -> Iterator[None]:
     """Add services, topics and the actions."""
     frames = FrameTopics(context, tools)
+    source = TfFrames(context)
+    for tool in tools.values():
+        tool.frame_source = source
     ToolServices(context, tools)
     MoveToolAction(context, tools)
     MoveSequenceAction(context, tools)

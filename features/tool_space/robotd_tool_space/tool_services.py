@@ -67,6 +67,8 @@ class ToolServices:
 
     def _compute_fk(self, request: Any, response: Any) -> str:
         tool = self._tools.of(request.group)
+        if tool.followed is not None:
+            tool.followed.require()
         pose = tool.kinematics.forward(self._positions(tool, request.joint_state))
         fill_pose(response.pose_stamped.pose, inverse_pose(tool.work_frame) @ pose)
         response.pose_stamped.header.frame_id = tool.work_frame_name or tool.base

@@ -25,8 +25,14 @@ import numpy as np
 from robotd.api import FloatArray
 from robotd.api.robots import JointLimits, MotionLimits
 from robotd_tool_space.differential import Differential, Rates
+from robotd_tool_space.followed_frame import FollowedFrame, FrameMotion
 from robotd_tool_space.kinematics import Kinematics
-from robotd_tool_space.rotations import pose_differences, rotation_matrices
+from robotd_tool_space.rotations import (
+    moved_pose,
+    pose_differences,
+    rotation_matrices,
+    turned_twist,
+)
 from robotd_tool_space.servo_status import ServoCode, ServoStatus
 from robotd_tool_space.twist_limits import FactorRamp, ToolTwistLimits, TwistRamp
 
@@ -58,10 +64,17 @@ class ToolTwist:
     Attributes:
         twist: (6,) linear and angular.
         in_tool: in the axes of the tool; False: of the base.
+        frame: that carries the tool, and in whose axes and to which the velocity is; None: none.
     """
 
     twist: FloatArray
     in_tool: bool = False
+    frame: FollowedFrame | None = None
+
+    @property
+    def moves(self) -> bool:
+        """The tool moves, or may do so as it is carried."""
+        return self.frame is not None or bool(self.twist.any())
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,13 +82,17 @@ class PoseCommand:
     """Pose to go to, on a straight line until the next command.
 
     Attributes:
-        pose: (4, 4) of the tool in the base.
+        pose: (4, 4) of the tool in ``frame``.
+        frame: that carries the tool; None: the base.
     """
 
     pose: FloatArray
+    frame: FollowedFrame | None = None
+    moves = True
 
 
 Command = ToolTwist | PoseCommand
+UNMOVED = FrameMotion(np.eye(4), np.zeros(6))  # the base
 
 
 class TwistStage:
@@ -163,7 +180,7 @@ class TwistStage:
             twist = self._twist_in_base(self._ramp.advance())
             factor = self._factor.factor
         now = factor * twist
-        self.pose = _moved(self.pose, 0.5 * dt * (before + now))
+        self.pose = moved_pose(self.pose, 0.5 * dt * (before + now))
         following = rates.inverse @ now
         if rates.missing <= MAX_MISSING_SHARE:
             moving = float(np.linalg.norm(now)) / FULL_GAIN_AT
@@ -268,7 +285,7 @@ class TwistStage:
         in_base = STOP_WAY_SHARE * factor * self._twist_in_base(way)
         # The joints bend while the tool goes straight: steps of Newton's from where they lead.
         stopped = at + rates.inverse @ in_base
-        pose = _moved(self.pose, self._curved(in_base))
+        pose = moved_pose(self.pose, self._curved(in_base))
         for _ in range(STOP_STEPS):
             stopped += rates.inverse @ pose_differences(self._chain.forward(stopped), pose)
         self._obstacle = obstacle(at, stopped)
@@ -312,12 +329,21 @@ class TwistStage:
 
     def _obey(self, command: Command) -> None:
         """Let the ramp lead to what the command asks for now."""
+        motion = UNMOVED if command.frame is None else command.frame.motion()
+        if motion is None:  # it is not followed any more
+            self.stop()
+            return
         if isinstance(command, ToolTwist):
             self._change_frame(command.in_tool)
-            self._go(self._limits.slowed(command.twist))
+            twist = command.twist
+            if command.frame is not None:
+                twist = turned_twist(motion.pose[:3, :3], twist)
         else:
             self._change_frame(in_tool=False)
-            self._go(self._towards(command.pose))
+            twist = self._towards(motion.pose @ command.pose)
+        if command.frame is not None:
+            twist = twist + motion.twist_at(self.pose[:3, 3])
+        self._go(self._limits.slowed(twist))
 
     def _go(self, target: FloatArray) -> None:
         """Let the ramp lead to ``target``, no faster than the joints can."""
@@ -359,7 +385,7 @@ class TwistStage:
         return toward
 
     def _twist_in_base(self, twist: FloatArray) -> FloatArray:
-        return _turned(self.pose[:3, :3], twist) if self._in_tool else twist
+        return turned_twist(self.pose[:3, :3], twist) if self._in_tool else twist
 
     def _curved(self, way: FloatArray) -> FloatArray:
         """Return the way (6,) of a twist in force, which turns with the tool in its own axes."""
@@ -372,23 +398,9 @@ class TwistStage:
         if in_tool == self._in_tool:
             return
         rotation = self.pose[:3, :3].T if in_tool else self.pose[:3, :3]
-        self._ramp.turn(
-            _turned(rotation, self._ramp.twist), _turned(rotation, self._ramp.acceleration)
-        )
+        twist, acceleration = self._ramp.twist, self._ramp.acceleration
+        self._ramp.turn(turned_twist(rotation, twist), turned_twist(rotation, acceleration))
         self._in_tool = in_tool
-
-
-def _turned(rotation: FloatArray, twist: FloatArray) -> FloatArray:
-    return np.concatenate([rotation @ twist[:3], rotation @ twist[3:]])
-
-
-def _moved(pose: FloatArray, way: FloatArray) -> FloatArray:
-    """Return ``pose`` moved by ``way`` (6,) in the base, m and rad."""
-    result = pose.copy()
-    result[:3, 3] += way[:3]
-    if way[3:].any():
-        result[:3, :3] = rotation_matrices(way[3:]) @ pose[:3, :3]
-    return result
 
 
 def _braking_speed(way: FloatArray, strong: FloatArray, seconds: float) -> FloatArray:

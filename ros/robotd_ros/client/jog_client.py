@@ -10,7 +10,6 @@ from typing import Any, ClassVar
 from geometry_msgs.msg import TwistStamped
 from robotd_msgs.msg import CommandRejection
 from std_msgs.msg import String
-from tf2_msgs.msg import TFMessage
 from wmx_ros2_message.msg import AxisState, AxisVelocity
 
 from robotd.errors import OperationError
@@ -19,11 +18,11 @@ from robotd_ros.client.operator_client import STANDING, ProblemListener, with_re
 from robotd_ros.client.ros_client import RosClient
 from robotd_ros.client.status_client import (
     AXIS_STATE,
-    TOOL_POSE,
     AxisReport,
     axis_reports,
     read_axes,
 )
+from robotd_ros.client.tool_client import tool_pose
 from robotd_ros.operator_messages import REJECTIONS
 
 JOG = "wmx/axis/jog"
@@ -115,17 +114,16 @@ class ToolJogClient(JogClient):
 
     Args:
         stack: leaves its subscriptions.
-        in_tool: directions are those of the tool; False: of the base.
+        tool: directions are those of the "base", the "tool" or the chosen work "frame".
     """
 
     topic, message_type = TWISTS, TwistStamped
 
-    def __init__(self, client: RosClient, stack: ExitStack, *, in_tool: bool) -> None:
+    def __init__(self, client: RosClient, stack: ExitStack, tool: str) -> None:
         super().__init__(client, stack)
         self.choices = DIRECTIONS
-        poses = stack.enter_context(client.listen(TFMessage, TOOL_POSE))
-        pose = poses.wait().transforms[0]
-        self._frame = pose.child_frame_id if in_tool else pose.header.frame_id
+        _, work_frame, name = tool_pose(client)
+        self._frame = {"base": "", "tool": name, "frame": work_frame}[tool]
         self._reason = stack.enter_context(client.listen(String, REASON))
         self._jogged.update(range(len(self.identities)))
 
@@ -149,7 +147,8 @@ def jog_client(client: RosClient, tool: str | None = None) -> Iterator[JogClient
     """Find the running robot.
 
     Args:
-        tool: jog the tool, in the axes of "base" or "tool"; None: the axes of the robot.
+        tool: jog the tool, in the axes of "base", "tool" or work "frame"; None: the axes of the
+            robot.
 
     Raises:
         DeviceTimeout: no robot with the node ``wmx_core_motion_node`` answers, or ``servo_node``
@@ -157,11 +156,7 @@ def jog_client(client: RosClient, tool: str | None = None) -> Iterator[JogClient
         OperationError: motion is stopped or paused.
     """
     with ExitStack() as stack:
-        jog = (
-            JogClient(client, stack)
-            if tool is None
-            else ToolJogClient(client, stack, in_tool=tool == "tool")
-        )
+        jog = JogClient(client, stack) if tool is None else ToolJogClient(client, stack, tool)
         if reason := jog.state().hindrance:
             raise OperationError(reason)
         yield jog

@@ -41,8 +41,8 @@ def finite(ctx: click.Context, param: click.Parameter, value: float | None) -> f
 @click.option("--keys", is_flag=True, help="Hold an arrow key to move, release it to stop.")
 @click.option(
     "--tool",
-    type=click.Choice(["base", "tool"]),
-    help="With --keys: move the tool, along the axes of the base or of the tool.",
+    type=click.Choice(["base", "tool", "frame"]),
+    help="With --keys: move the tool, along the axes of base, tool or chosen work frame.",
 )
 @click.option("--deg", is_flag=True, help="Increment and speed of turning joints are in degrees.")
 @click.option(

@@ -31,7 +31,7 @@ HELP = "←/→ hold to move   1-9 {what}   +/- speed   q end   any other key st
 def jog_by_keys(timeout_s: float, speed: float, tool: str | None = None) -> ExitCode:
     """Jog until a key, a signal or the loss of the terminal.
 
-    ``tool``: jog the tool, in the axes of "base" or "tool"; None: the axes of the robot.
+    ``tool``: jog the tool, in the axes of "base", "tool" or "frame"; None: the axes of the robot.
 
     Everything is at rest then. Raises Rejected with the robot's reason where motion is not allowed.
     """

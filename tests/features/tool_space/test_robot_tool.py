@@ -231,7 +231,7 @@ def test_a_work_frame_that_is_not_in_the_file(robot: Robot, tool: RobotTool) -> 
         tool.set_work_frame(np.eye(3))
     with tool.follow(tool.plan_lines([tool.pose_relative(x=0.02)])) as execution:
         robot.step(20)
-        with pytest.raises(NotReady, match="a work frame: the joints move"):
+        with pytest.raises(NotReady, match="work frame 'custom_frame': the joints move"):
             tool.set_work_frame(frame_before)
         tool.wait(execution)
     tool.select_work_frame("table")
