@@ -50,6 +50,7 @@ RULES = (
     Rule(
         "told", r"\b(?:is|are|was|were|been|unless|not) told\b", "is reported, is asked, by default"
     ),
+    Rule("begin", r"\b(?:the|a|its|their) begin\b", "start"),
     Rule("heard", r"\bheard\b", "received"),
     Rule("whoever", r"\bwhoever\b", "the actor: client, worker, caller"),
     Rule("meant so", r"\bmeant so\b", "by design"),

@@ -25,6 +25,7 @@ SENTENCES = {
     "heard": "the answer was not heard",
     "whoever": "whoever asked",
     "meant so": "it is meant so",
+    "begin": "at the begin of the path",
 }
 
 

@@ -79,7 +79,7 @@ class SteeredKinematics(BaseKinematics, Protocol):
         """Return the follower of one motion, which keeps the limits of the steering axes.
 
         Args:
-            angles: of the steering axes at the begin, rad; the driven wheels are at rest.
+            angles: of the steering axes at the start, rad; the driven wheels are at rest.
             acceleration: highest one of a driven wheel, rad/s².
             period_s: of the control loop.
         """

@@ -33,7 +33,7 @@ class HeldJog:
 
     Attributes:
         lag_s: largest following error over the speed of the command.
-        travel: commanded since the begin, rad or m.
+        travel: commanded since the start, rad or m.
     """
 
     def __init__(self, stream: JointStream, axis: CommissionedAxis) -> None:

@@ -17,7 +17,7 @@ from robotd.api.commands import (
     log_options,
     parse_integer,
 )
-from robotd_messages.goal_results import GOAL_RESULTS
+from robotd_messages.goal_result_codes import GOAL_RESULTS
 
 if TYPE_CHECKING:  # it needs NumPy
     from robotd_recording.recording_reader import Recording

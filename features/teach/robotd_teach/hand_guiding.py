@@ -62,7 +62,7 @@ class HandGuiding:
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self._session: _Session | None = None  # the newest
-        self._lock = threading.Lock()  # of its begin and end
+        self._lock = threading.Lock()  # of its start and end
         robot.control_loop.every(robot.descriptor.cycle.rate_hz, "hand guiding", self._look)
 
     @property
@@ -203,7 +203,7 @@ class _Session:
     Attributes:
         axes: of the joints.
         reason: why it has ended; "" while it goes on.
-        begun_ns, kept_ns: its begin on the robot's clock, and that of the lease in
+        begun_ns, kept_ns: its start on the robot's clock, and that of the lease in
             ``listened_ns``: a computer that stalls ends no lease.
         speeds: (m,) measured, rad/s or m/s.
     """

@@ -17,7 +17,7 @@ class FileMotion(NamedTuple):
 
     Attributes:
         source: the file, for errors.
-        times_s: (k,) of the rows, increasing, in s from the begin of the file.
+        times_s: (k,) of the rows, increasing, in s from the start of the file.
         positions: (k, n), rad or m.
     """
 
@@ -37,7 +37,7 @@ class FileMotion(NamedTuple):
             raise InvalidArgument(f"{source}: no positions in this part of its time")
         if (length_s := times_s[-1] - times_s[0]) > MAX_S:
             text = f"it lasts {length_s:.0f} s, a path at most {MAX_S:g} s"
-            raise InvalidArgument(f"{source}: {text}: choose a part by its begin and end")
+            raise InvalidArgument(f"{source}: {text}: choose a part by its start and end")
         moved = np.array([MOVED[unit] for unit in limits.units])
         gaps = (np.diff(times_s) > GAP_S) & (np.abs(np.diff(rows, axis=0)) > moved).any(axis=1)
         if gaps.any():

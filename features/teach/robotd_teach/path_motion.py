@@ -45,7 +45,7 @@ class PathMotion:
         approach_s: time at which the path begins.
         deviation: (n,) largest distance of each joint from the curve of the path.
         parts: of the recorded time of the path at each point of ``motion``, 0 to 1; those before
-            the path have that of its begin.
+            the path have that of its start.
     """
 
     motion: ToolMotion

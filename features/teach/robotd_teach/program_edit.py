@@ -118,7 +118,7 @@ def _index(mapping: yaml.MappingNode, key: str) -> int | None:
 
 
 def _added(text: str, mapping: yaml.MappingNode, pair: str) -> str:
-    """Return ``text`` with one more pair in a mapping, at its end or, in a block, its begin."""
+    """Return ``text`` with one more pair in a mapping, at its end or, in a block, its start."""
     if mapping.flow_style:
         end = _end(mapping.value[-1][1]).index if mapping.value else mapping.start_mark.index + 1
         return _replaced(text, end, end, f", {pair}" if mapping.value else pair)

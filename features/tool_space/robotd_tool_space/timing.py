@@ -1,4 +1,4 @@
-"""Times along a path: as fast as the limits of tool and joints allow.
+"""Time parametrization of a path: as fast as the limits of tool and joints allow, also in blends.
 
 The squared speed x = (ds/dt)² of the parameter s is limited by the joint speeds, and its slope
 2·d²s/dt² by the joint accelerations q'·s̈ + q''·x. That is linear in x, so that the fastest motion
@@ -9,9 +9,9 @@ Robotics 34(3), 2018). The accelerations then have steps; a moving average over 
 them into ramps. The parts between two stops are averaged each by itself: an average across a stop
 would pass it with some speed.
 
-Where the path bends the tool's acceleration has a part c·x with the second derivative c by s: it
-gets up to ``ACROSS`` of the limit, which bounds x, and d²s/dt² the rest, by Pythagoras. Both bounds
-hold as far before and behind as the moving average reaches, so that they hold for the average.
+In corners (blends) and arcs the tool's acceleration has a part c·x with the second derivative c by
+s: it gets up to ``ACROSS`` of the limit, which bounds x, and d²s/dt² the rest, by Pythagoras. Both
+bounds hold as far before and after as the moving average reaches, so that they hold for that.
 """
 
 from __future__ import annotations

@@ -291,7 +291,7 @@ class CornerCurve:
     increasing speed: between two lines a parabola.
 
     Attributes:
-        reach_s: of the end of the first curve, and of the begin of the second one.
+        reach_s: of the end of the first curve, and of the start of the second one.
     """
 
     before: ToolCurve

@@ -267,7 +267,7 @@ def knot_times(timing: Timing, knot_s: float) -> FloatArray:
 
 
 def knots_at(joints: Curve, timing: Timing, times_s: FloatArray) -> ToolMotion:
-    """Return points of a curve with a timing, at times (k,) from its begin to its end."""
+    """Return points of a curve with a timing, at times (k,) from its start to its end."""
     at_s, rate = timing.at(times_s)
     at_s[-1], rate[0], rate[-1] = joints.at_s[-1], 0.0, 0.0
     positions, slopes = joints.exact(at_s)

@@ -46,7 +46,7 @@ class Piece:
     length_s: float
 
     def poses(self, at_s: FloatArray) -> FloatArray:
-        """Return the poses (k, 4, 4) at (k,) s from the begin of the piece."""
+        """Return the poses (k, 4, 4) at (k,) s from the start of the piece."""
         return self.curve.poses(self.begin_s + at_s)
 
 

@@ -178,7 +178,7 @@ class SteeringFollower:
 
     Args:
         wheels: kinematics of the base.
-        angle: at the begin, rad; the wheel is at rest.
+        angle: at the start, rad; the wheel is at rest.
         acceleration: of the driven wheel, rad/s².
         period_s: of the control loop.
 

@@ -14,7 +14,8 @@ from robotd_canopen.layout import AxisLayout
 from robotd_canopen.pdo import Pdo
 from robotd_cia402.modes import OperationMode
 from robotd_cia402.object_numbers import DEMAND, INPUTS, MODE_DISPLAY, POSITION
-from robotd_cia402.scaling import PositionPlausibility, Scaling
+from robotd_cia402.plausibility import PositionPlausibility
+from robotd_cia402.scaling import Scaling
 
 _ALLOWED_MISSES = 5  # turns in a row that a TPDO may miss, however short they are
 _REPORT_BEFORE = 0.8  # of the age at which values are stale: the error names a node, not an age

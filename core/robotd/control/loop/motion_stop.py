@@ -32,7 +32,7 @@ class MotionStop:
     ) -> None:
         self._axes, self._mixer = axes, mixer
         self._connection, self._clock = axes.connection, axes.clock
-        self._was_active = False  # at the begin of the period
+        self._was_active = False  # at the start of the period
         self._shown = True  # the image is newer than the end of all sources
         self._input_name = ""
         self._forbids_motion: Callable[[], bool] = lambda: False  # by the input

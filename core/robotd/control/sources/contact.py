@@ -50,7 +50,7 @@ class Contact(NamedTuple):
 
 
 class ContactWatch:
-    """Compares torques with those at the begin of a motion. Control-loop thread.
+    """Compares torques with those at the start of a motion. Control-loop thread.
 
     Attributes:
         contact: the first one; None before.

@@ -22,7 +22,7 @@ class Aspect:
         faults: kinds of fault of mutants that belong to it.
         themes: files of checks that are about it, without ``test_``.
         without: letter of the reason why a clause cannot have a check, by the clauses it holds for;
-            a clause is named whole, or by the begin of its id.
+            a clause is named whole, or by the start of its id.
     """
 
     faults: tuple[str, ...]

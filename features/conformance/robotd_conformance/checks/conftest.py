@@ -127,7 +127,7 @@ def pytest_runtest_makereport(
     report = yield
     if report.failed and report.when == "call":
         time_s = item.config.stash[TARGET].passed_s
-        report.sections.append(("time", f"failed {time_s:.3f} s after the begin of the check"))
+        report.sections.append(("time", f"failed {time_s:.3f} s after the start of the check"))
     return report
 
 

@@ -15,7 +15,7 @@ from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.recorded_motion import ramped
 
 SHARE = 0.25  # of the speed of a profile
-RAMP_S, MOVES_S = 0.1, 0.25  # of a stream; from the begin of all motions to their end
+RAMP_S, MOVES_S = 0.1, 0.25  # of a stream; from the start of all motions to their end
 POINTS = 40  # of a trajectory
 SLOWEST_AXIS = 0.6  # speed of the last axis, to that of the first
 SLOWEST, FASTEST = 0.7, 1.4  # measured speed of an axis in motion, to the commanded one
@@ -75,12 +75,12 @@ class MixedMotion:
         harness: enabled.
         turn: above.
         idle: axes that execute nothing.
-        seconds: from the begin of the motions to their end, at most.
+        seconds: from the start of the motions to their end, at most.
 
     Attributes:
         kinds: of each axis.
         speeds: (n_axes,) signed.
-        brakes_s: time from the begin at which the setpoints slow down; inf: never.
+        brakes_s: time from the start at which the setpoints slow down; inf: never.
         sends: setpoints are sent.
     """
 

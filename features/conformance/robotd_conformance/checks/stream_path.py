@@ -10,7 +10,7 @@ from robotd_conformance.checks.mixed_motion import SLOWEST_AXIS
 from robotd_conformance.checks.recorded_motion import ramped
 
 SHARE, RAMP_S = 0.25, 0.1  # of a profile's speed, and the time to reach it
-CRUISE_S = 0.25  # from the begin until it slows down
+CRUISE_S = 0.25  # from the start until it slows down
 
 
 class Path:

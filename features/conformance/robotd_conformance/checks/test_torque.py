@@ -1,4 +1,4 @@
-"""Torque stream: held at its begin, in position control and at rest after its end."""
+"""Torque stream: held at its start, in position control and at rest after its end."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from robotd_conformance.checks.recorded_motion import (
 JOG_SHARES = (1.0, 0.35, -1.0)  # of the speed of a profile
 EXACT = 0.02  # share by which a velocity may differ from the commanded one
 STREAM_SHARE, RAMP_S = 0.6, 0.15  # of a profile's speed; of a stream
-STOPPED_S = 0.3  # after the begin of a stream
+STOPPED_S = 0.3  # after the start of a stream
 INTERMEDIATE = (0.08, 0.92)  # shares of the speed: neither the one before the stop nor rest
 STEPS_PERIOD_S = 0.01  # longest period in which a ramp shows intermediate velocities
 WAVE_HZ, WAVES, WAVE_SHARE = 2.0, 2, 0.05  # of a stream that curves; of the travel

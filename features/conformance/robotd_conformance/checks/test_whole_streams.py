@@ -91,7 +91,7 @@ def test_setpoints_may_be_overwritten_after_the_call(streamed: Harness, mode: Co
 
 @pytest.mark.clause("AxisDriver.begin_stream/operation", "AxisDriver.stream/position")
 def test_a_stream_that_rests_goes_on(streamed: Harness) -> None:
-    """The same setpoint for longer than any time-out, and then others, back to the begin.
+    """The same setpoint for longer than any time-out, and then others, back to the start.
 
     From the start pose into the travel of the axes, and from the end of that way to the other side.
     """
