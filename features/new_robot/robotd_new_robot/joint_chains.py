@@ -9,19 +9,23 @@ from itertools import takewhile
 from robotd.api.models import NAME, UrdfJoint, UrdfRobot
 from robotd_new_robot.answers import legal_name
 
+ARM_JOINTS = 3  # least of a chain that is called the arm
 _GENERIC = re.compile(r"_*(joint|axis|link)?_*[0-9]*$", re.IGNORECASE)
 
 
 def propose_groups(
-    urdf: UrdfRobot, joints: Sequence[UrdfJoint], known: Mapping[str, Sequence[str]] | None = None
+    urdf: UrdfRobot,
+    joints: Sequence[UrdfJoint],
+    hands: Sequence[Sequence[UrdfJoint]] = (),
+    known: Mapping[str, Sequence[str]] | None = None,
 ) -> Mapping[str, tuple[UrdfJoint, ...]]:
     """Return groups by name; empty for a single chain, which needs none.
 
-    A torso with two arms gives three groups. One joint at the end of a chain, such as a servo
-    gripper, belongs to the chain that carries it.
+    A torso with two arms gives three groups, and each gripper or hand one of its own.
 
     Args:
         joints: with an axis each, depth first.
+        hands: joints of each gripper or hand.
         known: names of joints of groups that share none; chains are proposed for the other joints.
     """
     taken = {joint.name for joint in joints}
@@ -30,10 +34,23 @@ def propose_groups(
         if held := tuple(joint for joint in joints if joint.name in members):
             groups[_legal(name, taken)] = held
     rest = [joint for joint in joints if not any(joint in held for held in groups.values())]
+    fingers = [held for hand in hands if (held := tuple(j for j in rest if j in hand))]
+    rest = [joint for joint in rest if not any(joint in held for held in fingers)]
     chains = _chains(urdf, rest)
-    if not groups and len(chains) < 2:
+    if not groups and len(chains) + len(fingers) < 2:
         return {}
-    return {**groups, **dict(zip(_names(chains, taken), map(tuple, chains), strict=True))}
+    groups |= dict(zip(_names(chains, taken), map(tuple, chains), strict=True))
+    for held in fingers:
+        kind = "gripper" if len(held) == 1 else "hand"
+        arm = _arm_of(urdf, held[0], groups) if len(fingers) > 1 else ""
+        groups[_legal(f"{arm}_{kind}" if arm else kind, {*groups})] = held
+    return groups
+
+
+def _arm_of(urdf: UrdfRobot, joint: UrdfJoint, groups: Mapping[str, Sequence[UrdfJoint]]) -> str:
+    """Return the group whose joints carry ``joint``; "" without."""
+    holding = carrier(urdf, joint, [held for group in groups.values() for held in group])
+    return next((name for name, group in groups.items() if holding in group), "")
 
 
 def _chains(urdf: UrdfRobot, joints: Sequence[UrdfJoint]) -> list[list[UrdfJoint]]:
@@ -43,7 +60,7 @@ def _chains(urdf: UrdfRobot, joints: Sequence[UrdfJoint]) -> list[list[UrdfJoint
     chains: list[list[UrdfJoint]] = []
     for joint in joints:
         before = carriers[joint.name]
-        if before and (len(carried[before.name]) == 1 or not carried[joint.name]):
+        if before and len(carried[before.name]) == 1:
             chain = chain_of[before.name]
         else:
             chain = []
@@ -56,11 +73,16 @@ def _chains(urdf: UrdfRobot, joints: Sequence[UrdfJoint]) -> list[list[UrdfJoint
 def _names(chains: Sequence[Sequence[UrdfJoint]], taken: set[str]) -> list[str]:
     """Return a name for each chain that is none of ``taken``.
 
-    Where the common beginnings of the joints say nothing, as in joint_1 to joint_14, the links say
-    more; where they do not either, the last link names the chain.
+    Where the common beginning of the joints says nothing, as in joint_1 to joint_14, that of the
+    links says more; where it does not either, the last link names the chain, or it is the arm.
     """
-    for part in ("name", "child"):
-        names = [_common_beginning([getattr(joint, part) for joint in chain]) for chain in chains]
+    last = [legal_name(chain[-1].child, "group") for chain in chains]
+    for numbered in (False, True):  # with the number where only it differs: panda_1, panda_2
+        names = [_chain_name(chain, numbered=numbered) for chain in chains]
+        unnamed = [chain for chain, name in zip(chains, names, strict=True) if not name]
+        if len(unnamed) == 1 and len(unnamed[0]) >= ARM_JOINTS:
+            names[names.index("")] = "arm"
+        names = [name or link for name, link in zip(names, last, strict=True)]
         if _usable(names, taken):
             return names
     return [_legal(chain[-1].child, taken) for chain in chains]
@@ -94,12 +116,27 @@ def _legal(name: str, taken: set[str]) -> str:
     return unique
 
 
-def _common_beginning(names: Sequence[str]) -> str:
-    """Return the common beginning of the names, without ``joint`` and numbers; may be empty."""
+def _chain_name(chain: Sequence[UrdfJoint], *, numbered: bool) -> str:
+    """Return the common beginning of the joints, or of their links; "" where both say nothing."""
+    for part in ("name", "child"):
+        name = _common_beginning([getattr(joint, part) for joint in chain], numbered=numbered)
+        if NAME.fullmatch(name) and _GENERIC.sub("", name):
+            return name
+    return ""
+
+
+def _common_beginning(names: Sequence[str], *, numbered: bool) -> str:
+    """Return the common beginning of the names; may be empty.
+
+    It is without ``joint`` and numbers at its end; with them if ``numbered``, where a part of the
+    name follows.
+    """
     columns = zip(*names, strict=False)
     common = "".join(
         column[0] for column in takewhile(lambda letters: len({*letters}) == 1, columns)
     )
     if len(names) > 1 and "_" in common:
         common = common[: common.rindex("_")]
+        if numbered:
+            return common
     return _GENERIC.sub("", common)

@@ -10,15 +10,19 @@ from pathlib import Path
 
 from robotd.api import DescriptorError, UrdfJoint, UrdfRobot
 from robotd_new_robot.answers import check_joint_names, check_mimics, check_ranges
-from robotd_new_robot.joint_chains import carrier
-from robotd_new_robot.wheel_base import WheelBase, left_first, wheel_base
+from robotd_new_robot.hands import Hand, find_hands
+from robotd_new_robot.wheel_base import WheelBase, find_base, wheel_base
+from robotd_new_robot.wheels import (
+    UPRIGHT,
+    BaseKind,
+    find_wheels,
+    is_passive,
+    nearest_carrier,
+    steering_of,
+)
 
-# A caster; a suspension, which a drive would hold against the springs.
-_PASSIVE = re.compile(r"cast[eo]r|idler|rocker|bogie|suspension|wheel_?drop", re.IGNORECASE)
-_FREE = re.compile(r"swivel|roller", re.IGNORECASE)  # without limits; else an axis of a machine
-_WHEEL = re.compile(r"wheel", re.IGNORECASE)
-UPRIGHT = 0.9  # part of an axis along z
-ENDLESS_RAD = 1e3  # range of a wheel that an exporter writes as revolute
+_WHOLE_BASE = re.compile(r"root|virtual|world|dummy|planar|odom", re.IGNORECASE)
+FIELD_M = 4.0  # least travel of a slide of a joint called base: a rail of an arm has less
 
 
 class GripperDrive(StrEnum):
@@ -34,7 +38,8 @@ class Choices:
     """Answers that a URDF does not contain.
 
     Attributes:
-        wheels: joints of the driven wheels, the left ones first; empty: found by name.
+        wheels: joints of the driven wheels, the left ones first; empty: found.
+        kind: of a base on four wheels, which a URDF seldom shows; None: asked for.
         wheel_radius_m: None: from the wheels' cylinders.
         base: False takes no joint for a wheel.
         gripper: actuator of the fingers.
@@ -47,6 +52,7 @@ class Choices:
     """
 
     wheels: tuple[str, ...] = ()
+    kind: BaseKind | None = None
     wheel_radius_m: float | None = None
     base: bool = True
     gripper: GripperDrive = GripperDrive.OUTPUT
@@ -96,6 +102,7 @@ class Roles:
         arm: joints with an axis each, in the order of the tree.
         base: None without driven wheels.
         fingers: None without a gripper on an output bit.
+        hands: grippers and hands, with or without axes.
         passive: joints without an axis, each with the reason.
     """
 
@@ -103,6 +110,7 @@ class Roles:
     base: WheelBase | None
     fingers: FingerJoints | None
     passive: tuple[tuple[UrdfJoint, str], ...]
+    hands: tuple[Hand, ...] = ()
 
 
 def assign_roles(urdf: UrdfRobot, choices: Choices, path: Path) -> Roles:
@@ -119,20 +127,22 @@ def assign_roles(urdf: UrdfRobot, choices: Choices, path: Path) -> Roles:
     passive += [
         (joint, "a passive wheel or suspension, by its name")
         for joint in free
-        if _is_passive(joint) and joint.name not in choices.passive
+        if is_passive(joint) and joint.name not in choices.passive
     ]
+    passive += [(joint, "moves the whole base") for joint in _whole_base(urdf)]
     if base is not None:
-        _check_steering(urdf, base, path)
-        passive += _idle_wheels(urdf, free)
+        passive += _idle_wheels(urdf, base)
     idle = {joint.name for joint, _ in passive}
     free = [joint for joint in free if joint.name not in idle]
     check_mimics(urdf, free, path)
     groups = _finger_groups(urdf, free)
+    hands = find_hands(urdf, free, [joint for group in groups for joint in group.joints])
     fingers = None
     held = {joint.name for group in groups for joint in group.joints}
     is_alone = base is None and held >= {joint.name for joint in free}
     # A gripper alone is a robot of one axis: a valve would leave nothing to drive.
-    if choices.gripper is GripperDrive.OUTPUT and len(groups) == 1 and not is_alone:
+    is_gripper = len(groups) == 1 and _moves_as_one(groups[0], hands)
+    if choices.gripper is GripperDrive.OUTPUT and is_gripper and not is_alone:
         fingers = groups[0]
         free = [joint for joint in free if joint not in fingers.joints]
     elif choices.gripper is GripperDrive.NONE:
@@ -150,94 +160,74 @@ def assign_roles(urdf: UrdfRobot, choices: Choices, path: Path) -> Roles:
     arm = tuple(joint for joint in free if joint.mimic is None)
     check_ranges((*arm, *(fingers.joints[:1] if fingers else ())), path)
     _check_offsets(fingers, path)
-    return Roles(arm, base, fingers, tuple(passive))
+    return Roles(arm, base, fingers, tuple(passive), tuple(hands))
 
 
 def _base(urdf: UrdfRobot, choices: Choices, path: Path) -> WheelBase | None:
     if not choices.base:
         return None
-    if choices.wheels:
-        check_joint_names(choices.wheels, "--wheels", urdf, path)
-        named = [urdf.joint[name] for name in choices.wheels]
-        return wheel_base(urdf, named, choices.wheel_radius_m, path)
-    found = [
-        joint
-        for joint in urdf.joints
-        if _is_wheel(urdf, joint) and joint.name not in choices.passive
-    ]
-    if not found:
-        return None
-    wheels = left_first(urdf, found)
-    if len(found) != 2:  # which of them are driven, and how, the file does not say
-        names = ",".join(joint.name for joint in wheels)
-        what = (
-            f"{len(found)} wheels ({names}): name the driven ones, the left ones first, by --wheels"
-            f" LEFT,RIGHT or, on a skid-steer base, --wheels {names}; the others are passive then;"
-            " --no-base makes each an axis of its own; mecanum and steered bases are described by"
-            " hand, as in robots/mecanum_base and robots/tricycle_base"
-        )
-        raise DescriptorError(what, path=path, line=found[0].line, key=found[0].name)
-    return wheel_base(urdf, wheels, choices.wheel_radius_m, path)
-
-
-def _is_passive(joint: UrdfJoint) -> bool:
-    is_free = joint.type == "continuous" and _FREE.search(joint.name)
-    return bool(_PASSIVE.search(joint.name) or is_free)
-
-
-def _is_wheel(urdf: UrdfRobot, joint: UrdfJoint) -> bool:
-    is_endless = joint.type == "revolute" and joint.upper - joint.lower > ENDLESS_RAD
-    return (
-        (joint.type == "continuous" or (is_endless and joint.has_range))
-        and joint.mimic is None
-        and bool(_WHEEL.search(joint.name) or _WHEEL.search(joint.child))
-        and not _is_passive(joint)
-        and not urdf.carries(joint)
-    )
-
-
-def _check_steering(urdf: UrdfRobot, base: WheelBase, path: Path) -> None:
-    """Raise DescriptorError for a driven wheel that is steered."""
+    if not choices.wheels:
+        wheels = find_wheels(urdf, choices.passive)
+        return find_base(urdf, wheels, choices.kind, choices.wheel_radius_m, path)
+    check_joint_names(choices.wheels, "--wheels", urdf, path)
+    named = [urdf.joint[name] for name in choices.wheels]
+    base = wheel_base(urdf, named, choices.kind, choices.wheel_radius_m, path)
     for wheel in base.joints:
-        steering = _carrier(urdf, wheel)
-        if steering is not None and _steers(urdf, steering):
+        if (steering := steering_of(urdf, wheel)) is not None:
             what = (
                 f"the wheel is steered by {steering.name}: a base with steered wheels is described"
                 " by hand, as in robots/tricycle_base; --no-base makes each joint an axis"
             )
             raise DescriptorError(what, path=path, line=wheel.line, key=wheel.name)
+    return base
 
 
-def _idle_wheels(urdf: UrdfRobot, free: Sequence[UrdfJoint]) -> list[tuple[UrdfJoint, str]]:
+def _whole_base(urdf: UrdfRobot) -> list[UrdfJoint]:
+    """Return joints that stand for the motion of a base on the ground; no drive has them.
+
+    They are the first ones of the tree, by their names, slide along x or y and turn about z.
+    """
+    found: list[UrdfJoint] = []
+    for joint in urdf.joints:
+        if not joint.moves:
+            continue
+        upright = abs(float((urdf.pose(joint.child, {})[:3, :3] @ joint.axis)[2])) > UPRIGHT
+        is_plane = upright != (joint.type == "prismatic") and joint.mimic is None
+        is_next = nearest_carrier(urdf, joint) is (found[-1] if found else None)
+        if not (is_plane and is_next and _is_of_whole_base(urdf, joint)):
+            break
+        found.append(joint)
+    return found if len({joint.type == "prismatic" for joint in found}) == 2 else []
+
+
+def _is_of_whole_base(urdf: UrdfRobot, joint: UrdfJoint) -> bool:
+    if _WHOLE_BASE.search(joint.name):
+        return True
+    travel = joint.upper - joint.lower
+    is_wide = joint.type != "prismatic" or travel > FIELD_M
+    return "base" in joint.name.lower() and is_wide and not urdf.links[joint.child].mass
+
+
+def _idle_wheels(urdf: UrdfRobot, base: WheelBase) -> list[tuple[UrdfJoint, str]]:
     """Return undriven wheels of the base and what steers them, each with the reason.
 
     An axis would hold them in position, against the driven wheels.
     """
     found = []
-    for wheel in (joint for joint in free if _is_wheel(urdf, joint)):
-        carrier = _carrier(urdf, wheel)
-        if carrier is not None and _steers(urdf, carrier):
-            found.append((carrier, f"steers {wheel.name}, which is not driven"))
-        elif carrier is not None:  # beyond an arm, such as a grinding wheel
+    for wheel in find_wheels(urdf):
+        if wheel.joint in base.joints:
             continue
-        found.append((wheel, "a wheel that is not driven"))
+        if wheel.steering is not None:
+            found.append((wheel.steering, f"steers {wheel.joint.name}, which is not driven"))
+        found.append((wheel.joint, "a wheel that is not driven"))
     return found
 
 
-def _carrier(urdf: UrdfRobot, joint: UrdfJoint) -> UrdfJoint | None:
-    """Return the nearest moving joint that carries ``joint``."""
-    return carrier(urdf, joint, [joint for joint in urdf.joints if joint.moves])
-
-
-def _steers(urdf: UrdfRobot, joint: UrdfJoint) -> bool:
-    """Return True for a joint of the base that turns one wheel about the vertical."""
-    upright = abs(float((urdf.pose(joint.child, {})[:3, :3] @ joint.axis)[2])) > UPRIGHT
-    return (
-        upright
-        and joint.type in ("continuous", "revolute")
-        and len(urdf.carries(joint)) == 1
-        and _carrier(urdf, joint) is None
-    )
+def _moves_as_one(fingers: FingerJoints, hands: Sequence[Hand]) -> bool:
+    """Return True if no other joint with a range belongs to the hand of ``fingers``."""
+    hand = next(hand for hand in hands if fingers.leader in hand.joints)
+    others = [joint for joint in hand.joints if joint not in fingers.joints]
+    return not any(joint.has_range and joint.type != "continuous" for joint in others)
 
 
 def _finger_groups(urdf: UrdfRobot, joints: Sequence[UrdfJoint]) -> list[FingerJoints]:
@@ -254,17 +244,28 @@ def _finger_groups(urdf: UrdfRobot, joints: Sequence[UrdfJoint]) -> list[FingerJ
         if carried <= names:
             group.sort(key=lambda joint: joint.mimic is not None)  # the leader first
             found.append(
-                FingerJoints(tuple(group), tuple(urdf.leader(joint)[1] for joint in group))
+                FingerJoints(tuple(group), tuple(_share(urdf, group[0], j) for j in group))
             )
     return found
 
 
+def _share(urdf: UrdfRobot, leader: UrdfJoint, joint: UrdfJoint) -> float:
+    """Return the multiple of the leader's position that a finger has; -1 for a mirrored range."""
+    if joint.mimic is None and (joint.lower, joint.upper) != (leader.lower, leader.upper):
+        return -1.0
+    return urdf.leader(joint)[1]
+
+
 def _siblings(urdf: UrdfRobot, joints: Iterable[UrdfJoint]) -> list[list[UrdfJoint]]:
-    """Return pairs of prismatic joints of one link, with one stroke, that carry nothing."""
+    """Return pairs of prismatic joints of one link, with one stroke, that carry nothing.
+
+    The ranges are the same, or mirrored: 0 to 0.05 and -0.05 to 0.
+    """
     pairs: dict[tuple[str, float, float], list[UrdfJoint]] = {}
     for joint in joints:
         if joint.type == "prismatic" and not urdf.carries(joint):
-            pairs.setdefault((joint.parent, joint.lower, joint.upper), []).append(joint)
+            lower, upper = max((joint.lower, joint.upper), (-joint.upper, -joint.lower))
+            pairs.setdefault((joint.parent, lower, upper), []).append(joint)
     return [pair for pair in pairs.values() if len(pair) > 1]
 
 

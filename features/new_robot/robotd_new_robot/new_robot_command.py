@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 import tempfile
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -18,25 +20,37 @@ from robotd.api.commands import (
     ExitCode,
     NumberRange,
     check_robot,
+    columns,
     import_ros,
     load_robot,
     parse_names,
 )
 from robotd.api.models import is_xacro, read_urdf_text, urdf_text, xml_root
-from robotd_new_robot import Choices, bus_robot_files, robot_files
+from robotd_new_robot import (
+    Choices,
+    RobotPlan,
+    bus_robot_files,
+    plan_robot,
+    plan_rows,
+    robot_files,
+)
 from robotd_new_robot.answers import ALL
 from robotd_new_robot.bus_axes import bus_options, read_bus_scan
 from robotd_new_robot.joint_roles import GripperDrive
 from robotd_new_robot.mesh_places import place_meshes
+from robotd_new_robot.open_question import OpenQuestion
+from robotd_new_robot.wheels import BaseKind
 from robotd_new_robot.xacro_file import expand_xacro
 from robotd_ros.commands.robot_client import client_options, require_one_robot, robot_client
 from robotd_shared.package_templates import package_files, package_words, write_folder
 
+FOUR_WHEELED = (BaseKind.SKID_STEER, BaseKind.MECANUM)
 TEMPLATES = Path(__file__).parent / "templates" / "robot"
 EPILOG = """\b
 Examples:
   robotd new-robot my_arm --urdf my_arm.urdf
   robotd new-robot rover --urdf rover.urdf --wheels left_wheel,right_wheel --wheel-radius 0.1
+  robotd new-robot rover --urdf rover.urdf --base mecanum
   robotd new-robot skid --urdf skid.urdf --wheels front_left,rear_left,front_right,rear_right
   robotd canopen scan --channel can0 --json > bus.json
   robotd new-robot my_arm --urdf my_arm.urdf --bus bus.json
@@ -142,8 +156,15 @@ def _xacro_arguments(
     "--wheels",
     metavar="LEFT,...,RIGHT,...",
     callback=parse_names,
-    help="Joints of the driven wheels, all left ones first; by default the two continuous joints"
-    " named like wheels. Several wheels a side make a skid-steer base.",
+    help="Joints of the driven wheels, all left ones first; by default those that a level axis, a"
+    " round shape and their place on the ground, or their names, show as wheels.",
+)
+@click.option(
+    "--base",
+    "kind",
+    type=click.Choice([str(kind) for kind in FOUR_WHEELED]),
+    help="Kind of a base on four wheels or more, which a URDF seldom shows; asked for on a"
+    " terminal. With --wheels the default is skid_steer.",
 )
 @click.option(
     "--wheel-radius",
@@ -159,9 +180,8 @@ def _xacro_arguments(
 @click.option(
     "--gripper",
     type=click.Choice([*map(str, GripperDrive)]),
-    default=str(GripperDrive.OUTPUT),
-    show_default=True,
-    help="Fingers are moved by a valve on an output, by an axis of their own, or by nothing.",
+    help="Fingers are moved by a valve on an output, by an axis of their own, or by nothing; asked"
+    " for on a terminal, else 'output'. A single jaw has an axis.",
 )
 @click.option(
     "--speed",
@@ -200,8 +220,9 @@ def new_robot(*, name: str, into: Path, package: bool, **options: Any) -> ExitCo
     """Write a robot's folder from its URDF or its drives, ready for the simulation.
 
     Limits, names, gripper, wheels and drive models are taken from the URDF; comments in robot.yaml
-    explain each choice. Every problem of the URDF is reported with its line, and nothing is
-    written.
+    explain each choice. What was understood is listed joint by joint. What the URDF leaves open
+    is asked for on a terminal, and has an option. Every problem of the URDF is reported with its
+    line, and nothing is written.
     """
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
         raise InvalidArgument(
@@ -215,12 +236,12 @@ def new_robot(*, name: str, into: Path, package: bool, **options: Any) -> ExitCo
     files: dict[str, bytes | Path] = {}
     with tempfile.TemporaryDirectory() as scans:
         bus = _bus_file(options["bus"], Path(scans))
-        meshes = _fill(files, name, folder, options, bus)
+        summary = _fill(files, name, folder, options, bus)
     inside = folder.relative_to(top)
     whole = {str(inside / file): content for file, content in files.items()}
     write_folder(top, whole | (package_files(TEMPLATES, words) if package else {}))
     click.echo(f"{folder} is a robot: {', '.join(file for file in files if '/' not in file)}")
-    click.echo(f"{meshes}\n" if meshes else "")
+    click.echo("\n".join(summary))
     status = check_robot(str(folder / "robot.yaml"), None, (), None)
     if status == ExitCode.OK:
         _show_next(name, folder, top if package else None)
@@ -233,8 +254,8 @@ def _fill(
     folder: Path,
     options: Mapping[str, Any],
     bus: Path | None,
-) -> str:
-    """Add the files of the robot; return what was done with its meshes."""
+) -> list[str]:
+    """Add the files of the robot; return lines about its meshes and joints."""
     if options["extends"]:
         files["robot.yaml"] = _extension(name, options["extends"], bus)
     elif bus and not options["urdf"]:
@@ -243,11 +264,44 @@ def _fill(
         text, path = _urdf_text(options)
         urdf = folder / f"{name}.urdf"
         placed = place_meshes(text, path, urdf, options["meshes"], copy=options["copy_meshes"])
-        choices, srdf = _choices(options), options["srdf"]
-        files |= robot_files(name, placed.text, path, choices, bus, srdf)
+        plan = _plan(placed.text, path, options)
+        files |= robot_files(name, plan, bus)
         files |= placed.files
-        return placed.summary
-    return ""
+        return [*filter(None, [placed.summary]), "", *columns(plan_rows(plan)), ""]
+    return [""]
+
+
+def _plan(text: str, path: Path, options: Mapping[str, Any]) -> RobotPlan:
+    """Return what is understood of the URDF; on a terminal a person answers what it leaves open."""
+    choices, srdf = _choices(options), options["srdf"]
+    if not _is_interactive():
+        return plan_robot(text, path, choices, srdf)
+    gripper = options["gripper"]
+    while True:
+        try:
+            plan = plan_robot(text, path, choices, srdf)
+        except OpenQuestion as question:
+            number = NumberRange(0, min_open=True)
+            kind = click.Choice([*map(str, question.choices)]) if question.choices else number
+            answer = click.prompt(question.question, default=question.default, type=kind)
+            if question.choices:
+                answer = BaseKind(answer)
+            choices = replace(choices, **{question.option: answer})
+            continue
+        if plan.roles.fingers is None or gripper:
+            return plan
+        names = ", ".join(joint.name for joint in plan.roles.fingers.joints)
+        gripper = click.prompt(
+            f"The fingers {names} are moved by an output (a valve), an axis, or none",
+            default=str(choices.gripper),
+            type=click.Choice([*map(str, GripperDrive)]),
+        )
+        choices = replace(choices, gripper=GripperDrive(gripper))
+
+
+def _is_interactive() -> bool:
+    """Return True if a person can answer a prompt."""
+    return sys.stdin.isatty() and sys.stdout.isatty()
 
 
 def _show_next(name: str, folder: Path, package: Path | None) -> None:
@@ -296,10 +350,11 @@ def _extension(name: str, base: str, bus: Path | None) -> bytes:
 def _choices(options: Mapping[str, Any]) -> Choices:
     return Choices(
         wheels=tuple(options["wheels"] or ()),
+        kind=BaseKind(options["kind"]) if options["kind"] else None,
         wheel_radius_m=options["wheel_radius_m"],
         base=not options["no_base"],
         groups=not options["no_groups"],
-        gripper=GripperDrive(options["gripper"]),
+        gripper=GripperDrive(options["gripper"] or GripperDrive.OUTPUT),
         ramp_s=options["ramp_s"],
         speeds={joint: speed for joint, (speed,) in options["speeds"].items()},
         limits=options["limits"],

@@ -4,32 +4,29 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import yaml
 
-from robotd.api import DescriptorError, get_logger
-from robotd.api.models import MAX_AXES, NAME, UrdfJoint, UrdfRobot, parse_urdf
-from robotd_new_robot.answers import (
-    check_joint_names,
-    legal_names,
-    with_answers,
-    with_assumed_speeds,
-    with_joint_names,
-)
+from robotd.api import get_logger
+from robotd.api.models import NAME, UrdfJoint, UrdfRobot
+from robotd_new_robot.answers import with_assumed_speeds
 from robotd_new_robot.bus_axes import bus_joints, bus_section, read_bus_scan
 from robotd_new_robot.drive_models import COULOMB_SHARE, VISCOUS_SHARE, per_axis
-from robotd_new_robot.joint_chains import propose_groups
-from robotd_new_robot.joint_roles import Choices, FingerJoints, Roles, assign_roles
-from robotd_new_robot.srdf_file import disjoint_groups, read_srdf
+from robotd_new_robot.joint_roles import FingerJoints, Roles
+from robotd_new_robot.robot_plan import RobotPlan
+from robotd_new_robot.wheel_base import WheelBase
+from robotd_new_robot.wheels import BaseKind
 
 log = get_logger("new-robot")
 
 MAX_BASE_VELOCITY_M_S = 1.0  # moderate, for a machine that was never driven
 MAX_BASE_TURNING_RAD_S = 2.0
 BASE_RAMP_S = 0.5
+LATERAL_SHARE = 0.8  # of the speed ahead
+SQUEEZE_SHARE = 0.05  # of the stroke
+_MECANUM_AXES = ("front_left", "front_right", "rear_left", "rear_right")
 ASSUMED = "Speeds assumed (0.5 rad/s, 0.05 m/s)"
 WIDTH = 96  # of comments
 LONGEST = 10_000  # line of a text
@@ -52,68 +49,37 @@ _UNITS = {"prismatic": ("m", "m_s", "m_s2")}
 _TURNING = ("rad", "rad_s", "rad_s2")
 
 
-def robot_files(
-    name: str,
-    text: str,
-    path: Path,
-    choices: Choices,
-    bus: Path | None = None,
-    srdf: Path | None = None,
-) -> dict[str, bytes]:
+def robot_files(name: str, plan: RobotPlan, bus: Path | None = None) -> dict[str, bytes]:
     """Return the files of a robot's folder: ``robot.yaml`` and the URDF.
 
     Args:
-        path: of the URDF, for errors.
-        choices: answers that the URDF does not contain.
         bus: result of a bus scan, see ``BusScan``.
-        srdf: file that names groups and passive joints.
 
-    Raises DescriptorError: nothing can be driven; a scan that does not fit; see ``assign_roles``
-    and ``read_srdf``.
+    Raises DescriptorError: a scan that does not fit.
     """
-    urdf = parse_urdf(text, path)
-    if srdf is not None:
-        named = read_srdf(srdf, urdf)
-        passive = (*choices.passive, *named.passive)
-        choices = replace(choices, known_groups=disjoint_groups(named.groups), passive=passive)
-    renamed = legal_names(urdf)
-    if renamed:
-        text = with_joint_names(text, renamed, urdf.links)
-        urdf, choices = parse_urdf(text, path), choices.renamed(renamed)
-    check_joint_names(choices.speeds, "--speed", urdf, path)
-    check_joint_names(choices.limits, "--limits", urdf, path)
-    urdf = with_answers(urdf, choices.speeds, choices.limits)
-    roles = assign_roles(urdf, choices, path)
-    count = len(roles.arm) + (len(roles.base.joints) if roles.base else 0)
-    if count == 0:
-        raise DescriptorError("no joint moves: there is nothing to drive", path=path)
-    if count > MAX_AXES:
-        what = (
-            f"{count} joints move, the limit is {MAX_AXES}: pass --passive JOINT,... for the rest"
-        )
-        raise DescriptorError(what, path=path)
-    groups = propose_groups(urdf, roles.arm, choices.known_groups) if choices.groups else {}
-    assumed = [joint.name for joint in roles.arm if not joint.velocity]
-    if assumed:
-        log.warning("speeds assumed: pass --speed JOINT=SPEED for the real ones", joints=assumed)
-    if renamed:
-        log.warning("joints renamed: see robot.yaml", joints=renamed)
+    urdf, roles, ramp_s = plan.urdf, plan.roles, plan.choices.ramp_s
+    if plan.assumed:
+        text = "speeds assumed: pass --speed JOINT=SPEED for the real ones"
+        log.warning(text, joints=plan.assumed)
+    if plan.renamed:
+        log.warning("joints renamed: see robot.yaml", joints=plan.renamed)
     arm = with_assumed_speeds(roles.arm)
     joints = [*arm, *(roles.base.joints if roles.base else ())]
     return {
         "robot.yaml": _text(
-            [*_head(name, urdf.name or name, path), f"urdf: {name}.urdf"],
-            _renamed(renamed),
-            _joints(arm, choices.ramp_s, _URDF_LIMITS, assumed),
-            _groups(groups, srdf),
+            [*_head(name, urdf.name or name, plan.path), f"urdf: {name}.urdf"],
+            _renamed(plan.renamed),
+            _joints(arm, ramp_s, _URDF_LIMITS, plan.assumed),
+            _groups(plan),
             _base(roles),
             _gripper(urdf, roles.fingers),
+            _servo_grippers(plan),
             _passive(roles),
             _nodes(roles),
-            _ros_parameters(name, roles, groups),
+            _ros_parameters(name, roles, plan.groups),
             _backends(per_axis(urdf, joints), joints, bus),
         ),
-        f"{name}.urdf": text.encode(),
+        f"{name}.urdf": plan.text.encode(),
     }
 
 
@@ -202,17 +168,23 @@ def _joint(joint: UrdfJoint, axis: int, ramp_s: float) -> Iterator[str]:
     yield f"acceleration_{acceleration}: {_rounded(speed / ramp_s)}"
 
 
-def _groups(groups: Mapping[str, Sequence[UrdfJoint]], srdf: Path | None) -> Iterator[str]:
-    if not groups:
+def _groups(plan: RobotPlan) -> Iterator[str]:
+    if not plan.groups:
+        for link in plan.tools.values():  # of the only arm
+            yield f"tool_link: {_word(link)}      # by its name: the frame of the tool"
         return
+    srdf = plan.srdf
     origin = f"Groups of {srdf.name}, and branches of" if srdf else "The branches of"
     yield from _comment(
-        f"{origin} the tree. Each group has goals and streams of its own, at the same time as"
-        " the others; without groups, or with --no-groups, all joints are one."
+        f"{origin} the tree; fingers are groups of their own. Each group has goals and streams of"
+        " its own, at the same time as the others; without groups, or with --no-groups, all joints"
+        " are one. tool_link: the frame of the tool, by its name; without one it is the link that"
+        " the last joint moves."
     )
     yield "groups:"
-    for name, joints in groups.items():
-        yield f"  {_word(name)}: {{joints: [{_words(joints)}]}}"
+    for name, joints in plan.groups.items():
+        tool = f", tool_link: {_word(plan.tools[name])}" if name in plan.tools else ""
+        yield f"  {_word(name)}: {{joints: [{_words(joints)}]{tool}}}"
 
 
 def _base(roles: Roles) -> Iterator[str]:
@@ -232,24 +204,32 @@ def _base(roles: Roles) -> Iterator[str]:
     )
     yield "drive:"
     per_side = len(base.left)
-    yield "  # Mecanum and steered bases have other keys: robots/mecanum_base, robots/tricycle_base"
-    if per_side == 1:
-        yield "  kind: differential"
+    yield f"  kind: {base.kind}"
+    wheels = base.joints
+    if base.kind is BaseKind.DIFFERENTIAL:
         yield f"  left_axis: {first}"
         yield f"  right_axis: {first + 1}"
-    else:
-        yield "  kind: skid_steer"
+    elif base.kind is BaseKind.SKID_STEER:
         yield f"  left_axes: [{_range(first, per_side)}]"
         yield f"  right_axes: [{_range(first + per_side, per_side)}]"
-    yield f"  wheel_joints: [{_words(base.joints)}]"
+    else:
+        wheels = tuple(joint for end in zip(base.left, base.right, strict=True) for joint in end)
+        for place, axis in zip(_MECANUM_AXES, (0, 2, 1, 3), strict=True):
+            yield f"  {place}_axis: {first + axis}"
+        yield f"  wheelbase_m: {_rounded(base.wheelbase_m)}"
+    yield f"  wheel_joints: [{_words(wheels)}]"
     yield f"  wheel_radius_m: {_rounded(base.radius_m)}"
     yield f"  wheel_separation_m: {_rounded(base.separation_m)}"
-    if per_side > 1:
+    if base.kind is BaseKind.SKID_STEER:
         yield "  # The wheels slip in turns: calibrate wheel_separation_multiplier, often 1.2 to 2."
     yield f"  wheel_velocity_rad_s: {_number(base.velocity_rad_s)}      # {origin}"
     yield f"  velocity_m_s: {_rounded(speed)}"
     yield f"  acceleration_m_s2: {_rounded(speed / BASE_RAMP_S)}"
     yield f"  deceleration_m_s2: {_rounded(speed / BASE_RAMP_S)}"
+    if base.kind is BaseKind.MECANUM:  # rollers slip more sideways
+        yield f"  lateral_velocity_m_s: {_rounded(LATERAL_SHARE * speed)}"
+        yield f"  lateral_acceleration_m_s2: {_rounded(LATERAL_SHARE * speed / BASE_RAMP_S)}"
+        yield f"  lateral_deceleration_m_s2: {_rounded(LATERAL_SHARE * speed / BASE_RAMP_S)}"
     yield f"  angular_velocity_rad_s: {_rounded(turning)}"
     yield f"  angular_acceleration_rad_s2: {_rounded(turning / BASE_RAMP_S)}"
     yield f"  angular_deceleration_rad_s2: {_rounded(turning / BASE_RAMP_S)}"
@@ -278,14 +258,38 @@ def _gripper(urdf: UrdfRobot, fingers: FingerJoints | None) -> Iterator[str]:
         yield f"  travel_time_s: {_rounded(travel_s)}      # the stroke at the URDF's speed"
 
 
+def _servo_grippers(plan: RobotPlan) -> Iterator[str]:
+    """Yield the section of grippers that a servo moves, as a comment."""
+    grippers = {name: held[0] for name, held in plan.hands.items() if len(held) == 1}
+    ranged = {name: joint for name, joint in grippers.items() if joint.type != "continuous"}
+    if not ranged:
+        return
+    yield from _comment(
+        "A URDF shows neither which end of a servo gripper is open nor how hard it may press."
+        " Remove the # when both are right, for 'robotd gripper' and the node gripper_controller:"
+    )
+    yield "# servo_grippers:"
+    for name, joint in ranged.items():
+        stroke = joint.upper - joint.lower
+        keys = (
+            f"joint: {_word(joint.name)}",
+            f"open_position: {_number(joint.upper)}",
+            f"closed_position: {_number(joint.lower)}",
+            f"squeeze: {_rounded(SQUEEZE_SHARE * stroke)}",
+        )
+        yield f"#   {_word(name)}: {{{', '.join(keys)}}}"
+
+
 def _ends(urdf: UrdfRobot, fingers: FingerJoints) -> tuple[float, float, bool]:
     """Return the open and the closed position, and if the URDF shows them."""
     leader = fingers.leader
     lower, upper = max(leader.lower, -np.pi), min(leader.upper, np.pi)
     spread = []
     for position in (lower, upper):
-        # Siblings that do not mimic move by the same amount.
-        positions = dict.fromkeys((joint.name for joint in fingers.joints), position)
+        positions = {
+            joint.name: share * position
+            for joint, share in zip(fingers.joints, fingers.multipliers, strict=True)
+        }
         points = [urdf.pose(joint.child, positions)[:3, 3] for joint in fingers.joints]
         spread.append(sum(float(np.linalg.norm(point - points[0])) for point in points))
     if abs(spread[0] - spread[1]) < 1e-6:
@@ -303,9 +307,14 @@ def _passive(roles: Roles) -> Iterator[str]:
 def _nodes(roles: Roles) -> Iterator[str]:
     yield "nodes:"
     arm = ("manipulator_state", "follow_joint_trajectory_server") if roles.arm else ()
-    base = ("diff_drive_controller",) if roles.base else ()
+    base = (_base_node(roles.base),) if roles.base else ()
     for node in (*SERVICE_NODES, *arm, *base):
         yield f"  - {node}"
+
+
+def _base_node(base: WheelBase) -> str:
+    is_mecanum = base.kind is BaseKind.MECANUM
+    return "mecanum_drive_controller" if is_mecanum else "diff_drive_controller"
 
 
 def _ros_parameters(
@@ -325,13 +334,15 @@ def _ros_parameters(
         if roles.fingers:
             yield "    wmx_gripper_topic: wmx/set_gripper"
     if roles.base:
-        yield "  diff_drive_controller:"
+        yield f"  {_base_node(roles.base)}:"
         yield "    rate: 50"
+        yield f"    base_frame_id: {_word(roles.base.frame)}"
+        if roles.base.kind is BaseKind.MECANUM:
+            return
         yield "    cmd_vel_topic: cmd_vel"
         yield "    encoder_vel_topic: cmd_vel_check"
         yield "    encoder_omega_topic: velocity_controller/commands"
         yield "    encoder_odometry_topic: odom"
-        yield f"    base_frame_id: {_word(roles.base.frame)}"
         yield "    publish_tf: true                    # odom to base, as Nav2 needs it"
 
 

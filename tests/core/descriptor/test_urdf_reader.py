@@ -41,8 +41,6 @@ def problems(body: str) -> list[str]:
 @pytest.mark.parametrize(
     ("body", "problem"),
     [
-        (joint("a", "base", "tip", LIMIT.replace('"2"', '"-1"')) + links("base", "tip"),
-         "arm.urdf:2: a: velocity='-1' is below 0"),
         (joint("a", "base", "tip", LIMIT.replace('"2"', '"nan"')) + links("base", "tip"),
          "arm.urdf:2: a: velocity='nan' is not a finite number"),
         (joint("a", "base", "tip", LIMIT + '<origin xyz="0 0"/>') + links("base", "tip"),
@@ -316,3 +314,11 @@ def test_limits_in_degrees_are_noted(limits: str, noted: bool) -> None:
       <limit {limits} effort="1" velocity="1"/></joint></robot>"""
     notes = parse_urdf(text, PATH).notes
     assert any("if they are degrees, correct the URDF" in note for note in notes) == noted
+
+
+def test_a_speed_and_an_effort_below_0_are_none() -> None:
+    limit = LIMIT.replace('"2"', '"-1.0"').replace('effort="5"', 'effort="-1.0"')
+    body = joint("a", "base", "tip", limit) + links("base", "tip")
+    urdf = parse_urdf(f'<robot name="arm">{body}</robot>', PATH)
+    assert (urdf.joint["a"].velocity, urdf.joint["a"].effort) == (None, None)
+    assert "joint a: velocity=-1 is below 0 and read as none" in urdf.notes

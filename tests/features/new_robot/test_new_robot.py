@@ -121,6 +121,8 @@ def test_a_servo_gripper_is_a_joint(new: New) -> None:
     robot = new("six_axis", "--gripper", "axis")
     assert robot.gripper is None
     assert robot.joint_names[-1] == "left_finger_joint"
+    groups = {name: len(group.joints) for name, group in robot.groups.items()}
+    assert groups == {"arm": 6, "gripper": 1}
 
 
 def test_wheels_are_told_apart_by_their_side(new: New) -> None:
@@ -198,7 +200,7 @@ def test_four_wheels_are_asked_for_with_the_command(robotd: Robotd, tmp_path: Pa
     urdf.write_text(four_wheels(), encoding="utf-8")
     result = robotd("new-robot", "rover", "--urdf", str(urdf), "--into", str(tmp_path))
     assert result.exit_code == ExitCode.CONFIGURATION
-    assert f"on a skid-steer base, --wheels {','.join(WHEELS)};" in result.stderr
+    assert f"4 wheels ({','.join(WHEELS)}): pass --base skid_steer or --base" in result.stderr
 
 
 @pytest.mark.parametrize("end", ["front", "rear"])
@@ -329,7 +331,7 @@ def test_all_joints_are_one_group_on_demand(new: New) -> None:
 
 @pytest.mark.parametrize("shape", sorted({*SHAPES} - {"two_arms"}))
 def test_a_single_chain_has_no_groups(new: New, shape: str) -> None:
-    assert new(shape, "--gripper", "axis").groups == {}
+    assert new(shape).groups == {}
 
 
 def test_the_tutorial_shows_the_errors_of_its_robot(robotd: Robotd, tmp_path: Path) -> None:

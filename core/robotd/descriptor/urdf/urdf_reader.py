@@ -230,8 +230,8 @@ class _Reader:
         if limit is None:
             return _NO_LIMITS
         # Exporters write 0 where they know no speed; who drives the joint asks for one.
-        velocity = self._number(limit, "velocity", name, minimum=0.0) or None
-        effort = self._number(limit, "effort", name, minimum=0.0)
+        velocity = self._bound(limit, "velocity", name) or None
+        effort = self._bound(limit, "effort", name)
         if not bounded:
             return _Limits(-math.inf, math.inf, velocity, effort, None)
         lower = self._number(limit, "lower", name, default=0.0)
@@ -251,6 +251,14 @@ class _Reader:
             what = f"soft limits {soft[0]:g} to {soft[1]:g} leave nothing of {lower:g} to {upper:g}"
             self._problem(what, element.find("safety_controller"), name)
         return _Limits(*tight, velocity, effort, soft)
+
+    def _bound(self, limit: Any, key: str, name: str) -> float | None:
+        """Return a speed or an effort; None where the file has none, as -1 says."""
+        bound = self._number(limit, key, name)
+        if bound is None or bound >= 0.0:
+            return bound
+        self._notes.append(f"joint {name}: {key}={bound:g} is below 0 and read as none")
+        return None
 
     def _soft_limits(self, safety: Any, name: str) -> tuple[float, float] | None:
         """Return the limits of a <safety_controller>; None without them.
@@ -305,7 +313,6 @@ class _Reader:
         name: str,
         *,
         default: float | None = None,
-        minimum: float | None = None,
     ) -> float | None:
         """Return a finite attribute; ``default`` where it is absent, None where it is wrong."""
         text = None if element is None else element.get(key)
@@ -314,8 +321,6 @@ class _Reader:
         value = _finite(text)
         if not math.isfinite(value):
             self._problem(f"{key}={text!r} is not a finite number{_hint(text)}", element, name)
-        elif minimum is not None and value < minimum:
-            self._problem(f"{key}={text!r} is below {minimum:g}", element, name)
         else:
             return value
         return None
