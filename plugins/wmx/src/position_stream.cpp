@@ -16,6 +16,7 @@ constexpr unsigned int CAPACITY = 4000;     // commands of a buffer; a stop must
 constexpr double GAP_PERIODS = 1.5;         // as the core's: a longer gap is an underrun
 constexpr double BURST_PERIODS = 2;
 constexpr double MAX_RATE_CHANGE = 0.01, RATE_PER_TARGET = 0.05, DEPTH_FILTER = 0.05;
+constexpr double RATE_STEP = 4e-4;          // of the rate in a cycle: at 3 rad/s it asks for 1.2 rad/s²
 constexpr double STEEPEST_S = 1e-3;         // shortest ramp to rest
 constexpr double STANDING = 1e-9;           // user units/s
 
@@ -213,10 +214,10 @@ PositionStream::Fill PositionStream::look(std::vector<int> &axes) {
 // dry meanwhile, the commands would start at speed from rest: look again.
 void PositionStream::send(const Setpoint &setpoint) {
     before_ = axes_;
-    const double sampled_s = sampled_s_, mean_depth = mean_depth_;
+    const double sampled_s = sampled_s_, mean_depth = mean_depth_, rate = rate_;
     while (!try_send(setpoint)) {
         axes_ = before_;
-        sampled_s_ = sampled_s, mean_depth_ = mean_depth;
+        sampled_s_ = sampled_s, mean_depth_ = mean_depth, rate_ = rate;
     }
 }
 
@@ -253,7 +254,7 @@ bool PositionStream::try_send(const Setpoint &setpoint) {
         sampled_s_ = first ? start_s_ : sampled_s_ - gap_s;
         mean_depth_ += first ? target_ - mean_depth_ : DEPTH_FILTER * (fill.depth - mean_depth_);
         const double excess = (mean_depth_ - target_) / target_;
-        rate_ = 1 + std::clamp(RATE_PER_TARGET * excess, -MAX_RATE_CHANGE, MAX_RATE_CHANGE);
+        wanted_rate_ = 1 + std::clamp(RATE_PER_TARGET * excess, -MAX_RATE_CHANGE, MAX_RATE_CHANGE);
         if (first && fill.depth < target_) hold(axes, target_ - fill.depth);
         sample(axes, setpoint);
     }
@@ -295,7 +296,7 @@ void PositionStream::rejoin(const std::vector<int> &axes, const Setpoint &setpoi
     if (fill.dry && fill.depth < target_) hold(axes, target_ - fill.depth);
     sampled_s_ = 0;
     mean_depth_ = fill.depth + static_cast<double>(commands_.size());
-    rate_ = 1;
+    rate_ = wanted_rate_ = 1;
 }
 
 // Commands up to the setpoint, along the cubic from the last one. Times count from its due time.
@@ -303,6 +304,7 @@ void PositionStream::sample(const std::vector<int> &axes, const Setpoint &setpoi
     const double length_s = -start_s_;
     for (double time_s = sampled_s_ + cycle_s_ * rate_; time_s <= 1e-9;
          time_s += cycle_s_ * rate_) {
+        rate_ = rate_ + std::clamp(wanted_rate_ - rate_, -RATE_STEP, RATE_STEP);
         const double u = 1 + time_s / length_s;
         const double from = (1 + 2 * u) * (1 - u) * (1 - u), to = 1 - from;
         const double out = u * (1 - u) * (1 - u) * length_s, in = u * u * (u - 1) * length_s;

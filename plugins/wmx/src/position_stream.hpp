@@ -102,6 +102,7 @@ private:
     double start_s_ = 0, sampled_s_ = 0;  // since `last_due_ns_`: of the cubic, of the last command
     double mean_depth_ = 0;
     std::atomic<double> rate_{1.0};
+    double wanted_rate_ = 1;  // which `rate_` approaches
     std::vector<wmx3Api::CyclicBufferMultiAxisCommands> commands_;
 
     std::mutex engine_;  // calls of the engine and everything above
