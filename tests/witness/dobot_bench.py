@@ -12,7 +12,7 @@ from unittest.mock import patch
 import numpy as np
 from tests.plugins.dobot.arm import Arm
 from tests.plugins.dobot.controller import Controller
-from tests.witness.bench import CR3A_BENT, OVERCURRENT, Bench
+from tests.witness.bench import CR3A_BENT, OVERCURRENT, TRAJECTORY, Bench
 from tests.witness.judge import Command
 from tests.witness.tcp_line import TcpLine
 
@@ -54,6 +54,7 @@ class DobotBench(Bench):
             "backends.dobot.target_period_s": 1.0 / rate_hz,
             "backends.dobot.max_target_age_s": max_target_age_s or TARGET_AGE_PERIODS / rate_hz,
             "engine.open_tries": 1,
+            "trajectory.acceleration_margin": TRAJECTORY["acceleration_margin"],
         }
         overrides = [parse_override(f"{key}={value}") for key, value in keys.items()]
         self._descriptor = load_robot_descriptor("cr3a", overrides=overrides)

@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from unittest.mock import patch
 
 import numpy as np
-from tests.witness.bench import Bench
+from tests.witness.bench import TRAJECTORY, Bench
 from tests.witness.franka_arm import JOINTS, POLL_S, FrankaArm, Reference
 from tests.witness.judge import REST_RAD_S, Command, Judge
 from tests.witness.servo_clock import ServoClock
@@ -51,8 +51,8 @@ class FrankaBench(Bench):
         self._hand: tuple[int, float] | None = None  # joint, and where it is led to
         self._ends: list[tuple[float, Callable[[], None]]] = []  # of faults
         keys = {"backend": "franka", "cycle.rate_hz": rate_hz, "engine.open_tries": 1,
-                "engine.servo_timeout_s": 1.0,
-                "backends.franka.address": "arm"}  # fmt: skip
+                "engine.servo_timeout_s": 1.0, "backends.franka.address": "arm",
+                "trajectory.acceleration_margin": TRAJECTORY["acceleration_margin"]}  # fmt: skip
         overrides = [parse_override(f"{key}={value}") for key, value in keys.items()]
         self._descriptor = load_robot_descriptor("fr3", overrides=overrides)
         for judge, joint in zip(self.judges, self._descriptor.joints, strict=True):

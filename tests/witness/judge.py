@@ -75,7 +75,7 @@ class Judge:
             was executed before: the master sends them before it can know that they will wait.
         may_catch: it was let go for a hand: a stop may switch it on again, once.
         max_jitter: of the time between two commands, in periods; where it is more, their change
-            is not judged: the drive's own ramp is between.
+            is not judged, nor that of the next one: the drive's own ramp is between.
         rounding: rad, of a target; counts of the encoders.
         speed_rounding: rad/s, of the speed register of a drive that plans its motions.
         findings: what was wrong, in order.
@@ -107,6 +107,7 @@ class Judge:
     _rate: float | None = None  # velocity that the last two commands ask for; None: after a silence
     _unanswered_s: float = float("-inf")  # time of the last command whose answer was lost
     _frame_s: float | None = None  # when the target that the drive got last was sent
+    _irregular: bool = False  # the last command was: a target may come twice after it
     _waited: int = 0  # the last commands, so many in a row, were too old
     _braking: tuple[float, float] = (0.0, 0.0)  # a hard ramp that was asked for, and its end
 
@@ -234,7 +235,8 @@ class Judge:
         irregular = last and abs(command.time_s - last.time_s - self.period_s) > (
             self.max_jitter * self.period_s
         )
-        if silent or last is None or irregular:
+        was_irregular, self._irregular = self._irregular, bool(irregular)
+        if silent or last is None or irregular or was_irregular:
             self._rate = None
             return
         self._judge_change(command.time_s, rate, slack)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from tests.features.conformance.runs.whole_arm import Controller, WholeArm
-from tests.witness.bench import CR3A_BENT, OVERCURRENT, Bench
+from tests.witness.bench import CR3A_BENT, OVERCURRENT, TRAJECTORY, Bench
 from tests.witness.judge import SILENT_PERIODS, Command
 
 from robotd.clock import NANOSECONDS
@@ -214,7 +214,8 @@ class MujocoBench(TargetBench):
         # What the arm touches stops it: following errors, from which it cannot recover.
         mujoco = {"self_collision": "false", "scene": "null"}
         keys = [f"backends.mujoco.{key}={value}" for key, value in mujoco.items()]
-        values = f"cycle.rate_hz={rate_hz:g}", *keys
+        margin = TRAJECTORY["acceleration_margin"]
+        values = f"cycle.rate_hz={rate_hz:g}", f"trajectory.acceleration_margin={margin}", *keys
         overrides = [parse_override(value) for value in values]
         self._descriptor = load_robot_descriptor("cr3a", overrides=overrides)
         super().__init__(axes, rate_hz)

@@ -38,6 +38,7 @@ EXECUTING, WAITING = 2, 3  # queue of a ``Row``
 MOVING_RAD_S = 0.3  # of a stream whose buffer runs dry
 MIN_BUSY = 2  # calls that are rejected
 DROPPED_S = 0.5  # a cable that is cut longer ends the communication
+STOP_AGAIN_S = 1.2  # until the next try of a rejected stop, and its ramp
 EXCUSED_S = 0.3  # after a fault, in which buffers may run dry
 ROUNDING = 1e-7  # rad
 
@@ -220,7 +221,9 @@ class WmxBench(Bench):
     def stall(self, seconds: float) -> None:
         self._send_s = max(self._send_s, self.now_s + seconds)  # the whole process is suspended
         self._excuse(seconds)
+        self._engine.standin_starve(1)
         super().stall(seconds)
+        self._engine.standin_starve(0)
 
     def _send(self) -> None:
         now_s = self._ran_ns / NANOSECONDS
@@ -320,8 +323,14 @@ class WmxBench(Bench):
         self._late_s = 0.0
 
     def block(self, seconds: float) -> None:
-        """Let the engine reject all calls."""
+        """Let the engine reject all calls, also stops.
+
+        Stops are repeated after a second at most; after three in vain the engine's quick stop.
+        """
         self._until(seconds, ("busy", -1), ("busy", 0))
+        self._excuse(seconds + STOP_AGAIN_S)
+        for judge in self.judges[self.joints :]:
+            judge.rest_s = max(judge.rest_s, self.now_s + seconds + STOP_AGAIN_S)
 
     def cut_cable(self, seconds: float) -> None:
         if seconds > DROPPED_S:

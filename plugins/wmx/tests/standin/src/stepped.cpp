@@ -7,6 +7,7 @@ using namespace standin;
 
 namespace {
 constexpr std::int64_t TICK_NS = 1'000'000;
+bool starved;  // the process feeds no watchdog
 
 // What an axis was commanded in a cycle, for the witness of the tests; `Row` in witness_bench.py.
 struct Row {
@@ -27,7 +28,7 @@ Row row_of(const Block &block, int index) {
 void cycle(Block &block) {
     block.heartbeat_ns = block.time_ns;
     for (Device &device : block.devices)
-        if (device.used && device.life == block.life) device.fed_ns = block.time_ns;
+        if (device.used && device.life == block.life && !starved) device.fed_ns = block.time_ns;
     run_cycle(block, block.time_ns);
     if (block.quit || !is_needed(block, block.time_ns)) end_engine(block);
 }
@@ -56,6 +57,9 @@ int standin_run(std::int64_t until_ns, Row *rows, int axes) {
     for (int axis = 0; axis < axes; axis++) rows[axis] = row_of(*block, axis);
     return axes;
 }
+
+// A process that gets no processor feeds no watchdog.
+void standin_starve(int on) { starved = on; }
 
 // As the end of a process by a signal: its devices are fed no longer, and its calls are rejected.
 void standin_kill() {
