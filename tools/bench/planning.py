@@ -42,7 +42,8 @@ def _plan_call() -> Callable[[], Any]:
     rules = trajectory_rules(descriptor.trajectory, limits.units)
     times = np.linspace(0.02, 20.0, POINTS)
     phases = np.arange(JOINTS)
-    positions = 0.5 * (np.sin(times[:, None] + phases) - np.sin(phases))
+    grows = np.sin(np.pi * times[:, None] / times[-1]) ** 2  # at rest at both ends
+    positions = 0.5 * grows * (np.sin(times[:, None] + phases) - np.sin(phases))
     rows = positions.tolist()
     start = MotionState.at_rest(np.zeros(JOINTS))
     names = limits.names
