@@ -118,10 +118,17 @@ def test_a_steering_axis_stops_with_the_ramp_of_steering(tmp_path: Path) -> None
         def note(image: ProcessImage) -> None:
             samples.append((image.fresh_ns / NANOSECONDS, -image.velocity_command[1]))
 
-        eventually(steers_back)
+        def stopped_on_its_way() -> bool:
+            """Not where a busy computer lets the stop come when steering has turned round."""
+            robot.base.command(0.0, 0.0)  # re-arms it
+            eventually(steers_back)
+            samples.clear()
+            robot.axes.stop([1])
+            eventually(lambda: len(samples) > 3 and samples[-1][1] == 0.0)
+            return samples[0][1] > 1.2
+
         robot.control_loop.every(200, "test", note)
-        robot.axes.stop([1])
-        eventually(lambda: len(samples) > 3 and samples[-1][1] == 0.0)
+        eventually(stopped_on_its_way)
     times_s, speeds = np.array(samples).T
     ramp = (speeds < 1.2) & (speeds > 0.1)
     assert ramp.sum() >= 2
