@@ -24,12 +24,12 @@ from robotd.errors import RobotdError
 from robotd.motion import TrajectoryRejected
 from robotd.motion.profile import Profile
 from robotd_tool_space import ToolGroups, reduced_speed
-from robotd_tool_space.collisions import Collisions
-from robotd_tool_space.rotations import pose_of
+from robotd_tool_space.collision.collisions import Collisions
+from robotd_tool_space.geometry.rotations import pose_of
+from robotd_tool_space.paths.tool_motion import ToolMotion
 from robotd_tool_space.settings import ToolSpaceKeys
-from robotd_tool_space.tool_motion import ToolMotion
-from robotd_tool_space.tool_stream import ToolStream
-from robotd_tool_space.twist import PoseCommand
+from robotd_tool_space.streams.tool_stream import ToolStream
+from robotd_tool_space.streams.twist import PoseCommand
 
 JOINTS = 6
 BENT = np.array([0.0, 0.3, 1.4, -0.2, 1.2, 0.0])

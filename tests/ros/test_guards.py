@@ -14,7 +14,7 @@ from tests.ros.test_trajectory import goal
 from wmx_ros2_message.srv import SetIoBit
 
 from robotd_tool_space import Kinematics
-from robotd_tool_space.servo_status import ServoCode
+from robotd_tool_space.streams.servo_status import ServoCode
 
 pytestmark = pytest.mark.ros
 

@@ -14,7 +14,8 @@ from tests.witness.bench import Bench
 from robotd.api.robots import Outcome
 from robotd.control.sources.streamed_trajectory import StreamedTrajectory
 from robotd.motion.trajectory import Sampler
-from robotd_tool_space import Line, sequence_run
+from robotd_tool_space import Line
+from robotd_tool_space.sequences import sequence_run
 from robotd_tool_space.tool_groups import ToolGroups
 
 take = StreamedTrajectory._take

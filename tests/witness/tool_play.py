@@ -13,7 +13,7 @@ from tests.witness.play import PATIENCE_S, WitnessPlay
 from robotd.api import Payload
 from robotd.errors import RobotdError
 from robotd_tool_space import Line
-from robotd_tool_space.sequence_run import SequenceRun
+from robotd_tool_space.sequences.sequence_run import SequenceRun
 from robotd_tool_space.tool_groups import ToolGroups
 
 BLEND_M = 0.02

@@ -17,8 +17,8 @@ from robotd.api.robots import JointLimits, MotionLimits
 from robotd.motion import MotionState
 from robotd.motion.limiter import SetpointLimiter
 from robotd_tool_space import Kinematics
-from robotd_tool_space.rotations import pose_differences
-from robotd_tool_space.twist import ToolTwist, TwistStage
+from robotd_tool_space.geometry.rotations import pose_differences
+from robotd_tool_space.streams.twist import ToolTwist, TwistStage
 
 URDF = Path(__file__).parents[2] / "robots/cr3a/cr3a.urdf"
 PERIOD_S = 0.002

@@ -15,7 +15,7 @@ from robotd_teach.joint_groups import commands_at_rest
 from robotd_teach.path_recorder import MOVED
 from robotd_teach.paths import Paths, Playback
 from robotd_teach.poses import Poses
-from robotd_tool_space.tool_motion import sampled
+from robotd_tool_space.paths.tool_motion import sampled
 
 MAX_ROWS = 200  # of the way that a page draws
 DECIMALS = 4

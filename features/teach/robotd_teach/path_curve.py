@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from robotd.api import FloatArray, IntArray, InvalidArgument
-from robotd_tool_space.joint_path import hermite
+from robotd_tool_space.paths.joint_path import hermite
 
 TOLERANCE = {"rad": 0.005, "m": 0.0005}  # of the points' curve from the recorded positions
 MEAN_S = 0.1  # of the moving average over a recording

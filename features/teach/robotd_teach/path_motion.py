@@ -10,8 +10,8 @@ import numpy as np
 from robotd.api import FloatArray, InvalidArgument
 from robotd.api.robots import JointLimits
 from robotd_teach.path_curve import PathCurve, tolerances
-from robotd_tool_space.timing import Timing, time_curve
-from robotd_tool_space.tool_motion import (
+from robotd_tool_space.paths.timing import Timing, time_curve
+from robotd_tool_space.paths.tool_motion import (
     ACCELERATION_SHARE,
     KNOT_S,
     SMOOTH_S,

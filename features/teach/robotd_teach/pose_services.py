@@ -17,7 +17,7 @@ from robotd_ros.services import add_service
 from robotd_shared.pose_file import SavedToolPose
 from robotd_teach.poses import SPEED, Poses
 from robotd_teach.tool_poses import matrix_of
-from robotd_tool_space.rotations import fill_pose
+from robotd_tool_space.geometry.rotations import fill_pose
 
 POSES = "~/poses"
 log = get_logger("teach")

@@ -27,7 +27,7 @@ from robotd_teach.joint_groups import (
     measured_positions,
 )
 from robotd_teach.tool_poses import tool_change, tool_pose_at
-from robotd_tool_space.rotations import inverse_pose
+from robotd_tool_space.geometry.rotations import inverse_pose
 from robotd_tool_space.tool_groups import ToolGroups
 
 SPEED = 0.2  # of the joints' limits

@@ -33,19 +33,19 @@ from robotd_teach.program_file import (
     Step,
     Target,
 )
-from robotd_tool_space.kinematics import Kinematics
-from robotd_tool_space.path_outputs import PathOutput
-from robotd_tool_space.robot_tool import RobotTool
-from robotd_tool_space.rotations import COMPONENTS, inverse_pose, pose_of, rpy_of
-from robotd_tool_space.segments import Arc, ArcAbout, JointMove, Line, MotionSegment, Spline
-from robotd_tool_space.sequence_plan import plan_sequence, trace_sequence
-from robotd_tool_space.tool_groups import ToolGroups
-from robotd_tool_space.tool_motion import (
+from robotd_tool_space.geometry.kinematics import Kinematics
+from robotd_tool_space.geometry.rotations import COMPONENTS, inverse_pose, pose_of, rpy_of
+from robotd_tool_space.paths.path_outputs import PathOutput
+from robotd_tool_space.paths.segments import Arc, ArcAbout, JointMove, Line, MotionSegment, Spline
+from robotd_tool_space.paths.tool_motion import (
     ToolMotion,
     plan_fast_motion,
     rest_of,
     rest_of_lines,
 )
+from robotd_tool_space.robot_tool import RobotTool
+from robotd_tool_space.sequences.sequence_plan import plan_sequence, trace_sequence
+from robotd_tool_space.tool_groups import ToolGroups
 
 SAMPLE_RAD = 0.02  # between two positions of a move that are checked for collisions, rad or m
 

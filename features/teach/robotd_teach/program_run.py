@@ -23,8 +23,8 @@ from robotd_teach.program_check import chosen, grip_position, gripper_of, is_mot
 from robotd_teach.program_code import Again, Begin, Branch, Do, Jump, Program
 from robotd_teach.program_file import SetGripper, Step, Wait_
 from robotd_teach.program_motion import StepPlanner
-from robotd_tool_space.path_outputs import OutputSetter
-from robotd_tool_space.tool_motion import (
+from robotd_tool_space.paths.path_outputs import OutputSetter
+from robotd_tool_space.paths.tool_motion import (
     ToolMotion,
     place_on,
     plan_fast_motion,

@@ -7,14 +7,14 @@ import numpy as np
 from robotd.api import DescriptorError, FloatArray, InvalidArgument, Unsupported
 from robotd.api.robots import JointGroup, Robot
 from robotd_shared.pose_file import SavedToolPose
-from robotd_tool_space.robot_tool import RobotTool
-from robotd_tool_space.rotations import (
+from robotd_tool_space.geometry.rotations import (
     COMPONENTS,
     inverse_pose,
     pose_differences,
     pose_of,
     rpy_of,
 )
+from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.tool_groups import ToolGroups
 
 MAX_SHIFT_M, MAX_TURN_RAD = 1e-3, 0.01  # of a tool that counts as the same

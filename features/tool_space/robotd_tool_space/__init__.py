@@ -8,14 +8,12 @@ from typing import TYPE_CHECKING
 from robotd.api import lazy_names
 
 if TYPE_CHECKING:
-    from robotd_tool_space.chain import Chain
+    from robotd_tool_space.collision.scene_object import SceneObject
     from robotd_tool_space.collision_guard import CollisionGuard
-    from robotd_tool_space.inverse import Task
-    from robotd_tool_space.kinematics import Kinematics, Obstacle, Unreachable
-    from robotd_tool_space.link_speeds import reduced_speed
-    from robotd_tool_space.path_outputs import PathOutput
-    from robotd_tool_space.robot_tool import RobotTool
-    from robotd_tool_space.rotations import (
+    from robotd_tool_space.geometry.chain import Chain
+    from robotd_tool_space.geometry.inverse import Task
+    from robotd_tool_space.geometry.kinematics import Kinematics, Obstacle, Unreachable
+    from robotd_tool_space.geometry.rotations import (
         inverse_pose,
         pose_differences,
         pose_of,
@@ -24,7 +22,9 @@ if TYPE_CHECKING:
         rotation_vectors,
         rpy_of,
     )
-    from robotd_tool_space.segments import (
+    from robotd_tool_space.link_speeds import reduced_speed
+    from robotd_tool_space.paths.path_outputs import PathOutput
+    from robotd_tool_space.paths.segments import (
         Arc,
         ArcAbout,
         JointMove,
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         Spline,
         Wait,
     )
+    from robotd_tool_space.robot_tool import RobotTool
     from robotd_tool_space.tool_groups import ToolGroups
 else:  # commands that read a robot's file need the keys of the feature only
     __getattr__, __dir__ = lazy_names(__name__)
@@ -49,6 +50,7 @@ __all__ = [
     "Obstacle",
     "PathOutput",
     "RobotTool",
+    "SceneObject",
     "Spline",
     "Task",
     "ToolGroups",

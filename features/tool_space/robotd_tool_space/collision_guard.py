@@ -16,10 +16,10 @@ from robotd.api.robots import (
     Trajectory,
     TrajectoryRejected,
 )
-from robotd_tool_space.collisions import Collisions
+from robotd_tool_space.collision.collisions import Collisions
+from robotd_tool_space.collision.scene import Scene
+from robotd_tool_space.collision.scene_object import SceneObject, file_objects
 from robotd_tool_space.robot_tool import RobotTool
-from robotd_tool_space.scene import Scene
-from robotd_tool_space.scene_object import SceneObject, file_objects
 from robotd_tool_space.settings import ToolSpaceKeys
 from robotd_tool_space.tool_groups import ToolGroups
 

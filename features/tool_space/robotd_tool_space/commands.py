@@ -139,7 +139,7 @@ def calibrate(group: str, /, timeout_s: float, *, is_frame: bool, **given: Any) 
     the tool by 30° and more about different axes between two touches. A work frame is touched with
     the tip of the tool that is chosen. Without --file the frame is printed.
     """
-    touched_frames = import_ros("robotd_tool_space.touched_frames")
+    touched_frames = import_ros("robotd_tool_space.frames.touched_frames")
     with robot_client(timeout_s) as client:
         require_one_robot(client)
         touched_frames.calibrate(client, group=group, is_frame=is_frame, **given)

@@ -23,7 +23,7 @@ FEATURE = Feature(
     summary="motion of the tool: poses, straight lines, kinematics, tool and work frames",
     settings=ToolSpaceKeys,
     open="robotd_tool_space.feature:open_tool_space",
-    nodes="robotd_tool_space.tool_nodes:add_tool_nodes",
+    nodes="robotd_tool_space.nodes.tool_nodes:add_tool_nodes",
     guards={
         "tool_space.reduced_speed_input": "robotd_tool_space.link_speeds:reduced_speed",
         "tool_space.collisions": "robotd_tool_space.collision_guard:CollisionGuard",
@@ -50,19 +50,19 @@ def robotd_register_nodes(registry: NodeRegistry) -> None:
     """Add the nodes that a robot lists to have them."""
     registry.add(
         "servo_node",
-        "robotd_tool_space.servo_node:ServoNode",
+        "robotd_tool_space.nodes.servo_node:ServoNode",
         summary="motion of the tool on topics: twists and poses, as MoveIt Servo takes them",
-        parameters="robotd_tool_space.node_settings:read_servo",
+        parameters="robotd_tool_space.nodes.node_settings:read_servo",
     )
     registry.add(
         "wmx_robot_option_node",
-        "robotd_tool_space.r2_node:WmxRobotOptionNode",
+        "robotd_tool_space.nodes.r2_node:WmxRobotOptionNode",
         summary="motion of the whole robot by services, as WMX R2 has it",
-        parameters="robotd_tool_space.node_settings:read_robot_option",
+        parameters="robotd_tool_space.nodes.node_settings:read_robot_option",
     )
     registry.add(
         "axis_reference_node",
-        "robotd_tool_space.axis_reference_node:AxisReferenceNode",
+        "robotd_tool_space.nodes.axis_reference_node:AxisReferenceNode",
         summary="references of axes by the service of WMX R2",
         parameters="robotd.plugin.parameter_reader:no_parameters",
     )

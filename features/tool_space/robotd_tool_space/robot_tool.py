@@ -11,9 +11,7 @@ import numpy as np
 from robotd.api import FloatArray, InvalidArgument
 from robotd.api.features import ProcessImage
 from robotd.api.robots import TrajectoryRejected
-from robotd_tool_space.motion_queue import MotionQueue
-from robotd_tool_space.planned_tool import Arrival, PlannedTool
-from robotd_tool_space.rotations import (
+from robotd_tool_space.geometry.rotations import (
     COMPONENTS,
     checked_components,
     checked_pose,
@@ -22,12 +20,14 @@ from robotd_tool_space.rotations import (
     rpy_of,
     turned_twist,
 )
-from robotd_tool_space.segments import Line, MotionSegment, SequenceStep, check_speed
-from robotd_tool_space.sequence_parts import SequenceMotion, SequencePart
-from robotd_tool_space.sequence_run import SequenceRun, require_success
-from robotd_tool_space.tool_motion import ToolMotion, plan_joint_motion
-from robotd_tool_space.tool_stream import ToolStream
-from robotd_tool_space.twist import PoseCommand, ToolTwist, TwistStage
+from robotd_tool_space.paths.segments import Line, MotionSegment, SequenceStep, check_speed
+from robotd_tool_space.paths.tool_motion import ToolMotion, plan_joint_motion
+from robotd_tool_space.sequences.motion_queue import MotionQueue
+from robotd_tool_space.sequences.planned_tool import Arrival, PlannedTool
+from robotd_tool_space.sequences.sequence_parts import SequenceMotion, SequencePart
+from robotd_tool_space.sequences.sequence_run import SequenceRun, require_success
+from robotd_tool_space.streams.tool_stream import ToolStream
+from robotd_tool_space.streams.twist import PoseCommand, ToolTwist, TwistStage
 
 BASE, TOOL = "base", "tool"
 

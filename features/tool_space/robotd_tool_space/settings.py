@@ -16,7 +16,7 @@ from robotd.api.features import (
     Section,
     SectionProblem,
 )
-from robotd_tool_space.rotations import pose_of
+from robotd_tool_space.geometry.rotations import pose_of
 
 Numbers3 = tuple[float, float, float]
 

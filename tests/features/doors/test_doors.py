@@ -19,7 +19,7 @@ from robotd.clock.simulated import SteppedClock
 from robotd.feature import installed_features
 from robotd.robot import build_robot
 from robotd_tool_space import Kinematics, reduced_speed
-from robotd_tool_space.collisions import Collisions
+from robotd_tool_space.collision.collisions import Collisions
 from robotd_tool_space.settings import ToolSpaceKeys
 
 ROOT = Path(__file__).parents[3]

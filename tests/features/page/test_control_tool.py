@@ -20,7 +20,7 @@ from robotd_page.control_target import HeldMove, MoveTool, Reach, reach
 from robotd_page.control_tool import HeldTool, JogTool, describe_tools
 from robotd_page.held_motion import HEARTBEAT_S, RELEASED, TIMEOUT_S, JogEnd
 from robotd_tool_space import ToolGroups
-from robotd_tool_space.tool_motion import ToolMotion
+from robotd_tool_space.paths.tool_motion import ToolMotion
 
 BENT = [0.3, -0.6, 1.6, -0.3, 1.2, 0.0]
 AT_REST = 1e-3  # rad/s

@@ -8,8 +8,8 @@ import numpy as np
 
 from robotd.api import FloatArray, read_urdf
 from robotd_tool_space import Kinematics
+from robotd_tool_space.paths.tool_motion import plan_joint_motion
 from robotd_tool_space.robot_tool import RobotTool
-from robotd_tool_space.tool_motion import plan_joint_motion
 
 ROOT = Path(__file__).parents[3]
 FILES = {

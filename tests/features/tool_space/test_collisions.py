@@ -32,21 +32,21 @@ from robotd.device.process_image import ProcessImage
 from robotd.motion.rejection import TrajectoryRejected
 from robotd.robot import build_robot
 from robotd_tool_space import ToolGroups, Unreachable
-from robotd_tool_space.bodies import Bodies, enclosing_body
-from robotd_tool_space.collision_check import check_collisions
-from robotd_tool_space.collisions import Collisions
-from robotd_tool_space.distances import (
+from robotd_tool_space.collision.bodies import Bodies, enclosing_body
+from robotd_tool_space.collision.collision_check import check_collisions
+from robotd_tool_space.collision.collisions import Collisions
+from robotd_tool_space.collision.distances import (
     Shapes,
     box_distances,
     plane_distances,
     segment_ways,
     widest_gaps,
 )
-from robotd_tool_space.kinematics import Kinematics
-from robotd_tool_space.rotations import pose_of
-from robotd_tool_space.servo_status import ServoCode
+from robotd_tool_space.geometry.kinematics import Kinematics
+from robotd_tool_space.geometry.rotations import pose_of
 from robotd_tool_space.settings import CollisionSettings, ToolSpaceKeys
-from robotd_tool_space.twist import Command, PoseCommand, ToolTwist, TwistStage
+from robotd_tool_space.streams.servo_status import ServoCode
+from robotd_tool_space.streams.twist import Command, PoseCommand, ToolTwist, TwistStage
 
 BENT = np.array([0.0, 0.3, 1.4, -0.2, 1.2, 0.0])
 FOLDED = np.array([0.0, 0.0, 2.8, 0.0, 0.0, 0.0])

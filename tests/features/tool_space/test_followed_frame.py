@@ -11,10 +11,10 @@ from tests.features.tool_space.test_twist import PERIOD_S, READY, limits_of
 
 from robotd.api import FloatArray, InvalidArgument, NotReady
 from robotd.api.robots import MotionLimits
-from robotd_tool_space.followed_frame import FollowedFrame
-from robotd_tool_space.rotations import inverse_pose, pose_differences, pose_of
-from robotd_tool_space.transform_tree import Placed, TransformTree
-from robotd_tool_space.twist import Command, PoseCommand, ToolTwist, TwistStage
+from robotd_tool_space.frames.followed_frame import FollowedFrame
+from robotd_tool_space.geometry.rotations import inverse_pose, pose_differences, pose_of
+from robotd_tool_space.geometry.transform_tree import Placed, TransformTree
+from robotd_tool_space.streams.twist import Command, PoseCommand, ToolTwist, TwistStage
 
 ARM = kinematics_of("cr3a")
 SECOND = 1_000_000_000

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from robotd.api import FloatArray, InvalidArgument
-from robotd_tool_space.frame_calibration import frame_of_points, tool_tip
+from robotd_tool_space.frames.frame_calibration import frame_of_points, tool_tip
 
 TIP, POINT = np.array([0.01, -0.02, 0.15]), np.array([0.4, 0.1, 0.05])
 

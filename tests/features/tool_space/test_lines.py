@@ -9,10 +9,14 @@ from scipy.interpolate import CubicHermiteSpline
 from robotd.api import FloatArray, InvalidArgument, load_robot_descriptor, read_urdf
 from robotd.api.robots import axis_limits, joint_limits
 from robotd_tool_space import Kinematics, Obstacle, Unreachable, pose_differences, pose_of
-from robotd_tool_space.segments import Line, MotionSegment
-from robotd_tool_space.sequence_plan import LINE_TOLERANCE_M, LINE_TOLERANCE_RAD, plan_sequence
-from robotd_tool_space.tool_curves import ToolSpeed
-from robotd_tool_space.tool_motion import ToolMotion, plan_joint_motion
+from robotd_tool_space.paths.segments import Line, MotionSegment
+from robotd_tool_space.paths.tool_curves import ToolSpeed
+from robotd_tool_space.paths.tool_motion import ToolMotion, plan_joint_motion
+from robotd_tool_space.sequences.sequence_plan import (
+    LINE_TOLERANCE_M,
+    LINE_TOLERANCE_RAD,
+    plan_sequence,
+)
 
 PERIOD_S = 0.002
 STARTS = {

@@ -16,9 +16,9 @@ from robotd.api.features import ProcessImage
 from robotd.api.robots import Outcome
 from robotd.clock.simulated import SteppedClock
 from robotd_tool_space import Line, Unreachable, Wait, pose_differences
-from robotd_tool_space.motion_join import join
+from robotd_tool_space.paths.tool_curves import ToolSpeed
 from robotd_tool_space.robot_tool import RobotTool
-from robotd_tool_space.tool_curves import ToolSpeed
+from robotd_tool_space.sequences.motion_join import join
 from robotd_tool_space.tool_groups import ToolGroups
 
 BENT = np.array([0.0, 0.3, 1.4, -0.2, 1.2, 0.0])

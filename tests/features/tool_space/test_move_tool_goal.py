@@ -12,14 +12,14 @@ from robotd import open_robot
 from robotd.clock.simulated import SteppedClock
 from robotd.control.loop.setpoint_source import Outcome
 from robotd_tool_space import ToolGroups
-from robotd_tool_space.rotations import fill_pose
+from robotd_tool_space.geometry.rotations import fill_pose
 
 pytest.importorskip("rclpy", reason="no ROS in this environment")
 
 from geometry_msgs.msg import Pose
 from robotd_msgs.action import MoveTool
 
-from robotd_tool_space.tool_services import MoveToolAction
+from robotd_tool_space.nodes.tool_services import MoveToolAction
 
 BENT = [0.0, 0.3, 1.4, -0.2, 1.2, 0.0]
 

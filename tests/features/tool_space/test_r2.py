@@ -17,9 +17,9 @@ from robotd import Robot, open_robot
 from robotd.api import InvalidArgument, NotReady, wait_until
 from robotd.clock.simulated import SteppedClock
 from robotd_tool_space import ToolGroups
-from robotd_tool_space.r2_motion import E_STOP, R2Error, R2Motion, R2State
-from robotd_tool_space.r2_node import fill_r2_pose, joints_of_r2, pose_of_r2, r2_factors
-from robotd_tool_space.tool_motion import ToolMotion
+from robotd_tool_space.nodes.r2_motion import E_STOP, R2Error, R2Motion, R2State
+from robotd_tool_space.nodes.r2_node import fill_r2_pose, joints_of_r2, pose_of_r2, r2_factors
+from robotd_tool_space.paths.tool_motion import ToolMotion
 
 BENT = np.array([0.0, 0.3, 1.4, -0.2, 1.2, 0.0])
 FAR = np.array([-1.5, *BENT[1:]])

@@ -11,11 +11,10 @@ from tests.features.tool_space.test_lines import SPEED, STARTS, WAYS, Arm
 
 from robotd.api import FloatArray, InvalidArgument
 from robotd_tool_space import Kinematics, Unreachable
-from robotd_tool_space.joint_path import JointPath, solve_at_once, solve_path
-from robotd_tool_space.segments import Arc
-from robotd_tool_space.sequence_plan import LINE_TOLERANCE_M
-from robotd_tool_space.tool_curves import LineCurve
-from robotd_tool_space.tool_motion import (
+from robotd_tool_space.paths.joint_path import JointPath, solve_at_once, solve_path
+from robotd_tool_space.paths.segments import Arc
+from robotd_tool_space.paths.tool_curves import LineCurve
+from robotd_tool_space.paths.tool_motion import (
     ToolMotion,
     place_on,
     plan_fast_motion,
@@ -23,7 +22,8 @@ from robotd_tool_space.tool_motion import (
     rest_of,
     rest_of_lines,
 )
-from robotd_tool_space.tool_path import ToolPath
+from robotd_tool_space.paths.tool_path import ToolPath
+from robotd_tool_space.sequences.sequence_plan import LINE_TOLERANCE_M
 
 
 def line_path(arm: Arm, end: FloatArray) -> ToolPath:

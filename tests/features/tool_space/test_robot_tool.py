@@ -37,10 +37,10 @@ from robotd_tool_space import (
     pose_differences,
     pose_of,
 )
+from robotd_tool_space.frames.tool_frames import CUSTOM_FRAME, CUSTOM_TOOL
+from robotd_tool_space.paths.tool_motion import plan_joint_motion
 from robotd_tool_space.robot_tool import RobotTool
-from robotd_tool_space.tool_frames import CUSTOM_FRAME, CUSTOM_TOOL
 from robotd_tool_space.tool_groups import ToolGroups
-from robotd_tool_space.tool_motion import plan_joint_motion
 
 BENT = np.array([0.0, 0.3, 1.4, -0.2, 1.2, 0.0])
 

@@ -15,13 +15,13 @@ from robotd.api import DescriptorError, FloatArray, InvalidArgument, NotReady, l
 from robotd.api.robots import Outcome, TrajectoryRejected, TrajectoryRequest
 from robotd.clock.simulated import SteppedClock
 from robotd_tool_space import CollisionGuard, ToolGroups
-from robotd_tool_space.collisions import Collisions
-from robotd_tool_space.kinematics import Kinematics
-from robotd_tool_space.rotations import pose_of
-from robotd_tool_space.scene import MAX_OBJECTS, Scene
-from robotd_tool_space.scene_object import SceneObject
-from robotd_tool_space.servo_status import ServoCode
+from robotd_tool_space.collision.collisions import Collisions
+from robotd_tool_space.collision.scene import MAX_OBJECTS, Scene
+from robotd_tool_space.collision.scene_object import SceneObject
+from robotd_tool_space.geometry.kinematics import Kinematics
+from robotd_tool_space.geometry.rotations import pose_of
 from robotd_tool_space.settings import CollisionSettings
+from robotd_tool_space.streams.servo_status import ServoCode
 
 BENT = np.array([0.0, 0.3, 1.4, -0.2, 1.2, 0.0])
 MARGIN_M = 0.01

@@ -11,10 +11,10 @@ from tests.features.tool_space.test_lines import PERIOD_S, SPEED, Arm, accelerat
 
 from robotd.api import FloatArray, InvalidArgument
 from robotd_tool_space import Unreachable, pose_differences, pose_of
-from robotd_tool_space.segments import Arc, ArcAbout, JointMove, Line, MotionSegment, Spline
-from robotd_tool_space.sequence_plan import LINE_TOLERANCE_M, trace_sequence
-from robotd_tool_space.tool_curves import ToolSpeed
-from robotd_tool_space.tool_motion import ToolMotion
+from robotd_tool_space.paths.segments import Arc, ArcAbout, JointMove, Line, MotionSegment, Spline
+from robotd_tool_space.paths.tool_curves import ToolSpeed
+from robotd_tool_space.paths.tool_motion import ToolMotion
+from robotd_tool_space.sequences.sequence_plan import LINE_TOLERANCE_M, trace_sequence
 
 KINDS = ("joint move", "joint move to a pose", "line", "arc", "arc about", "spline")
 

@@ -13,11 +13,11 @@ from robotd.api import FloatArray
 from robotd.api.robots import JointLimits, MotionLimits
 from robotd.motion import MotionState
 from robotd.motion.limiter import SetpointLimiter
-from robotd_tool_space.kinematics import Kinematics
-from robotd_tool_space.rotations import pose_differences, rotation_matrices
-from robotd_tool_space.servo_status import ServoCode, ServoStatus
-from robotd_tool_space.twist import Command, PoseCommand, ToolTwist, TwistStage
-from robotd_tool_space.twist_limits import FactorRamp, ToolTwistLimits
+from robotd_tool_space.geometry.kinematics import Kinematics
+from robotd_tool_space.geometry.rotations import pose_differences, rotation_matrices
+from robotd_tool_space.streams.servo_status import ServoCode, ServoStatus
+from robotd_tool_space.streams.twist import Command, PoseCommand, ToolTwist, TwistStage
+from robotd_tool_space.streams.twist_limits import FactorRamp, ToolTwistLimits
 
 PERIOD_S = 0.002
 READY = np.array([0.3, -0.6, 1.6, -0.3, 1.2, 0.0])

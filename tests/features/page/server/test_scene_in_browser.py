@@ -20,9 +20,9 @@ from robotd_page.page_feed import RobotSource
 from robotd_page.page_server import PageServer
 from robotd_recorder.recorder import observed
 from robotd_tool_space import ToolGroups
-from robotd_tool_space.rotations import pose_of
-from robotd_tool_space.scene import Scene
-from robotd_tool_space.scene_object import SceneObject
+from robotd_tool_space.collision.scene import Scene
+from robotd_tool_space.collision.scene_object import SceneObject
+from robotd_tool_space.geometry.rotations import pose_of
 
 pytestmark = needs_browser
 

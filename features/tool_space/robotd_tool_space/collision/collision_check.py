@@ -1,0 +1,48 @@
+"""Pairs and links that the collision guard does not check, for ``robotd check``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+
+from robotd.api import RobotdError, RobotDescriptor
+from robotd_tool_space.collision.collisions import Collisions
+from robotd_tool_space.geometry.kinematics import Kinematics
+from robotd_tool_space.settings import CollisionSettings, ToolSpaceKeys
+
+
+def check_collisions(
+    robot: RobotDescriptor,
+) -> Iterator[tuple[str, Callable[[], Iterable[str]]]]:
+    """Yield the check of each joint group, where the robot's file asks for collisions."""
+    settings = robot.settings(ToolSpaceKeys).tool_space.collisions
+    if settings is None:
+        return
+    for name in robot.joint_groups:
+        of_group = f" of {name}" if len(robot.joint_groups) > 1 else ""
+        yield (
+            f"collisions{of_group}",
+            lambda name=name: _not_checked(robot, name, settings),  # type: ignore[misc]
+        )
+
+
+def _not_checked(robot: RobotDescriptor, group: str, settings: CollisionSettings) -> Iterable[str]:
+    """Return a text for each that is not checked.
+
+    Where nothing can be checked the guard itself says so, and the robot does not run.
+    """
+    try:
+        kinematics = Kinematics.of_descriptor(robot, group)
+        collisions = Collisions.of(robot, kinematics, settings)
+    except RobotdError:
+        return
+    for first, second in collisions.left_out:
+        yield (
+            f"collisions of {first} and {second} are not checked: they are too close in nearly"
+            " every posture"
+        )
+    for first, second in settings.not_checked:
+        if {first, second} <= {*collisions.bodies.links}:
+            yield f"collisions of {first} and {second} are not checked: the file says so"
+    for index, joint in enumerate(kinematics.chain.moving):
+        if index not in collisions.bodies.carriers:
+            yield f"collisions of what {joint} moves are not checked: the urdf has no shape of it"
