@@ -103,7 +103,11 @@ def call_with_timeout(budget_s: float, call: Callable[[], Result], name: str) ->
 
 
 def _await(answers: SimpleQueue[Answer], thread: int, budget_s: float) -> Answer:
-    """Return the answer of ``thread``, in slices: one counts no longer than it was meant to be."""
+    """Return the answer of ``thread``; raise CallTimeout after ``budget_s``.
+
+    Time in which the thread waits for a processor does not count, up to ``PATIENCE`` budgets. It is
+    awaited in slices, so that a pause of the whole process counts as one of them.
+    """
     slice_s, began_s = budget_s / SLICES, time.monotonic()
     counted_s = waited_s = 0.0
     queued_s: float | None = None  # read after the first slice: most calls cost nothing

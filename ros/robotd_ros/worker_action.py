@@ -149,7 +149,7 @@ class WorkerAction(ABC):
                 self._end(goal, outcome, result, text)
 
     def _abort(self, goal: Any, result: Any, error: Exception) -> None:
-        self._host.request_log.rejected(goal.requester, "goal rejected", error, self._log)
+        self._host.request_log.rejected(goal.requester, "goal aborted", error, self._log)
         text = shortened(str(error))
         if not isinstance(error, RobotdError):
             text = f"internal error: {text}"

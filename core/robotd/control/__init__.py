@@ -1,1 +1,1 @@
-"""Control of the axes in three storeys, which import only downwards: groups, sources, loop."""
+"""Control of the axes in three layers, which import only downwards: groups, sources, loop."""

@@ -135,9 +135,9 @@ class ServoSwitch:
 
 
 def switch_off(axes: SwitchedAxes, numbers: Sequence[int]) -> Mapping[int, Exception | None]:
-    """Switch servos off at the same time; return error or None of each. Any worker.
+    """Switch servos off at the same time; return the error of each axis, None: it is off. Worker.
 
-    One that does not answer keeps no other one on.
+    A drive that does not answer does not delay the others.
     """
 
     def off(axis: int) -> Exception | None:

@@ -31,9 +31,10 @@ MAX_STOP_ATTEMPTS = 12
 class SetpointLimiter:
     """One setpoint per period for m joints, limited in position, velocity, acceleration, jerk.
 
-    A position limit is never left: no state is entered that could not be stopped in time. Where
-    the motion *begins* too fast for that, acceleration and jerk exceed their limits as far as
-    necessary, or as far as ``reset`` allows. A joint beyond a position limit comes back, or stops.
+    Position limits come first: no setpoint is given from which a joint could not stop before its
+    limit. Where the *first* state is already too fast for that, the stop exceeds the limits of
+    acceleration and jerk as far as necessary, at most by the factor given to ``reset``. A joint
+    beyond a position limit may only move back, or stop.
 
     One thread. Arrays are of shape (m,); SI units.
 
@@ -56,7 +57,7 @@ class SetpointLimiter:
         self._planner, self._stop_planner = JointPlanner(joints), JointPlanner(joints)
         dt = period_s
         self._back = np.array([[1.0, -dt, dt**2 / 2.0], [0.0, 1.0, -dt], [0.0, 0.0, 1.0]])
-        self._carefree = _carefree_states(limits)
+        self._stoppable = _stoppable_states(limits)
         self._anywhere, self._rest = [math.nan] * joints, [0.0] * joints
         self._target, self._velocity = self._anywhere, self._rest  # of the plan
         self._elapsed_s = 0.0
@@ -73,9 +74,8 @@ class SetpointLimiter:
         """Continue from ``state``, which may be moving or beyond the limits, and stop.
 
         ``strongest``: factor of the acceleration limits that no stop exceeds until the next reset.
-        A stop that needs more leaves the position limit, and comes back. A command that comes when
-        the joint is already beyond its limit is planned with the ordinary acceleration, which adds
-        the rest of its way to stop.
+        A joint that cannot stop before its position limit with that passes it and comes back. While
+        a joint is beyond its limit, new commands are planned with the ordinary acceleration.
         """
         self._strongest = [strongest * limit for limit in self._bounds.highest_acceleration]
         self.state[:] = state.position, state.velocity, state.acceleration
@@ -169,20 +169,20 @@ class SetpointLimiter:
             bounds.lowest_velocity,
             bounds.highest_velocity,
         )
-        carefree = True not in rests and self._is_carefree(reference)
+        unconstrained = True not in rests and self._can_stop(reference)
         start = self.state.copy()
         deviation = start - self._back.dot(reference)
-        if carefree and _is_negligible(deviation):
+        if unconstrained and _is_negligible(deviation):
             self.state[:] = reference
             return self.state
-        if carefree:
+        if unconstrained:
             self._advance(start, reference, deviation, self._rest)
-            if self._is_carefree(self.state) and (
+            if self._can_stop(self.state) and (
                 velocity_range is None or True not in self._too_fast(self.state.tolist())
             ):
                 return self.state
         target, tracked = self._within_limits(target), self._trackable(reference)
-        if not carefree:
+        if not unconstrained:
             self._advance_some(start, reference, deviation, target, tracked)
         lower, upper = self._range(start[0].tolist())
         for joint, (begin, end) in enumerate(zip(start[0].tolist(), target, strict=True)):
@@ -242,9 +242,9 @@ class SetpointLimiter:
             Bounds.symmetric(fastest, bounds.highest_acceleration, bounds.jerk),
         )
 
-    def _is_carefree(self, state: FloatArray) -> bool:
+    def _can_stop(self, state: FloatArray) -> bool:
         """Return True where every joint is certainly able to stop from ``state`` (3, m)."""
-        lowest, highest = self._carefree
+        lowest, highest = self._stoppable
         return int(np.count_nonzero((state > lowest) & (state < highest))) == state.size
 
     def _trackable(self, reference: FloatArray) -> list[bool]:
@@ -368,7 +368,7 @@ class SetpointLimiter:
         )
 
 
-def _carefree_states(limits: JointLimits) -> tuple[FloatArray, FloatArray]:
+def _stoppable_states(limits: JointLimits) -> tuple[FloatArray, FloatArray]:
     """Return the lowest and highest state (3, m) of which any stop keeps the limits."""
     ramp_s = limits.acceleration / limits.jerk
     acceleration = TRACKABLE_SHARE * limits.acceleration

@@ -20,14 +20,15 @@ class RateBounds:
     Attributes:
         step_s: between samples; the first is at trajectory time 0.
         speeds: (k, p) of p bodies at rate 1, of any unit; the translation of a tool and its turn.
-        along, across: (k, p) parts of their accelerations along their velocities, and across.
+        tangential, normal: (k, p) parts of their accelerations along their velocities, and at right
+            angles to them.
         limits: (p,) of the accelerations.
     """
 
     step_s: float
     speeds: FloatArray
-    along: FloatArray
-    across: FloatArray
+    tangential: FloatArray
+    normal: FloatArray
     limits: FloatArray
 
     def slopes(self, time_s: float, rate: float) -> tuple[float, float]:
@@ -35,16 +36,16 @@ class RateBounds:
         row = min(max(int(time_s / self.step_s + 0.5), 0), len(self.speeds) - 1)
         fall = rise = math.inf
         squared = rate * rate
-        for speed, along, across, limit in zip(
+        for speed, tangential, normal, limit in zip(
             self.speeds[row].tolist(),
-            self.along[row].tolist(),
-            self.across[row].tolist(),
+            self.tangential[row].tolist(),
+            self.normal[row].tolist(),
             self.limits.tolist(),
             strict=True,
         ):
             if speed > 0.0:
-                room = math.sqrt(max(limit**2 - (across * squared) ** 2, 0.0))
+                room = math.sqrt(max(limit**2 - (normal * squared) ** 2, 0.0))
                 least = LEAST_SHARE * limit
-                fall = min(fall, max(room + along * squared, least) / speed)
-                rise = min(rise, max(room - along * squared, least) / speed)
+                fall = min(fall, max(room + tangential * squared, least) / speed)
+                rise = min(rise, max(room - tangential * squared, least) / speed)
         return fall, rise

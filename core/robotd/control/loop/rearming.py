@@ -93,12 +93,12 @@ class Rearming:
 
 
 class Reception:
-    """Knowledge of how long a topic was received, for the silence of its sources. One thread.
+    """Time for which a topic was received: evidence that its sources were silent. One thread.
 
-    A client that was commanding before, such as one that outlives a restart of robotd, may be
-    discovered at any time after the start: a topic without messages is not a silent one. So
-    silence counts from the first message on, unless its number among those of its publisher
-    shows that the publisher was silent before, or had just begun.
+    DDS may discover a client at any time after the start, also one that has commanded since before
+    a restart of robotd. So that no message has come does not show that the client was silent:
+    silence counts from its first message on. The exception is a first message whose sequence
+    number shows that its publisher was silent before, or had just begun.
     """
 
     def __init__(self, rearming: Rearming) -> None:
@@ -141,11 +141,11 @@ class Admission:
 
 
 class CommandSource:
-    """A client that sends commands for some axes; those for motion need an armed source.
+    """A client that sends commands for some axes. Only those of an armed source move anything.
 
-    Silence arms it, or a command that asks for no motion, while no state rejects motion. It stays
-    armed until motion of its axes is interrupted. One that was never received was silent where it
-    belongs to this process; see ``Reception`` for a topic. Any thread; nothing blocks.
+    It is armed by silence or by a command that asks for no motion, if motion is possible then,
+    until motion of its axes is interrupted. A source in this process that has not commanded yet
+    counts as silent; for that of a topic see ``Reception``. Any thread; nothing blocks.
 
     Args:
         name: for people.

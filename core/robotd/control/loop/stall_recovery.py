@@ -30,17 +30,19 @@ def after_stall(pause_s: float) -> str:
 class StallRecovery:
     """Deviation from the path after an underrun, and its blend back to zero.
 
-    While setpoints are missing an axis goes on with the velocity of the last one for a moment, or
-    not at all, and then holds, see ``Underrun``. The next setpoint continues from there, in
-    position and velocity. A path waits for an axis that has come to hold (``wait``). The deviation
-    e from the path and its rate w go to zero: w changes so that path and w together keep the
-    joint's acceleration limit, or by a quarter of it where the path needs all, stays within a tenth
-    of its velocity limit once it is there, and does not reverse a moving path.
+    An axis without setpoints keeps its last velocity for at most ``extrapolation_s`` and then holds
+    (``Underrun``). The first setpoint after that continues from where the axis is, in position and
+    velocity, and the path waits for an axis that holds (``wait``).
 
-    Everything follows from the setpoints that were sent, not from what a drive reports: its report
-    is as late as the control loop, and to start from there feeds on itself under repeated stalls.
-    The exception is a joint whose drive does not answer (``hold``): it gets no setpoint, and
-    continues from where the driver says that its command is.
+    The deviation e from the path and its rate w = de/dt then return to zero. The change of w is
+    limited: path and w together keep the acceleration limit of the joint; where the path alone
+    uses all of it, w gets a quarter of it on top. w stays within a tenth of the velocity limit,
+    except while it slows down to that, and never reverses a moving path.
+
+    All this is computed from the setpoints that were sent, not from positions that drives report:
+    those are as late as the control loop, and with repeated stalls the error would grow. Only a
+    joint whose drive does not answer (``hold``) gets no setpoint, and continues from the command
+    that the driver reports.
 
     Control-loop thread. Arrays are of shape (m,), setpoints (2, m): position and velocity.
 

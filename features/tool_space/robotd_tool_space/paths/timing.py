@@ -9,9 +9,9 @@ Robotics 34(3), 2018). The accelerations then have steps; a moving average over 
 them into ramps. The parts between two stops are averaged each by itself: an average across a stop
 would pass it with some speed.
 
-In corners (blends) and arcs the tool's acceleration has a part c·x with the second derivative c by
-s: it gets up to ``ACROSS`` of the limit, which bounds x, and d²s/dt² the rest, by Pythagoras. Both
-bounds hold as far before and after as the moving average reaches, so that they hold for that.
+In corners (blends) and arcs the tool has a centripetal acceleration c·x, with the second derivative
+c of its pose by s. It gets up to ``CENTRIPETAL_SHARE`` of the limit, which bounds x; the rest by
+Pythagoras bounds d²s/dt². Both bounds are spread as far as the moving average reaches.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from robotd_tool_space.paths.joint_route import EvenRoute, Route
 from robotd_tool_space.paths.tool_curves import ToolSpeed
 
 SAMPLE_S = 0.002  # of the moving average
-ACROSS = 0.8  # of the tool's acceleration, at most, where its path bends
-LEAST_ACROSS = 0.05  # that counts
+CENTRIPETAL_SHARE = 0.8  # of the tool's acceleration, at most
+LEAST_CENTRIPETAL_SHARE = 0.05  # that counts
 MIN_SPEED = 1e-9
-NO_BEND = 1e-9
+NO_CURVATURE = 1e-9
 MAX_DURATION_S = 3600.0
 
 
@@ -97,35 +97,39 @@ def time_route(
     _, jacobian = kinematics.chain.forward_and_jacobian(route.positions)
     twists = (jacobian @ route.slopes[..., None])[..., 0]
     rates = np.linalg.norm(twists.reshape(-1, 2, 3), axis=2)
-    turns = np.linalg.norm(_bends(at_s, twists, rests).reshape(-1, 2, 3), axis=2)
-    turns = np.maximum(np.maximum(turns, np.roll(turns, 1, 0)), np.roll(turns, -1, 0))
+    tool_curvatures = np.linalg.norm(_curvatures(at_s, twists, rests).reshape(-1, 2, 3), axis=2)
+    beside = [np.roll(tool_curvatures, 1, 0), np.roll(tool_curvatures, -1, 0)]
+    tool_curvatures = np.maximum.reduce([tool_curvatures, *beside])
     slope = np.hstack([route.slopes, rates])
-    bend = np.hstack([_bends(at_s, route.slopes, rests), np.zeros((count, 2))])
+    curvature = np.hstack([_curvatures(at_s, route.slopes, rests), np.zeros((count, 2))])
     limit = np.tile(np.append(limits[1], speed.accelerations), (count, 1))
     fastest = np.append(limits[0], speed.velocities)
-    highest = np.minimum(_highest(slope, bend, fastest, limit), 1.0)
-    highest = np.minimum(highest, (ACROSS * speed.accelerations / (turns + NO_BEND)).min(axis=1))
+    highest = np.minimum(_highest(slope, curvature, fastest, limit), 1.0)
+    highest = np.minimum(
+        highest,
+        (CENTRIPETAL_SHARE * speed.accelerations / (tool_curvatures + NO_CURVATURE)).min(axis=1),
+    )
     if isinstance(route, EvenRoute):
         for first, last in pairwise(rests.tolist()):
             highest[first : last + 1] = highest[first : last + 1].min()
-    across = (turns * highest[:, None] / speed.accelerations).max(axis=1)
-    highest, across = _around(at_s, highest, across, smooth_s)
-    limit[:, -2:] *= np.sqrt(1.0 - np.minimum(across, ACROSS) ** 2)[:, None]
-    return _fastest(at_s, rests, slope, bend, highest, limit, smooth_s)
+    centripetal = (tool_curvatures * highest[:, None] / speed.accelerations).max(axis=1)
+    highest, centripetal = _around(at_s, highest, centripetal, smooth_s)
+    limit[:, -2:] *= np.sqrt(1.0 - np.minimum(centripetal, CENTRIPETAL_SHARE) ** 2)[:, None]
+    return _fastest(at_s, rests, slope, curvature, highest, limit, smooth_s)
 
 
 def _around(
-    at_s: FloatArray, highest: FloatArray, across: FloatArray, smooth_s: float
+    at_s: FloatArray, highest: FloatArray, centripetal: FloatArray, smooth_s: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return squared speeds and parts across that hold as far as the moving average reaches."""
-    capped, widest = highest.copy(), across.copy()
+    """Spread squared speeds and centripetal shares as far as the moving average reaches."""
+    capped, widest = highest.copy(), centripetal.copy()
     reaches = smooth_s * np.sqrt(highest)
     firsts = np.searchsorted(at_s, at_s - reaches)
     lasts = np.searchsorted(at_s, at_s + reaches, "right")
-    for index in np.flatnonzero(across > LEAST_ACROSS).tolist():
+    for index in np.flatnonzero(centripetal > LEAST_CENTRIPETAL_SHARE).tolist():
         around = slice(firsts[index], lasts[index])
         np.minimum(capped[around], highest[index], out=capped[around])
-        np.maximum(widest[around], across[index], out=widest[around])
+        np.maximum(widest[around], centripetal[index], out=widest[around])
     return capped, widest
 
 
@@ -150,24 +154,26 @@ def time_curve(
     """
     at_s, slope = curve.at_s, curve.slopes
     rests = np.array([0, *stops, len(at_s) - 1])
-    bend = _bends(at_s, slope, rests)
+    curvature = _curvatures(at_s, slope, rests)
     limit = np.tile(acceleration, (len(at_s), 1))
-    highest = np.minimum(_highest(slope, bend, velocity, limit), caps**2)
-    return _fastest(at_s, rests, slope, bend, _widened(at_s, highest, smooth_s), limit, smooth_s)
+    highest = np.minimum(_highest(slope, curvature, velocity, limit), caps**2)
+    return _fastest(
+        at_s, rests, slope, curvature, _widened(at_s, highest, smooth_s), limit, smooth_s
+    )
 
 
 def _fastest(
     at_s: FloatArray,
     rests: IntArray,
     slope: FloatArray,
-    bend: FloatArray,
+    curvature: FloatArray,
     highest: FloatArray,
     limit: FloatArray,
     smooth_s: float,
 ) -> Timing:
     """Return the fastest timing below the squared speeds ``highest`` (k,)."""
     highest[rests] = 0.0
-    rates = np.sqrt(_passes(at_s, slope, bend, highest, limit))
+    rates = np.sqrt(_passes(at_s, slope, curvature, highest, limit))
     seconds = np.diff(at_s) / np.maximum(0.5 * (rates[1:] + rates[:-1]), MIN_SPEED)
     if (total_s := seconds.sum()) > MAX_DURATION_S:  # before the memory for it is asked for
         raise InvalidArgument(f"the motion takes {total_s:.0f} s, at most {MAX_DURATION_S:g} s")
@@ -186,7 +192,7 @@ def _widened(at_s: FloatArray, highest: FloatArray, smooth_s: float) -> FloatArr
     return result
 
 
-def _bends(at_s: FloatArray, slopes: FloatArray, rests: IntArray) -> FloatArray:
+def _curvatures(at_s: FloatArray, slopes: FloatArray, rests: IntArray) -> FloatArray:
     """Return the second derivatives (k, n) of the positions by the parameter.
 
     The slope at a stop is that behind it: it does not count for the part before.
@@ -200,16 +206,16 @@ def _bends(at_s: FloatArray, slopes: FloatArray, rests: IntArray) -> FloatArray:
 
 
 def _highest(
-    slope: FloatArray, bend: FloatArray, speeds: FloatArray, limit: FloatArray
+    slope: FloatArray, curvature: FloatArray, speeds: FloatArray, limit: FloatArray
 ) -> FloatArray:
     """Return the highest squared speed (k,) at each sample by itself."""
     with np.errstate(divide="ignore", invalid="ignore"):
         highest = ((speeds / np.abs(slope)) ** 2).min(axis=1)
-        half, turn = limit / np.abs(slope), -bend / slope
+        half, turn = limit / np.abs(slope), -curvature / slope
         turn = np.where(np.isfinite(turn), turn, 0.0)
-        # Where a joint turns round, only x is left of its acceleration.
+        # Where a joint tool_curvatures round, only x is left of its acceleration.
         resting = np.abs(slope) < 1e-9
-        lone = np.where(resting, limit / np.abs(bend), np.inf).min(axis=1)
+        lone = np.where(resting, limit / np.abs(curvature), np.inf).min(axis=1)
         difference = turn[:, :, None] - turn[:, None, :]
         pairs = np.where(
             difference > 1e-12, (half[:, :, None] + half[:, None, :]) / difference, np.inf
@@ -221,13 +227,13 @@ def _highest(
 def _passes(
     at_s: FloatArray,
     slope: FloatArray,
-    bend: FloatArray,
+    curvature: FloatArray,
     highest: FloatArray,
     limit: FloatArray,
 ) -> FloatArray:
     """Return the squared speeds (k,) of the fastest motion."""
     slope = np.where(np.abs(slope) < 1e-9, 1e-9, slope)
-    half, turn = limit / np.abs(slope), -bend / slope
+    half, turn = limit / np.abs(slope), -curvature / slope
     double = 2.0 * np.diff(at_s)
     squared = highest.copy()
     for index in range(len(at_s) - 2, -1, -1):

@@ -235,7 +235,7 @@ class SplineCurve:
                 turns = np.round((before @ here / size - size) / (2.0 * np.pi))
                 here[:] = here * (1.0 + 2.0 * np.pi * turns / size)
         knots_s = np.concatenate([[0.0], np.cumsum(lengths_s)])
-        raw = cls(poses[0], knots_s, points, _natural_bends(knots_s, points))
+        raw = cls(poses[0], knots_s, points, _natural_second_derivatives(knots_s, points))
         # At its fastest place the tool is at full speed where s passes as time does.
         factor = float((raw.rates / speed.velocities).max())
         return cls(poses[0], factor * knots_s, points, raw.bends / factor**2)
@@ -270,7 +270,7 @@ class SplineCurve:
         return _poses(self.start[:3, 3] + way[:, :3], turned)
 
 
-def _natural_bends(knots_s: FloatArray, points: FloatArray) -> FloatArray:
+def _natural_second_derivatives(knots_s: FloatArray, points: FloatArray) -> FloatArray:
     """Return the second derivatives (p, 6) of the cubic spline that has none at its ends."""
     count = len(knots_s)
     bends = np.zeros_like(points)

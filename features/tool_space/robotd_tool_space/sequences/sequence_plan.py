@@ -92,7 +92,7 @@ def trace_sequence(
     segments: Sequence[MotionSegment],
     speed: ToolSpeed,
 ) -> FloatArray:
-    """Return positions (k, n) along segments: those of ``plan_sequence``, in a part of its time.
+    """Return joint positions (k, n) along segments, without times: faster than ``plan_sequence``.
 
     Raises Unreachable, InvalidArgument.
     """
