@@ -14,7 +14,7 @@ from robotd.descriptor import (
     list_robots,
     load_robot_descriptor,
 )
-from robotd_bases.two_sided import DifferentialDrive
+from robotd_bases.diff_drive import DifferentialDrive
 from robotd_wmx_parameters import default_wmx_parameters, read_wmx_parameters, write_wmx_parameters
 
 SERVICE_NODES = ("wmx_engine_node", "wmx_core_motion_node", "wmx_io_node", "wmx_ethercat_node")

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from robotd.descriptor.group_settings import ALL_JOINTS
     from robotd.descriptor.problems import validate
     from robotd.descriptor.section import MAX_AXES, NAME
-    from robotd.descriptor.source import YamlNode, parse_yaml, read_yaml
     from robotd.descriptor.urdf import (
         JointFrames,
         UrdfJoint,
@@ -46,6 +45,7 @@ if TYPE_CHECKING:
     )
     from robotd.descriptor.urdf.urdf_model import frame
     from robotd.descriptor.urdf.urdf_text import MAX_URDF_BYTES, is_xacro, xml_root
+    from robotd.descriptor.yaml_tree import YamlNode, parse_yaml, read_yaml
 else:
     __getattr__, __dir__ = lazy_names(__name__)
 

@@ -5,7 +5,6 @@ from robotd.descriptor.io_settings import GripperSettings, IoAddress
 from robotd.descriptor.joint_settings import JointSettings, JointType
 from robotd.descriptor.load import (
     RobotSummary,
-    default_search_path,
     list_robots,
     load_robot_descriptor,
     validate_section,
@@ -17,6 +16,7 @@ from robotd.descriptor.model import (
     TrajectorySettings,
 )
 from robotd.descriptor.overrides import Override, override, parse_override
+from robotd.descriptor.search_path import default_search_path
 
 __all__ = [
     "CycleSettings",

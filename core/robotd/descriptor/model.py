@@ -17,6 +17,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, PrivateA
 from robotd.descriptor.base_kinds import Drive
 from robotd.descriptor.drive_settings import DriveSettings
 from robotd.descriptor.group_settings import ALL_JOINTS, GroupSettings, group_problems
+from robotd.descriptor.inheritance import merge
 from robotd.descriptor.io_settings import (
     GripperSettings,
     IoAddress,
@@ -38,7 +39,7 @@ from robotd.descriptor.servo_gripper_settings import (
     ServoGripperSettings,
     servo_gripper_problems,
 )
-from robotd.descriptor.source import YamlNode, merge
+from robotd.descriptor.yaml_tree import YamlNode
 from robotd.errors import DescriptorError
 
 DEFAULT_RATE_HZ = 500.0
@@ -121,7 +122,7 @@ class TrajectorySettings(Section):
         "planner; null: reported, never rejected.",
     )
     allow_partial_joints_goal: bool = Field(
-        True, description="Accept goals of some of the joints; the others must stand, and hold."
+        True, description="Accept goals of some of the joints; the others must be at rest."
     )
     allow_nonzero_velocity_at_trajectory_end: bool = Field(
         False,

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from robotd.descriptor.source import YamlNode, read_value
+from robotd.descriptor.yaml_tree import YamlNode, read_value
 from robotd.errors import DescriptorError
 
 ORIGIN = Path("--set")

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from robotd.descriptor.base_kinds import AnyKind, base_models
-from robotd.descriptor.source import YamlNode
+from robotd.descriptor.yaml_tree import YamlNode
 from robotd.errors import DescriptorError, did_you_mean
 from robotd.feature import feature_failures
 

@@ -55,9 +55,9 @@ class MotionLimits:
     Attributes:
         factors: of the limit of the speed in force, for the control loop; None: there is none.
         reason, remedy: of that limit, one line each for people; "" without one.
-        check_path: of each trajectory before it begins; None: none.
-        obstacle: of streams, for the control loop; None: none.
-        solids: what a feature that sets these checks for, beside the links.
+        check_path: called for each trajectory before it begins; None: no check.
+        obstacle: called for streams in the control loop; None: no check.
+        solids: bodies beside the links for which the feature checks.
     """
 
     def __init__(self, axes: Sequence[int] = ()) -> None:

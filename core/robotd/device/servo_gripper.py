@@ -110,12 +110,12 @@ class ServoGripper:
             return self._moves != number
 
         def at_rest() -> bool:
-            """The fingers stand, and not because they are slow."""
+            """The fingers are at rest, and not because they are slow."""
             image = self._axes.image.copy()
-            stand = watch.rests(float(image.position[self._axis]))
+            rest = watch.rests(float(image.position[self._axis]))
             self._require_command(position_m, image, replaced)
             lead = abs(float(image.position_command[self._axis] - image.position[self._axis]))
-            return stand and (lead >= self._squeeze or not _moves(image, self._axis))
+            return rest and (lead >= self._squeeze or not _moves(image, self._axis))
 
         self._axes.wait_for_motion()
         rested = False

@@ -7,7 +7,7 @@ cycle; ``plan_stop`` ends it early, along its path.
 from robotd.motion.interpolation import Interpolation
 from robotd.motion.joints import JointLimits, MotionState, TrajectoryRules
 from robotd.motion.limits import AxisLimits, check_jog, check_move
-from robotd.motion.planning import check_start_delay, plan
+from robotd.motion.planning import plan
 from robotd.motion.rate_bounds import RateBounds
 from robotd.motion.rejection import RejectionCode, TrajectoryRejected
 from robotd.motion.request import TrajectoryRequest
@@ -38,7 +38,6 @@ __all__ = [
     "Violation",
     "check_jog",
     "check_move",
-    "check_start_delay",
     "plan",
     "plan_stop",
     "spline_points",

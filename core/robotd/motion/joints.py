@@ -106,7 +106,7 @@ class TrajectoryRules:
         max_points: of one trajectory.
         velocity_margin: part by which a path may exceed the velocity limits.
         acceleration_margin: the same of accelerations; None: by any.
-        allow_partial_joints: goals of some of the joints; the others have to stand.
+        allow_partial_joints: goals of some of the joints; the others have to be at rest.
         allow_end_velocity: last points with a velocity.
     """
 

@@ -18,7 +18,7 @@ from robotd.motion.path_checks import (
     merge_note,
 )
 from robotd.motion.path_ends import with_run_out
-from robotd.motion.rejection import RejectionCode, TrajectoryRejected, reject
+from robotd.motion.rejection import reject
 from robotd.motion.request import TrajectoryRequest, arrange
 from robotd.motion.trajectory import Trajectory
 
@@ -56,23 +56,6 @@ def plan(
     check_path_limits(peaks, limits, rules, start)
     notes = (*points.notes, *merge_note(points, merged), *acceleration_notes(peaks, limits))
     return replace(trajectory, notes=notes)
-
-
-def check_start_delay(delay_s: float, duration_s: float) -> None:
-    """Reject a trajectory that is over already.
-
-    Args:
-        delay_s: start stamp of the goal minus now; 0 for a goal without a stamp.
-        duration_s: duration of the trajectory.
-
-    Raises TrajectoryRejected: ``OLD_HEADER_TIMESTAMP``.
-    """
-    if delay_s + duration_s < 0.0:
-        raise TrajectoryRejected(
-            RejectionCode.OLD_HEADER_TIMESTAMP,
-            f"the trajectory of {duration_s:.3f} s should have begun {-delay_s:.3f} s ago: "
-            f"it is over",
-        )
 
 
 def _check_start(start: MotionState, limits: JointLimits) -> None:

@@ -3,8 +3,9 @@
 A foreign exception becomes an ``OperationError``, a call that does not return an
 ``AbandonedCall``; both name the plugin. Calls of the control loop, and those that only read
 memory, have no time limit, because it takes a thread: the watchdog of the control loop detects a
-hang. A device whose ``state`` does not return is in state UNKNOWN; of one whose ``fault`` does
-not return, that is the fault.
+hang. A device whose ``state`` does not return is in state UNKNOWN; one whose ``fault`` does not
+return has that as its fault. Values in the process image are not judged here: NaN is "not known",
+and who reads a value decides what that means.
 """
 
 from __future__ import annotations

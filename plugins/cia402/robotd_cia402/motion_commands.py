@@ -117,7 +117,7 @@ class MotionCommands(CommandSteps):
     def quick_stop(self) -> None:
         """The drive's own quick stop; the axis stays powered. As ``stop``.
 
-        Of a command that ends with a harder ramp it is a stop: the drive's own is gentler.
+        A command whose ``stop`` has a harder ramp than the drive's quick stop is stopped by that.
         """
         axis, ramp = self._axis, self._axis.options.quick_stop_deceleration_rad_s2
         moving = not axis.activity.is_idle

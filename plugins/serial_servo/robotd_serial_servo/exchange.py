@@ -211,10 +211,10 @@ class Exchange:
                 job.end(NotReady(reason))
 
     def _exchange(self) -> None:
-        """Read all servos, judge what they show, then send goals to those that are as they should.
+        """Read all servos, judge what they show, then send goals to those that are on.
 
-        In this order, because a goal switches some servos on: it goes to a servo that has just
-        shown that it is on, and at the goal before.
+        In this order, because a goal switches some servos on: a servo gets one only if it has just
+        shown that it is on, and that it has the goal before.
         """
         began_ns, targets = self._clock.now_ns(), self._targets
         self._round += 1

@@ -27,9 +27,9 @@ class ServoRecord:
         missed: the last request had no reply that is believed: it gets no goal.
         misses: so many times in a row.
         offline: so ``LOST_REPLIES`` times, and for longer than ``lost_after_s``.
-        activation: number of the present time of being on without a lost reply or goal, for which
-            targets are computed; 0: it gets no goals.
-        activations: so many so far.
+        activation: counter of the times at which the servo was switched on, or answered again. Only
+            targets that were computed for the present one are sent; 0: none is.
+        activations: the highest of them so far.
         goal: the last one sent or seeded, ticks; None while it gets none.
         acknowledged: the goal that the servo has shown last, ticks.
         goal_lost_ns: since when the servo shows another goal; 0: it shows that one.

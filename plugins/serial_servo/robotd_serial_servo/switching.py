@@ -95,7 +95,7 @@ def catch(
 def _seed(
     bus: ServoBus, record: ServoRecord, goal: Goal, clock: Clock, deadline_ns: int, releases: int
 ) -> Steps:
-    """Switch on at ``goal``, without torque. Raises OperationError: the servo shows no such."""
+    """Switch on at ``goal``, without torque. Raises OperationError: the servo does not show it."""
     steps: tuple[Callable[[], None], ...] = (
         partial(bus.limit_torque, record.servo, 0.0),
         # On STS this switches on: with a torque limit of 0 nothing moves.

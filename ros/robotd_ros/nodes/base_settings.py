@@ -8,9 +8,9 @@ from typing import Any, NamedTuple, TypeVar
 from robotd.descriptor import DriveSettings, RobotDescriptor
 from robotd.errors import DescriptorError
 from robotd.plugin.parameter_reader import ParameterReader
+from robotd_bases.diff_drive import TwoSidedDrive
 from robotd_bases.mecanum import MecanumDrive
 from robotd_bases.tricycle import TricycleDrive
-from robotd_bases.two_sided import TwoSidedDrive
 from robotd_ros.nodes.arm_settings import FILE_MEANING
 from robotd_ros.nodes.device_settings import read_frame_prefix
 

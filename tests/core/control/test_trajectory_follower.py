@@ -9,13 +9,14 @@ from hypothesis import strategies as st
 from tests.core.control.harness import ACCELERATION, FAR, HOME, PERIOD_S, Harness, peak
 from tests.core.motion.helpers import peaks_of
 
+from robotd.control.groups.trajectory_follower import check_start_time
 from robotd.control.loop.setpoint_mixer import SPLICE_LOST
 from robotd.control.loop.setpoint_source import PREEMPTED, Outcome
 from robotd.control.sources.streamed_trajectory import StreamedTrajectory
 from robotd.device.state import Operation
 from robotd.errors import NotReady
 from robotd.events import EventKind
-from robotd.motion import JointTolerance, TrajectoryRejected, TrajectoryRequest
+from robotd.motion import JointTolerance, RejectionCode, TrajectoryRejected, TrajectoryRequest
 
 CANCELED = "canceled by the client"
 
@@ -427,3 +428,14 @@ def test_joints_are_free_after_a_goal_that_could_not_begin(
     with harness.goal(FAR) as execution:
         harness.end(execution)
     assert execution.outcome is Outcome.SUCCEEDED
+
+
+def test_a_trajectory_that_is_over_is_rejected_as_such() -> None:
+    check_start_time(-1.0, 2.0)
+    check_start_time(0.0, 2.0)
+    with pytest.raises(TrajectoryRejected) as rejected:
+        check_start_time(-3.0, 2.0)
+    assert rejected.value.code is RejectionCode.OLD_HEADER_TIMESTAMP
+    assert str(rejected.value) == (
+        "the trajectory of 2.000 s should have begun 3.000 s ago: it is over"
+    )

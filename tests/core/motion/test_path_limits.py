@@ -26,7 +26,6 @@ from robotd.motion import (
     RejectionCode,
     TrajectoryRejected,
     TrajectoryRequest,
-    check_start_delay,
 )
 from robotd.motion.extremes import extremes
 
@@ -182,14 +181,3 @@ def test_extremes_agree_with_the_roots_of_the_derivative(
     assert abs(highest.value[0] - at_candidates.max()) <= room
     assert abs(lowest.value[0] - at_candidates.min()) <= room
     assert abs(polynomial(highest.time_s[0]) - highest.value[0]) <= room
-
-
-def test_a_trajectory_that_is_over_is_rejected_as_such() -> None:
-    check_start_delay(-1.0, 2.0)
-    check_start_delay(0.0, 2.0)
-    with pytest.raises(TrajectoryRejected) as rejected:
-        check_start_delay(-3.0, 2.0)
-    assert rejected.value.code is RejectionCode.OLD_HEADER_TIMESTAMP
-    assert str(rejected.value) == (
-        "the trajectory of 2.000 s should have begun 3.000 s ago: it is over"
-    )

@@ -15,7 +15,7 @@ from robotd.errors import DescriptorError
 from robotd.observation.tap import Tap
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot
-from robotd_bases.two_sided import DifferentialDrive
+from robotd_bases.diff_drive import DifferentialDrive
 from robotd_export.export_command import export_function, export_targets
 from robotd_export.export_input import ExportInput
 from robotd_export.nav2 import twist_limits

@@ -21,7 +21,7 @@ from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.motion import TrajectoryRequest
 from robotd.plugin.manager import load_backend
 from robotd.robot import Robot, open_robot
-from robotd_bases.two_sided import DifferentialDrive, SkidSteerDrive
+from robotd_bases.diff_drive import DifferentialDrive, SkidSteerDrive
 
 URDFS = Path(__file__).parents[2] / "urdf"
 SHAPES = sorted(path.stem for path in URDFS.glob("*.urdf"))

@@ -17,8 +17,8 @@ from robotd.clock.simulated import SteppedClock
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.errors import DescriptorError
 from robotd.robot import open_robot
+from robotd_bases.diff_drive import DifferentialDrive
 from robotd_bases.mecanum import MecanumDrive
-from robotd_bases.two_sided import DifferentialDrive
 from robotd_new_robot import Choices, RobotPlan, plan_robot
 from robotd_new_robot.joint_roles import GripperDrive
 from robotd_new_robot.wheels import BaseKind, disc_radius

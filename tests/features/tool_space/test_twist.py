@@ -16,8 +16,8 @@ from robotd.motion.limiter import SetpointLimiter
 from robotd_tool_space.geometry.kinematics import Kinematics
 from robotd_tool_space.geometry.rotations import pose_differences, rotation_matrices
 from robotd_tool_space.streams.servo_status import ServoCode, ServoStatus
+from robotd_tool_space.streams.tool_twist_limits import FactorRamp, ToolTwistLimits
 from robotd_tool_space.streams.twist import Command, PoseCommand, ToolTwist, TwistStage
-from robotd_tool_space.streams.twist_limits import FactorRamp, ToolTwistLimits
 
 PERIOD_S = 0.002
 READY = np.array([0.3, -0.6, 1.6, -0.3, 1.2, 0.0])

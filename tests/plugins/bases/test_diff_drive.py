@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from robotd.motion.dead_reckoning import Odometry
 from robotd.motion.planar import ORIGIN, ZERO_TWIST, PlanarTwist, Pose, along_arc
-from robotd_bases.two_sided import TwoSidedWheels
+from robotd_bases.diff_drive import TwoSidedWheels
 
 BAYMAX = TwoSidedWheels(0.09, separation=0.55)
 

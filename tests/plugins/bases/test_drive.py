@@ -6,8 +6,8 @@ import pytest
 
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.errors import DescriptorError
+from robotd_bases.diff_drive import DifferentialDrive, SkidSteerDrive
 from robotd_bases.mecanum import MecanumDrive
-from robotd_bases.two_sided import DifferentialDrive, SkidSteerDrive
 
 BASE = """\
 schema: 1

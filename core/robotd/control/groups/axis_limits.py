@@ -21,9 +21,9 @@ from robotd.entry_points import owner_of, plugin_errors
 from robotd.errors import DescriptorError, PluginError
 from robotd.motion import JointLimits, TrajectoryRules
 from robotd.motion.base_kinematics import BaseKinematics, SteeredKinematics
+from robotd.motion.base_twist_limits import RampLimits, TwistLimits
 from robotd.motion.limits import AxisLimits
 from robotd.motion.planar import PlanarTwist
-from robotd.motion.twist_limits import RampLimits, TwistLimits
 
 
 def axis_names(descriptor: RobotDescriptor) -> list[str]:

@@ -22,9 +22,9 @@ from robotd.errors import InvalidArgument, NotReady
 from robotd.events import logged_command
 from robotd.log import get_logger
 from robotd.motion.base_kinematics import RollingFollower, SteeredKinematics, WheelFollower
+from robotd.motion.base_twist_limits import TwistLimiter
 from robotd.motion.dead_reckoning import Odometry
 from robotd.motion.planar import ORIGIN, ZERO_TWIST, PlanarTwist, Pose
-from robotd.motion.twist_limits import TwistLimiter
 
 log = get_logger("base")
 

@@ -86,7 +86,7 @@ class Servos:
     def bring_to_rest(self) -> None:
         """Stop all that moves, in a controlled way; failures are logged.
 
-        What does not stand in time, because its ramp is too gentle, gets a quick stop. Afterwards
+        Axes that are not at rest in time, because of a gentle ramp, get a quick stop. Afterwards
         motion is accepted again.
         """
         self._bring_to_rest()

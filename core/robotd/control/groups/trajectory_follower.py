@@ -38,10 +38,9 @@ from robotd.motion import (
     Tolerances,
     Trajectory,
     TrajectoryRequest,
-    check_start_delay,
     plan,
 )
-from robotd.motion.rejection import reject
+from robotd.motion.rejection import RejectionCode, TrajectoryRejected, reject
 
 MAX_REPLANNING_AGE_S = 0.5  # age of the joint positions that a client may have planned from
 MAX_RECENT_TRAJECTORIES = 50  # trajectories within that time
@@ -183,7 +182,7 @@ class TrajectoryFollower:
                 with self._motion.lock, untimed(self._clock):
                     if start_ns is not None and len(request.times_s):
                         delay_s = (start_ns - self._clock.now_ns()) / NANOSECONDS
-                        check_start_delay(delay_s, float(request.times_s[-1]))
+                        check_start_time(delay_s, float(request.times_s[-1]))
                     recent_path = self._recent_path(start_ns or 0)
                     execution = self._motion.start(
                         planned, start_ns or 0, takeover=self._takeover, ticket=ticket
@@ -333,3 +332,20 @@ class TrajectoryFollower:
             covered = (path_s >= 0.0) & (path_s <= end_s)
             path[covered] = execution.trajectory.evaluate(path_s[covered])[0]
         return path
+
+
+def check_start_time(delay_s: float, duration_s: float) -> None:
+    """Check the start time of a trajectory: any in the future, none at which it is over by now.
+
+    Args:
+        delay_s: the start time minus now.
+        duration_s: duration of the trajectory.
+
+    Raises TrajectoryRejected: ``OLD_HEADER_TIMESTAMP``.
+    """
+    if delay_s + duration_s < 0.0:
+        raise TrajectoryRejected(
+            RejectionCode.OLD_HEADER_TIMESTAMP,
+            f"the trajectory of {duration_s:.3f} s should have begun {-delay_s:.3f} s ago: "
+            f"it is over",
+        )

@@ -97,7 +97,7 @@ class MotionStop:
     def wait_at_rest(self, timeout_s: float) -> None:
         """Wait until all that the latch stops is at rest. Any worker.
 
-        What does not stand in time, because its ramp is too gentle, gets a quick stop.
+        Axes that are not at rest in time, because of a gentle ramp, get a quick stop.
 
         Raises:
             DeviceTimeout: axes still move after the quick stop; the latch stays engaged.

@@ -46,7 +46,7 @@ class MovingReference(Protocol):
     def begin(self, setpoint: FloatArray, limits: JointLimits, period_s: float) -> None:
         """Start from ``setpoint`` (3, m): position, velocity and acceleration.
 
-        Called before the first command, when the joints stand, and where its own motion was
+        Called before the first command, when the joints are at rest, and where its own motion was
         interrupted.
         """
 
@@ -157,7 +157,7 @@ class StreamSetpoints:
             self._spline = self._window = None
             if self._reference is command.reference:
                 self._refer(command.reference, command.value)
-            else:  # when the joints stand: its own stop would be longer than theirs
+            else:  # when the joints are at rest: its own stop would be longer than theirs
                 self._reference = None
                 self._limiter.stop()
             return
@@ -274,7 +274,7 @@ class StreamSetpoints:
             self._limiter.move(np.nan_to_num(command.velocity))
 
     def _refer(self, reference: MovingReference, value: Any) -> None:
-        """Let ``reference`` take a command; a new one begins where the joints stand."""
+        """Let ``reference`` take a command; a new one begins where the joints rest."""
         self._stop_left_s = np.inf
         if self._reference is not reference:
             self._begin(reference)

@@ -18,8 +18,8 @@ from robotd.device.state import STREAMING, CommandMode
 from robotd.log import get_logger
 from robotd.motion import JointLimits
 from robotd.motion.base_kinematics import WheelFollower
+from robotd.motion.base_twist_limits import TwistLimiter
 from robotd.motion.planar import ZERO_TWIST, PlanarTwist
-from robotd.motion.twist_limits import TwistLimiter
 
 log = get_logger("base")
 

@@ -26,7 +26,7 @@ def check_collisions(
 
 
 def _not_checked(robot: RobotDescriptor, group: str, settings: CollisionSettings) -> Iterable[str]:
-    """Return a text for each that is not checked.
+    """Return a text for each pair of bodies that is not checked.
 
     Where nothing can be checked the guard itself says so, and the robot does not run.
     """

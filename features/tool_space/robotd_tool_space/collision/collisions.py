@@ -76,7 +76,7 @@ class Collisions:
         settings: CollisionSettings,
         tool: str = "",
     ) -> Collisions:
-        """Return those of a joint group.
+        """Return the collision model of a joint group.
 
         ``tool``: name of a tool in the robot's file, whose body counts where it has a radius.
 
@@ -280,7 +280,7 @@ class Collisions:
     def obstacle(self, positions: FloatArray, stopped: FloatArray) -> str:
         """Return what comes too close on the way from ``positions`` (n,) to ``stopped`` (n,).
 
-        Nothing is known to be apart from a joint that may be anywhere: it is named, too.
+        A joint whose position is not known counts as too close: it is named.
         """
         if not (known := np.isfinite(stopped)).all():
             return f"the position of {self.chain.names[int(known.argmin())]} is not known"

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from robotd.api import ParameterReader, RobotDescriptor
 from robotd_ros.nodes.device_settings import read_frame_prefix
-from robotd_tool_space.streams.twist_limits import ToolTwistLimits
+from robotd_tool_space.streams.tool_twist_limits import ToolTwistLimits
 
 DEFAULT = ToolTwistLimits()
 STATUS_HZ, MAX_STATUS_HZ = 10.0, 100.0

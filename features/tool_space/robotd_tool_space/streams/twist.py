@@ -34,7 +34,7 @@ from robotd_tool_space.geometry.rotations import (
     turned_twist,
 )
 from robotd_tool_space.streams.servo_status import ServoCode, ServoStatus
-from robotd_tool_space.streams.twist_limits import FactorRamp, ToolTwistLimits, TwistRamp
+from robotd_tool_space.streams.tool_twist_limits import FactorRamp, ToolTwistLimits, TwistRamp
 
 SLOW_AT, STOP_AT = 0.25, 0.07  # singular values at which the tool slows down, and stops
 HALT_TIME_S = 0.02  # s below which the tool is at rest

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robotd.motion.base_twist_limits import RampLimits, TwistLimiter, TwistLimits
 from robotd.motion.planar import ZERO_TWIST, PlanarTwist
-from robotd.motion.twist_limits import RampLimits, TwistLimiter, TwistLimits
 from robotd_bases.mecanum import MecanumWheels
 
 PERIOD_S = 0.01

@@ -4,7 +4,8 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robotd.descriptor.source import YamlNode, merge
+from robotd.descriptor.inheritance import merge
+from robotd.descriptor.yaml_tree import YamlNode
 
 SCALARS = st.one_of(st.integers(0, 3), st.text("xy", max_size=2), st.booleans())
 LEAVES = st.one_of(SCALARS, st.lists(SCALARS, max_size=2))

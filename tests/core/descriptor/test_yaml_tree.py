@@ -5,7 +5,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from robotd.descriptor.source import MAX_BYTES, MAX_VALUES, read_yaml
+from robotd.descriptor.yaml_tree import MAX_BYTES, MAX_VALUES, read_yaml
 from robotd.errors import DescriptorError
 
 BOMB = "a: &a [x, x]\n" + "".join(f"b{i}: &b{i} [*a, *a]\n" for i in range(9))

@@ -25,7 +25,7 @@ SEPARATION = "Distance between the treads of the left and the right wheels."
 class TwoSidedDrive(DriveSettings):
     """A base that turns by the difference in speed of its left and right wheels."""
 
-    KINEMATICS = "robotd_bases.two_sided:two_sided_wheels"
+    KINEMATICS = "robotd_bases.diff_drive:two_sided_wheels"
 
     wheel_separation_m: Positive = Field(description=SEPARATION)
     wheel_separation_multiplier: Positive = Field(
