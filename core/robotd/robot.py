@@ -39,7 +39,7 @@ from robotd.device.fault_injector import FaultInjector
 from robotd.device.fieldbus import Fieldbus
 from robotd.device.gripper import Gripper
 from robotd.device.io import Io, check_names
-from robotd.device.passive_joints import PassiveJoints, finger_reader
+from robotd.device.passive_joints import PassiveJoints, driven_fingers, finger_reader
 from robotd.device.payload import PayloadSetting
 from robotd.device.process_image import ProcessImage
 from robotd.device.reconnector import Reconnector
@@ -422,7 +422,8 @@ class Robot:
         settings = self.descriptor.gripper
         if settings is None:
             return None
-        return Gripper(self.io, settings, self.clock, finger_reader(joints, settings.joints))
+        fingers = finger_reader(joints, settings.joints), driven_fingers(joints, settings.joints)
+        return Gripper(self.io, settings, self.clock, *fingers)
 
     def _make_servos(self, driver: AxisDriver) -> Servos:
         """Compose the servos; the control loop notes which are on."""

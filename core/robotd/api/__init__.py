@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
     from robotd.device.fault_injector import FaultInjector
     from robotd.device.fieldbus import object_bytes, object_text
-    from robotd.device.passive_joints import PassiveJoints
+    from robotd.device.passive_joints import DrivenFingers, PassiveJoints
     from robotd.device.payload import Payload, PayloadDriver
     from robotd.device.process_image import ProcessImage
     from robotd.device.profiled_axes import ProfiledAxes
@@ -115,6 +115,7 @@ __all__ = [
     "DeviceContext",
     "DeviceDriver",
     "DeviceTimeout",
+    "DrivenFingers",
     "FaultInjector",
     "FieldbusDriver",
     "Finding",

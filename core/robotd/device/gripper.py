@@ -13,14 +13,16 @@ from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, Clock, wait_until
 from robotd.descriptor import GripperSettings
 from robotd.device.io import Io
-from robotd.device.passive_joints import FingerReader
+from robotd.device.passive_joints import DrivenFingers, FingerReader
 from robotd.device.process_image import ProcessImage
 from robotd.errors import InvalidArgument
+from robotd.events import logged_command
 
 REACHED_SHARE = 0.05  # share of the stroke within which a position counts as reached
 SETTLING_TIME_S = 0.05  # from the end of the travel to the sensor's answer
 START_TIMEOUT_S = 0.3  # from a command to the first motion of measured fingers
 TRAVEL_MARGIN_S = 2.0  # granted to measured fingers beyond their travel time
+DRIVEN_MARGIN_S = 10.0  # the same for driven ones, whose driver knows when they rest
 STANDSTILL_SHARE = 1e-3  # share of the stroke that fingers at rest move in SETTLING_TIME_S
 
 
@@ -48,7 +50,9 @@ class Gripper:
     fingers travel at constant speed from one end to the other, advanced by the control loop. An
     input may show that a part is held.
 
-    ``measured``: reads the positions of the fingers; None: they are not measured.
+    Args:
+        measured: reads the positions of the fingers; None: they are not measured.
+        driver: moves them to any position; None: the output bit does, to the two ends.
 
     Attributes:
         joints: names of the fingers.
@@ -63,6 +67,7 @@ class Gripper:
         settings: GripperSettings,
         clock: Clock,
         measured: FingerReader | None = None,
+        driver: DrivenFingers | None = None,
     ) -> None:
         self.joints = tuple(settings.joints)
         self.multipliers: FloatArray = np.array(settings.multipliers or [1.0] * len(self.joints))
@@ -81,7 +86,8 @@ class Gripper:
         self._last_ns = 0
         self._moves = 0  # counts them: the newest one replaces the others
         self._lock = threading.Lock()
-        self._measured = measured
+        self._measured, self._driver = measured, driver
+        self.events = io.events
         self.is_measured = measured is not None
         self._fingers: FloatArray = self.multipliers * self.open_m
         self._moving = np.flatnonzero(self.multipliers)
@@ -103,6 +109,24 @@ class Gripper:
             self._io.set_output_bit(self._byte, self._bit, closed)
             return self._moves
 
+    @logged_command
+    def drive(self, position_m: float, force_n: float) -> int:
+        """Begin to move driven fingers to a position; any worker.
+
+        Returns the number of the move that this begins. Raises NotReady; InvalidArgument without a
+        driver.
+        """
+        if self._driver is None:
+            raise InvalidArgument("the fingers are not driven: the output opens or closes them")
+        with self._lock:
+            self._moves += 1
+            self._io.output_bit(self._byte, self._bit)  # raises NotReady
+            positions = dict(
+                zip(self.joints, (self.multipliers * position_m).tolist(), strict=True)
+            )
+            self._driver.move(positions, force_n)
+            return self._moves
+
     def checked(self, position_m: float) -> float:
         """Return a commanded position of the gripper.
 
@@ -114,6 +138,17 @@ class Gripper:
         if not (math.isfinite(position_m) and low - margin <= position_m <= high + margin):
             raise InvalidArgument(f"gripper: position {position_m} m is outside {low} to {high} m")
         return position_m
+
+    def checked_force(self, force_n: float) -> float:
+        """Return a limit of force, N; 0: the device's own, also where fingers are not driven.
+
+        Raises InvalidArgument.
+        """
+        if self._driver is None:
+            return 0.0
+        if not (math.isfinite(force_n) and force_n >= 0.0):
+            raise InvalidArgument(f"gripper: force of {force_n:g} N, must be 0 or more")
+        return force_n
 
     def checked_fingers(self, positions: Mapping[str, float]) -> float:
         """Return the position of the gripper that leads to the ``positions`` of fingers, by name.
@@ -142,22 +177,30 @@ class Gripper:
             )
         return self.checked(next(iter(wanted.values())))
 
-    def move(self, position_m: float, is_canceled: Callable[[], bool]) -> GripperState:
+    def move(
+        self, position_m: float, is_canceled: Callable[[], bool], force_n: float = 0.0
+    ) -> GripperState:
         """Open or close, whichever end is nearer, and wait until the fingers are at rest.
 
         Any worker. A later command replaces it. Canceling leaves the output as it is: a valve has
-        no position between its ends. Raises NotReady without the engine, also where it is lost
-        meanwhile: where the fingers are is not known.
+        no position between its ends. Driven fingers go to any position, and canceling stops them.
+        Raises NotReady without the engine, also where it is lost meanwhile: where the fingers are
+        is not known.
 
         Args:
             position_m: of the gripper, from ``checked`` or ``checked_fingers``.
             is_canceled: ends the wait.
+            force_n: that driven fingers may press a part with, N; 0: the device's own.
         """
-        state = self._move(position_m, is_canceled)
+        state = self._move(position_m, is_canceled, force_n)
         self._io.output_bit(self._byte, self._bit)  # raises NotReady
         return state
 
-    def _move(self, position_m: float, is_canceled: Callable[[], bool]) -> GripperState:
+    def _move(
+        self, position_m: float, is_canceled: Callable[[], bool], force_n: float
+    ) -> GripperState:
+        if self._driver is not None:
+            return self._move_driven(self._driver, position_m, is_canceled, force_n)
         closes = abs(position_m - self.closed_m) < abs(position_m - self.open_m)
         move, end = self.command(closes), float(closes)
 
@@ -176,6 +219,27 @@ class Gripper:
         end_m = self.closed_m if closes else self.open_m
         near = abs(end_m - position_m) <= REACHED_SHARE * abs(self.closed_m - self.open_m)
         return GripperState(end_m, near, not near, True)
+
+    def _move_driven(
+        self,
+        driver: DrivenFingers,
+        position_m: float,
+        is_canceled: Callable[[], bool],
+        force_n: float,
+    ) -> GripperState:
+        low, high = sorted((self.open_m, self.closed_m))
+        target_m = min(max(position_m, low), high)
+        move = self.drive(target_m, force_n)
+        limit_s = self._settings.travel_time_s + DRIVEN_MARGIN_S
+        wait_until(
+            lambda: is_canceled() or self._moves != move or driver.at_rest, limit_s, self._clock
+        )
+        with self._lock:
+            if self._moves != move or not driver.at_rest:
+                if is_canceled() and self._moves == move:
+                    driver.stop()
+                return GripperState(self.position_m, False, False, False)
+        return self._rest(position_m)
 
     def _wait_measured(
         self, position_m: float, travel_s: float, interrupted: Callable[[], bool]
@@ -197,8 +261,13 @@ class Gripper:
         stopped = wait_until(lambda: interrupted() or at_rest(), limit_s, self._clock)
         if not stopped or (interrupted() and not at_rest()):
             return GripperState(self.position_m, False, False, False)
-        reached = abs(self.position_m - position_m) <= REACHED_SHARE * stroke_m
-        return GripperState(self.position_m, reached, not reached, True)
+        return self._rest(position_m)
+
+    def _rest(self, position_m: float) -> GripperState:
+        """Return the state of measured fingers that rest after a move to ``position_m``."""
+        reached_m, found_m = REACHED_SHARE * abs(self.closed_m - self.open_m), self.position_m
+        reached = abs(found_m - position_m) <= reached_m
+        return GripperState(found_m, reached, not reached, True)
 
     @property
     def is_commanded_closed(self) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -30,6 +30,36 @@ class PassiveJoints(ABC):
         """
 
 
+class DrivenFingers(PassiveJoints):
+    """Fingers of a gripper that the device moves to any position, by a command of its own.
+
+    The output bit of the gripper commands the two ends, also by other clients; the newest command
+    replaces the ones before.
+    """
+
+    @abstractmethod
+    def move(self, positions: Mapping[str, float], force_n: float) -> None:
+        """Accept a command to move to ``positions``, by name, rad or m. Worker threads.
+
+        Args:
+            force_n: that the fingers may press a part with, N; 0: the device's own.
+
+        Raises NotReady: the fingers cannot be moved now.
+        """
+
+    @abstractmethod
+    def stop(self) -> None:
+        """Stop the fingers on their way. At rest they go on holding a part. Worker threads."""
+
+    @property
+    @abstractmethod
+    def at_rest(self) -> bool:
+        """True when the newest command has ended, or a part has stopped the fingers on their way.
+
+        False also while that is not known. Any thread; must not block.
+        """
+
+
 FingerReader = Callable[[FloatArray], None]
 """Fills an array (fingers,) with measured positions. Control-loop thread."""
 
@@ -49,3 +79,10 @@ def finger_reader(joints: PassiveJoints | None, fingers: Sequence[str]) -> Finge
         measured[:] = positions[indices]
 
     return read
+
+
+def driven_fingers(joints: PassiveJoints | None, fingers: Sequence[str]) -> DrivenFingers | None:
+    """Return the driver of ``fingers``; None unless the device moves exactly these."""
+    if isinstance(joints, DrivenFingers) and set(joints.names) == set(fingers):
+        return joints
+    return None

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from robotd.device.capabilities import Capability
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
 from robotd.device.fault_injector import FaultInjector
-from robotd.device.passive_joints import PassiveJoints
+from robotd.device.passive_joints import DrivenFingers, PassiveJoints
 from robotd.device.payload import PayloadDriver
 from robotd.device.profiled_axes import ProfiledAxes
 from robotd.device.world import World
@@ -97,7 +97,7 @@ class Drivers:
             (self.axes, AxisDriver),
             (self.io, IoDriver),
             (self.fieldbus, FieldbusDriver),
-            (self.passive_joints, PassiveJoints),
+            (self.passive_joints, self._joints_contract),
             (self.world, World),
             (self.payload, PayloadDriver),
             (self.make_fault_injector(), FaultInjector),
@@ -118,10 +118,14 @@ class Drivers:
             io=self.io and isolated(self.io, IoDriver, plugin, backend),
             fieldbus=self.fieldbus and isolated(self.fieldbus, FieldbusDriver, plugin, backend),
             passive_joints=self.passive_joints
-            and isolated(self.passive_joints, PassiveJoints, plugin, backend),
+            and isolated(self.passive_joints, self._joints_contract, plugin, backend),
             world=self.world and isolated(self.world, World, plugin, backend),
             payload=self.payload and isolated(self.payload, PayloadDriver, plugin, backend),
         )
+
+    @property
+    def _joints_contract(self) -> type[PassiveJoints]:
+        return DrivenFingers if isinstance(self.passive_joints, DrivenFingers) else PassiveJoints
 
     def _driver(self, contract: type) -> object | None:
         drivers = (self.device, self.axes, self.io, self.fieldbus)

@@ -20,7 +20,7 @@ from typing import Any, Generic, TypeVar, cast
 
 from robotd.call_timeout import CallTimeout, call_with_timeout
 from robotd.device.drivers import AxisDriver, DeviceDriver, FieldbusDriver, IoDriver
-from robotd.device.passive_joints import PassiveJoints
+from robotd.device.passive_joints import DrivenFingers, PassiveJoints
 from robotd.device.payload import PayloadDriver
 from robotd.device.state import ConnectionState
 from robotd.device.world import World
@@ -34,7 +34,9 @@ from robotd.errors import (
 from robotd.realtime import is_control_loop
 
 CALL_BUDGET_S = 30.0  # of calls without a time-out of their own: connecting, scanning, files
-COMMAND_BUDGET_S = 10.0  # the same of axes and outputs, which only have to accept a command
+COMMAND_BUDGET_S = (
+    10.0  # the same of axes, outputs and fingers, which only have to accept a command
+)
 ANSWER_BUDGET_S = 0.5  # of ``state`` and ``fault``, which must never block
 GRACE_S = 2.0  # granted beyond the time-out that a call was given
 
@@ -44,6 +46,7 @@ _UNTIMED = {
     IoDriver: {"input_bytes", "output_bytes", "read_inputs", "read_outputs"},
     FieldbusDriver: {"buses", "register_bytes"},
     PassiveJoints: {"read"},
+    DrivenFingers: {"read"},
     PayloadDriver: {"payload"},
     World: {"poses", "image"},  # a call with a limit has a thread of its own, a renderer one thread
 }
@@ -71,7 +74,9 @@ def isolated(driver: Driver, contract: type[Driver], plugin: str, backend: str) 
             members[name] = property(get)
             continue
         signature = None if name in _UNTIMED[contract] else inspect.signature(attribute)
-        own_s = COMMAND_BUDGET_S if contract in (AxisDriver, IoDriver) else CALL_BUDGET_S
+        own_s = (
+            COMMAND_BUDGET_S if contract in (AxisDriver, IoDriver, DrivenFingers) else CALL_BUDGET_S
+        )
         call = _guarded(getattr(driver, name), what, module, backend, signature, own_s)
         members[name] = staticmethod(call)
     if isinstance(driver, DeviceDriver):

@@ -58,7 +58,7 @@ class GripperAction(WorkerAction):
 
     Args:
         host: its workers move the gripper.
-        wanted: returns the position of the gripper in a goal; raises InvalidArgument.
+        wanted: returns position and force of the gripper in a goal; raises InvalidArgument.
         fill: fills a result or a feedback from finger names and a state.
     """
 
@@ -69,7 +69,7 @@ class GripperAction(WorkerAction):
         gripper: AnyGripper,
         action_type: Any,
         name: str,
-        wanted: Callable[[Any, AnyGripper], float],
+        wanted: Callable[[Any, AnyGripper], tuple[float, float]],
         fill: Callable[[Any, AnyGripper, GripperState], None],
     ) -> None:
         self._gripper, self._wanted, self._fill = gripper, wanted, fill
@@ -80,17 +80,34 @@ class GripperAction(WorkerAction):
             self._wanted(request.goal, self._gripper)
 
     def execute(self, goal: Any, result: Any, after: ExitStack) -> tuple[Outcome, str]:
-        target = self._wanted(goal.request, self._gripper)
-        state = self._gripper.move(target, lambda: bool(goal.is_cancel_requested))
+        target, force_n = self._wanted(goal.request, self._gripper)
+
+        def canceled() -> bool:
+            return bool(goal.is_cancel_requested)
+
+        if isinstance(self._gripper, ServoGripper):
+            state = self._gripper.move(target, canceled)
+        else:
+            state = self._gripper.move(target, canceled, force_n)
         self._fill(result, self._gripper, state)
         return Outcome.SUCCEEDED if state.at_rest else Outcome.CANCELED, str(state)
 
 
-def _wanted(request: Any, gripper: AnyGripper) -> float:
-    return gripper.checked(float(request.command.position))
+def _wanted(request: Any, gripper: AnyGripper) -> tuple[float, float]:
+    position_m = gripper.checked(float(request.command.position))
+    return position_m, _force(gripper, float(request.command.max_effort))
 
 
-def _wanted_in_parallel(request: Any, gripper: AnyGripper) -> float:
+def _wanted_in_parallel(request: Any, gripper: AnyGripper) -> tuple[float, float]:
+    force_n = max(map(float, request.command.effort), default=0.0)
+    return _position_in_parallel(request, gripper), _force(gripper, force_n)
+
+
+def _force(gripper: AnyGripper, force_n: float) -> float:
+    return gripper.checked_force(force_n) if isinstance(gripper, Gripper) else 0.0
+
+
+def _position_in_parallel(request: Any, gripper: AnyGripper) -> float:
     """Return the position of the gripper; without names one position is that of the gripper."""
     names, positions = list(request.command.name), list(request.command.position)
     if not names and len(positions) == 1:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 import pytest
@@ -12,6 +12,7 @@ from tests.core.control.harness import Harness, arm
 from robotd.arrays import FloatArray
 from robotd.descriptor import GripperSettings
 from robotd.device.gripper import Gripper
+from robotd.device.passive_joints import DrivenFingers
 from robotd.device.process_image import ProcessImage
 from robotd.errors import InvalidArgument, NotReady
 
@@ -201,3 +202,73 @@ def test_fingers_that_are_not_measured_any_more_are_not_at_rest(
     measured.gripper._measured = fail
     state = measured.gripper.move(0.04, lambda: False)
     assert (state.reached, state.stalled, state.at_rest) == (False, False, False)
+
+
+class DrivenGripper(MeasuredGripper, DrivenFingers):
+    """The same, moved by commands, which begin when the test says."""
+
+    names = ("left", "right")
+    begins = True
+
+    def __init__(self, harness: Harness) -> None:
+        self.commands: list[tuple[Mapping[str, float], float]] = []
+        super().__init__(harness)
+        self.gripper._driver = self
+
+    def read(self, positions: FloatArray) -> None:
+        self._read(positions)
+
+    def move(self, positions: Mapping[str, float], force_n: float) -> None:
+        self.commands.append((positions, force_n))
+        if self.begins:
+            self.end_m = positions["left"]
+
+    def stop(self) -> None:
+        self.end_m = self.fingers[0]
+
+    @property
+    def at_rest(self) -> bool:
+        return self.begins and bool(abs(self.end_m - self.fingers[0]) < 1e-6)
+
+
+@pytest.fixture
+def driven() -> Iterator[DrivenGripper]:
+    harness = Harness(arm())
+    gripper = DrivenGripper(harness)
+    harness.up()
+    yield gripper
+    harness.robot.shutdown()
+
+
+def test_driven_fingers_go_to_any_position_with_a_force(driven: DrivenGripper) -> None:
+    state = driven.gripper.move(0.015, lambda: False, 20.0)
+    assert driven.commands == [({"left": 0.015, "right": -0.015}, 20.0)]
+    assert (state.reached, state.stalled) == (True, False)
+    assert state.position_m == pytest.approx(0.015, abs=5e-4)
+
+
+def test_canceling_stops_driven_fingers(driven: DrivenGripper) -> None:
+    state = driven.gripper.move(0.04, lambda: driven.fingers[0] > 0.01)
+    assert not state.at_rest
+    assert driven.end_m == driven.fingers[0] < 0.02
+
+
+def test_fingers_that_wait_for_their_stop_are_not_at_rest(driven: DrivenGripper) -> None:
+    driven.begins = False
+    asked = iter(range(1000))
+
+    def begins_late() -> bool:  # long after fingers that do not begin count as stuck
+        if next(asked) == 200:
+            driven.begins, driven.end_m = True, 0.04
+        return False
+
+    assert driven.gripper.move(0.04, begins_late).reached
+
+
+@pytest.mark.parametrize("force_n", [-1.0, math.nan, math.inf])
+def test_the_force_of_driven_fingers_is_checked(
+    driven: DrivenGripper, measured: MeasuredGripper, force_n: float
+) -> None:
+    with pytest.raises(InvalidArgument, match=r"gripper: force of .* N, must be 0 or more"):
+        driven.gripper.checked_force(force_n)
+    assert measured.gripper.checked_force(force_n) == 0.0
