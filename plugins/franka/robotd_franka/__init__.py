@@ -14,6 +14,8 @@ from robotd.api import (
     Capability,
     DeviceContext,
     DeviceDriver,
+    IoDriver,
+    PassiveJoints,
     PayloadDriver,
     hookimpl,
 )
@@ -63,3 +65,15 @@ def robotd_payload(device: FrankaDevice) -> PayloadDriver:
     from robotd_franka.payload import FrankaPayload
 
     return FrankaPayload(device)
+
+
+@hookimpl
+def robotd_io(device: FrankaDevice) -> IoDriver | None:
+    """Return the hand, which an output closes; None where the arm has none."""
+    return device.hand
+
+
+@hookimpl
+def robotd_passive_joints(device: FrankaDevice) -> PassiveJoints | None:
+    """Return the hand, which measures its fingers; None where the arm has none."""
+    return device.hand

@@ -16,6 +16,7 @@ from robotd.api import (
     wait_until,
 )
 from robotd_franka.arm_link import FAILURES, ArmLink, ArmState
+from robotd_franka.hand import FrankaHand
 from robotd_franka.options import FrankaOptions
 
 log = get_logger("franka")
@@ -29,6 +30,7 @@ class FrankaDevice(DeviceDriver):
     Attributes:
         communicating: values and targets are exchanged.
         switching: held by what switches the impedance controller.
+        hand: None where the arm has none.
         payload: that the arm compensates while it communicates.
     """
 
@@ -37,6 +39,7 @@ class FrankaDevice(DeviceDriver):
         self.options, self.clock = options, clock
         self.switching = threading.Lock()  # each command sees the effect of the one before
         self.payload = options.payload
+        self.hand = FrankaHand(options.model, options.hand, clock) if options.hand else None
         self._link: ArmLink | None = None
 
     @property
@@ -60,6 +63,12 @@ class FrankaDevice(DeviceDriver):
             advice = "--set backends.franka.address=ADDRESS"
             raise ConnectError("no arm is named", {"backends.franka.address": advice})
         self._link = ArmLink(options, self.clock)
+        try:
+            if self.hand is not None:
+                self.hand.open(options.address)
+        except ConnectError:
+            self._disconnect()  # the next try begins anew
+            raise
 
     def close(self) -> None:
         self.stop_communication(CLOSE_S)
@@ -131,6 +140,8 @@ class FrankaDevice(DeviceDriver):
 
     def _disconnect(self) -> None:
         self.communicating = False
+        if self.hand is not None:
+            self.hand.close()
         link, self._link = self._link, None
         if link is not None:
             link.close()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ipaddress
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import BaseModel, ConfigDict, Field
 
 from robotd.api import BackendOptions, DescriptorError, Payload, RobotDescriptor
 
@@ -13,6 +13,25 @@ JOINTS = 7
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 PerJoint = tuple[NotNegative, ...]
+
+
+MAX_FORCE_N = 70.0  # that the hand holds continuously
+
+
+class HandOptions(BaseModel):
+    """The Franka Hand at the flange; its connection is the arm's."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    speed_m_s: float = Field(
+        0.05, gt=0, le=0.1, description="Speed of the distance between the fingers."
+    )
+    force_n: float = Field(
+        30.0,
+        gt=0,
+        le=MAX_FORCE_N,
+        description="Force with which it holds a part, unless a goal has one.",
+    )
 
 
 class FrankaOptions(BackendOptions):
@@ -47,6 +66,10 @@ class FrankaOptions(BackendOptions):
     )
     load_inertia_kg_m2: tuple[NotNegative, NotNegative, NotNegative] = Field(
         (0.0, 0.0, 0.0), description="Its moments of inertia about x, y and z, kg·m²."
+    )
+
+    hand: HandOptions | None = Field(
+        None, description="The Franka Hand; null: none. Output 0.0 closes it."
     )
 
     def check_robot(self, robot: RobotDescriptor) -> FrankaOptions:

@@ -28,12 +28,18 @@ class Truth:
     Attributes:
         position, torque: of seven joints, rad and N·m.
         motions, recoveries: numbers of those that clients have begun.
+        width: between the fingers of the hand, m.
+        hand_commands: names of those that its client has begun: move, grasp, stop.
+        hand_force: of the last grasp, N.
     """
 
     position: list[float]
     torque: list[float]
     motions: int
     recoveries: int
+    width: float
+    hand_commands: list[str]
+    hand_force: float
 
 
 class Controller:

@@ -1,4 +1,4 @@
-"""franky-sim with what it lacks: modes of the arm, rejected motions, silence, and a hand.
+"""franky-sim with what it lacks: modes of the arm, rejected motions, silence, pushes, and parts.
 
 Runs in the Python of the environment that has ``franky-sim``, which imports nothing of robotd:
 
@@ -9,10 +9,12 @@ Reads commands as lines of JSON and answers each by one:
     {"mode": "reflex", "errors": [31]}   the arm ends its motion and stays in the mode
     {"mode": "idle"}                     the person at the arm has released it
     {"silent_s": 0.2}                    no states are sent, and nothing is read, for so long
-    {"push": [axis, torque]}             a hand at one joint, N·m; 0: it lets go
-    {}                                   true positions, torques that were sent, motions, recoveries
+    {"push": [axis, torque]}             a person at one joint, N·m; 0: it lets go
+    {"part": 0.03}                       a part of this width between the fingers, m; 0: none
+    {}                                   the state, as ``Truth`` of ``controller.py``
 
-A reflex is ended by the client's recovery; user stop and guiding are not.
+A reflex is ended by the client's recovery; user stop and guiding are not. The hand answers a
+command that is stopped with *aborted*, as libfranka documents it: franky-sim never answers it.
 """
 
 from __future__ import annotations
@@ -25,7 +27,9 @@ import time
 from typing import Any
 
 import franky_sim
+from franky_sim import franka_gripper_protocol, franka_robot_server
 from franky_sim import franka_robot_protocol as protocol
+from franky_sim.franka_gripper_server import FrankaGripperServer
 from franky_sim.franka_robot_server import FrankaRobotServer
 from franky_sim.mujoco_simulator import MujocoSimulator
 
@@ -118,6 +122,50 @@ class Arm(FrankaRobotServer):
         )
 
 
+class Hand(FrankaGripperServer):
+    """The server of the hand.
+
+    Attributes:
+        part_m: width of the part between the fingers.
+        commands: names of those that were begun.
+        force: of the last grasp, N.
+    """
+
+    def __init__(self, robot: Any, hostname: str) -> None:
+        self.part_m = 0.0
+        self.commands: list[str] = []
+        self.force = self._looked_s = 0.0
+        super().__init__(robot, hostname)
+
+    def _check_motion_state(self) -> None:
+        """Look once a step, not while time waits: franky-sim counts looks without motion."""
+        if self._robot.data.time != self._looked_s:
+            self._looked_s = self._robot.data.time
+            super()._check_motion_state()
+
+    def start_move(self, width: float, *rest: Any) -> None:
+        self.commands.append("move")
+        super().start_move(max(width, self.part_m), *rest)
+
+    def start_grasp(self, width: float, speed: float, force: float, *rest: Any) -> None:
+        self.commands.append("grasp")
+        self.force = force
+        super().start_grasp(max(width, self.part_m), speed, force, *rest)
+
+    def stop(self, command_id: int, tcp_socket: Any) -> None:
+        self.commands.append("stop")
+        if self._pending_command_id is not None:
+            protocol.BaseCommand.send_response(
+                self._pending_tcp_socket,
+                self._pending_command_type,
+                self._pending_command_id,
+                franka_gripper_protocol.GripperCommandStatus.kAborted,
+                command_type_struct="H",
+                status_type_struct="H",
+            )
+        super().stop(command_id, tcp_socket)
+
+
 def recover(command: Any, server: Arm) -> None:
     """Answer ``AutomaticErrorRecovery``."""
     status = protocol.AutomaticErrorRecoveryStatus
@@ -127,6 +175,7 @@ def recover(command: Any, server: Arm) -> None:
 def main() -> None:
     protocol.AutomaticErrorRecoveryCommand.handle = recover
     franky_sim.simulation_server.FrankaRobotServer = Arm
+    franka_robot_server.FrankaGripperServer = Hand
     commands: queue.Queue[dict[str, Any]] = queue.Queue()
 
     def listen() -> None:
@@ -162,11 +211,16 @@ def serve(server: Any, arm: Arm, robot: Any, commands: queue.Queue[dict[str, Any
             if "silent_s" in command:
                 speaks_s = time.monotonic() + command["silent_s"]
             push = tuple(command.get("push", push))
+            hand = arm.gripper_server
+            hand.part_m = command.get("part", hand.part_m)
             state = {
                 "position": list(robot.inner_state.q),
                 "torque": list(robot.inner_state.tau_j),
                 "motions": arm.motions,
                 "recoveries": arm.recoveries,
+                "width": robot.hand_width,
+                "hand_commands": hand.commands,
+                "hand_force": hand.force,
             }
             answer(state)
         if time.monotonic() > speaks_s:

@@ -24,7 +24,7 @@ PATIENT_S = 30.0
 
 
 @contextmanager
-def arm(folder: Path, address: str, robot: str = "fr3") -> Iterator[Robot]:
+def arm(folder: Path, address: str, robot: str = "fr3", variant: str = "") -> Iterator[Robot]:
     """An open robot with servos on, patient with a busy computer."""
     file = folder / "robot.yaml"
     description = {
@@ -37,7 +37,7 @@ def arm(folder: Path, address: str, robot: str = "fr3") -> Iterator[Robot]:
         "backends": {"franka": {"address": address}},
     }
     file.write_text(yaml.safe_dump(description), encoding="utf-8")
-    with open_robot(file) as found:
+    with open_robot(file, variant=variant or None) as found:
         yield found
 
 
