@@ -60,7 +60,9 @@ class FrankaBench(Bench):
             judge.lower, judge.upper = joint.lower, joint.upper
         self._patches = ExitStack()
         modules = {"franky": self.arm.library(), "threading": self.clock.threading}
-        for name, value in {**modules, "POLL_S": POLL_S}.items():
+        # This arm answers at once, and time stands still meanwhile: there is nothing to wait for.
+        others = {"POLL_S": POLL_S, "connected": lambda connect: connect()}
+        for name, value in {**modules, **others}.items():
             self._patches.enter_context(patch(f"robotd_franka.arm_link.{name}", value))
         self.clock.advanced = self.settle
         self.robot = self.make_robot()

@@ -8,9 +8,11 @@ while the control loop runs. All calls into ``franky`` that wait release the int
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from queue import Empty, SimpleQueue
+from typing import TypeVar
 
 import franky
 import numpy as np
@@ -30,6 +32,9 @@ from robotd_franka.options import JOINTS, FrankaOptions, is_loopback
 
 log = get_logger("franka")
 
+Connection = TypeVar("Connection")
+
+CONNECT_S = 10.0  # for a connection, which a control unit that serves another client never answers
 POLL_S = 0.001  # FCI sends a state per millisecond
 SILENT_S = 0.03  # without a state: a real arm has ended the motion after 0.02 s of lost packets
 MISSING_S = 0.008  # the same, of an arm while the thread of the link has looked for one
@@ -243,9 +248,11 @@ def _connect(options: FrankaOptions) -> franky.Robot:
     config = franky.RealtimeConfig
     where = f"FCI at {options.address}"
     try:
-        return franky.Robot(
-            options.address,
-            realtime_config=config.Enforce if options.needs_realtime else config.Ignore,
+        return connected(
+            lambda: franky.Robot(
+                options.address,
+                realtime_config=config.Enforce if options.needs_realtime else config.Ignore,
+            )
         )
     except franky.IncompatibleVersionException as error:
         text = f"{error}; install the franky-control wheel for the arm's system version"
@@ -256,6 +263,29 @@ def _connect(options: FrankaOptions) -> franky.Robot:
     except FAILURES as error:
         text = f"{error} (brakes open and FCI active in Desk? another client connected?)"
         raise ConnectError("the arm does not answer", {where: text}) from error
+
+
+def connected(connect: Callable[[], Connection]) -> Connection:
+    """Return the connection that ``connect`` makes, one of libfranka.
+
+    Raises one of FAILURES, also after CONNECT_S; a connection that comes later is closed at once.
+    """
+    made: SimpleQueue[Connection | Exception] = SimpleQueue()
+
+    def run() -> None:
+        try:
+            made.put(connect())
+        except FAILURES as error:
+            made.put(error)
+
+    threading.Thread(target=run, name="franka-connect", daemon=True).start()
+    try:
+        found = made.get(timeout=CONNECT_S)
+    except Empty:
+        raise RuntimeError(f"no answer within {CONNECT_S:g} s") from None
+    if isinstance(found, Exception):
+        raise found
+    return found
 
 
 def _gains(options: FrankaOptions) -> tuple[FloatArray, FloatArray]:

@@ -25,7 +25,7 @@ from robotd.api import (
     NotReady,
     get_logger,
 )
-from robotd_franka.arm_link import FAILURES
+from robotd_franka.arm_link import FAILURES, connected
 from robotd_franka.options import MAX_FORCE_N, HandOptions
 
 log = get_logger("franka")
@@ -131,7 +131,7 @@ class FrankaHand(IoDriver, DrivenFingers):
     def open(self, address: str) -> None:
         """Connect; nothing moves. Raises ConnectError."""
         try:
-            gripper = franky.Gripper(address)
+            gripper = connected(lambda: franky.Gripper(address))
             state = self._read(gripper)
         except FAILURES as error:
             text = f"{error} (an arm without a hand needs no --variant hand)"

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import franky
 import numpy as np
 import pytest
 import yaml
@@ -13,8 +14,9 @@ from tests.plugins.franka.controller import Controller, controller, needs_simula
 from tests.ros.robot_process import wait_until
 
 from robotd import Robot, open_robot
-from robotd.api import InvalidArgument, Operation, Payload, RobotdError
+from robotd.api import ConnectError, InvalidArgument, Operation, Payload, RobotdError
 from robotd.api.robots import TrajectoryRequest
+from robotd_franka import arm_link
 from robotd_franka.code_tables import ERRORS, FIRST_ERROR
 
 pytestmark = [needs_simulator, pytest.mark.long]
@@ -240,3 +242,20 @@ def test_a_payload_is_set_at_rest_and_the_arm_follows_again(robot: Robot, unit: 
     assert not robot.image.copy().servo_on.any()
     robot.recover()
     assert "goal reached" in go(robot, np.array(before.position) + 0.3 * STEP)
+
+
+def test_a_second_client_is_told_so_and_connects_when_the_first_has_gone(
+    unit: Controller, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(arm_link, "CONNECT_S", 1.0)
+    first = franky.Robot(unit.address, realtime_config=franky.RealtimeConfig.Ignore)
+    with (
+        pytest.raises(ConnectError, match=r"no answer within 1 s .*another client connected\?"),
+        arm(tmp_path, unit.address),
+    ):
+        pass
+    assert first.state.time.to_msec() > 0  # it is not disturbed
+    monkeypatch.undo()
+    del first
+    with arm(tmp_path, unit.address) as robot:
+        assert robot.connection.ready
