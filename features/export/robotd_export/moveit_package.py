@@ -89,7 +89,7 @@ def semantic_description(
         else:
             _add_all(group, "joint", [joint.name for joint in joints])
     _add_states(root, descriptor, {name: joints for name, (joints, _) in groups.items()})
-    fingers = descriptor.gripper.joints if descriptor.gripper else ()
+    fingers = _finger_ends(descriptor)
     if fingers:
         _add_gripper(root, urdf, fingers, groups)
     moved = {*descriptor.joint_names, *fingers}
@@ -136,21 +136,37 @@ def _add_all(parent: Any, tag: str, names: list[str]) -> None:
         etree.SubElement(parent, tag, name=name)
 
 
+def _finger_ends(descriptor: RobotDescriptor) -> dict[str, tuple[float, float]]:
+    """Return the positions of each finger when open and when closed; none without a gripper."""
+    gripper = descriptor.gripper
+    if gripper is None:
+        return {}
+    factors = gripper.multipliers or (1.0,) * len(gripper.joints)
+    return {
+        finger: (gripper.open_m * factor, gripper.closed_m * factor)
+        for finger, factor in zip(gripper.joints, factors, strict=True)
+    }
+
+
 def _add_gripper(
     root: Any,
     urdf: UrdfRobot,
-    fingers: tuple[str, ...],
+    fingers: dict[str, tuple[float, float]],
     groups: dict[str, tuple[tuple[UrdfJoint, ...], str]],
 ) -> None:
-    """Add the group of the fingers, and its end effector."""
+    """Add the group of the fingers, its two ends as states, and its end effector."""
     group = etree.SubElement(root, "group", name=GRIPPER)
     _add_all(group, "joint", [*fingers])
+    for index, name in enumerate(("open", "closed")):
+        state = etree.SubElement(root, "group_state", name=name, group=GRIPPER)
+        for finger, ends in fingers.items():
+            etree.SubElement(state, "joint", name=finger, value=repr(ends[index]))
     owners = {
         link: name
         for name, (joints, tip) in groups.items()
         for link in _group_links(urdf, joints, tip)
     }
-    link = urdf.joint[fingers[0]].parent
+    link = urdf.joint[next(iter(fingers))].parent
     while link != urdf.root and link not in owners:  # such as the body of the gripper
         link = urdf.parent_joint[link].parent
     if link in owners:

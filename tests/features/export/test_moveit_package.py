@@ -168,10 +168,31 @@ def test_taught_poses_are_named_states(tmp_path: Path) -> None:
     srdf = moveit_package(ExportInput(descriptor))["config/cr3a.srdf"]
     states = {
         state.get("name"): {joint.get("name"): float(joint.get("value")) for joint in state}
-        for state in etree.fromstring(srdf.encode()).iterfind("group_state")
+        for state in etree.fromstring(srdf.encode()).iterfind("group_state[@group='arm']")
     }
     assert states == {"home": dict.fromkeys(joints, 0.25), "pick": dict.fromkeys(joints, -0.5)}
     assert "The pose too- -far of arm is beyond the limits of joint2." in srdf
+
+
+@pytest.mark.parametrize(
+    ("robot", "variant"), [("cr3a", "orin"), ("fr3", "hand"), ("panda", "hand")]
+)
+def test_the_ends_of_the_gripper_are_named_states(robot: str, variant: str) -> None:
+    descriptor = load_robot_descriptor(robot, variant)
+    assert (gripper := descriptor.gripper)
+    root = etree.fromstring(
+        moveit_package(ExportInput(descriptor))[f"config/{robot}.srdf"].encode()
+    )
+    states = {
+        state.get("name"): [float(joint.get("value")) for joint in state]
+        for state in root.iterfind("group_state[@group='gripper']")
+    }
+    assert set(states) == {"open", "closed"}
+    assert states["open"] == pytest.approx([gripper.open_m] * 2)
+    assert states["closed"] == pytest.approx([gripper.closed_m] * 2)
+    effector = root.find("end_effector")
+    assert effector is not None
+    assert effector.get("parent_group") == "arm"
 
 
 def test_controllers_solvers_and_planners_belong_to_groups(package: Package) -> None:
