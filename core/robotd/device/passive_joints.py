@@ -1,4 +1,4 @@
-"""Measured positions of joints that are no axes, such as the fingers of a gripper."""
+"""Measured positions of the fingers of a gripper, which have no axes."""
 
 from __future__ import annotations
 

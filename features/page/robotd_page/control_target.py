@@ -26,7 +26,8 @@ class Reach(Message):
         id: of the answer.
         group: joint group of the tool.
         pose: target; None: where the tool is.
-        is_final: the target stays; else any posture that is found quickly.
+        is_final: the target stays: the posture in which a move ends; else any that is found
+            quickly.
     """
 
     type: Literal["reach"]
@@ -68,8 +69,9 @@ def reach(robot: Robot, tools: Tools, question: Reach) -> dict[str, Any]:
     if question.pose is not None:
         target = _matrix(question.pose)
         try:
-            if question.is_final:  # as a move does
-                found = kinematics.solutions(target, measured)[0]
+            if question.is_final:  # where a move would lead: not every solution is free to go to
+                pose = np.linalg.inv(tool.work_frame) @ target
+                found = tool.plan_move(pose, 1.0).positions[-1]
             else:
                 found = kinematics.inverse(target, measured)
         except InvalidArgument as error:

@@ -275,7 +275,7 @@ class ProgramRun:
                 self.part = after + (1.0 - after) * passed
             return execution.outcome is not None
 
-        # An output is set at its place: each period is looked at.
+        # An output is set at its place: every period is checked.
         poll_s = 1.0 / self._robot.descriptor.cycle.rate_hz if motion.outputs else POLL_S
         return wait_until(ended, WAIT_S, self._robot.clock, poll_s)
 

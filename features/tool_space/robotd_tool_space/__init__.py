@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from robotd_tool_space.collision.scene_object import SceneObject
     from robotd_tool_space.collision_guard import CollisionGuard
     from robotd_tool_space.geometry.chain import Chain
-    from robotd_tool_space.geometry.inverse import Task
-    from robotd_tool_space.geometry.kinematics import Kinematics, Obstacle, Unreachable
+    from robotd_tool_space.geometry.kinematics import Kinematics, Unreachable, UnreachableCause
+    from robotd_tool_space.geometry.pose_solver import Task
     from robotd_tool_space.geometry.rotations import (
         inverse_pose,
         pose_differences,
@@ -47,7 +47,6 @@ __all__ = [
     "Kinematics",
     "Line",
     "MotionSegment",
-    "Obstacle",
     "PathOutput",
     "RobotTool",
     "SceneObject",
@@ -55,6 +54,7 @@ __all__ = [
     "Task",
     "ToolGroups",
     "Unreachable",
+    "UnreachableCause",
     "Wait",
     "inverse_pose",
     "pose_differences",

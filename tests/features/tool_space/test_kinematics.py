@@ -11,8 +11,8 @@ from robotd.api import DescriptorError, InvalidArgument, load_robot_descriptor, 
 from robotd_tool_space import (
     Chain,
     Kinematics,
-    Obstacle,
     Unreachable,
+    UnreachableCause,
     pose_differences,
     pose_of,
     quaternion_pose,
@@ -126,7 +126,7 @@ def test_reasons() -> None:
     seed = np.array([0.1, 0.2, 1.0, 0.3, 1.0, 0.2])
     with pytest.raises(Unreachable, match=r"out of reach: the tool comes within \d+\.\d mm") as far:
         arm.inverse(pose_of([2.0, 0.0, 0.3]), seed)
-    assert far.value.obstacle is Obstacle.OUT_OF_REACH
+    assert far.value.cause is UnreachableCause.OUT_OF_REACH
     narrow = kinematics_of("cr3a")
     object.__setattr__(narrow, "upper", np.array([3.14, 3.14, 0.5, 3.14, 3.14, 6.28]))
     object.__setattr__(narrow, "lower", np.array([-3.14, -3.14, -0.5, -3.14, -3.14, -6.28]))
@@ -135,12 +135,12 @@ def test_reasons() -> None:
         Unreachable, match=r"joint3 would have to be at -?\d.* rad, its limit"
     ) as no:
         narrow.inverse(folded, np.zeros(6))
-    assert no.value.obstacle is Obstacle.LIMITS
+    assert no.value.cause is UnreachableCause.LIMITS
     edge = arm.forward(np.zeros(6))
     edge[:3, :3] = edge[:3, :3] @ rotation_matrices(np.array([0.0, 1.0, 0.0]))
     with pytest.raises(Unreachable) as turned:
         arm.inverse(edge, seed)
-    assert turned.value.obstacle in (Obstacle.ORIENTATION, Obstacle.OUT_OF_REACH)
+    assert turned.value.cause in (UnreachableCause.ORIENTATION, UnreachableCause.OUT_OF_REACH)
 
 
 def test_what_the_structure_rules_out_is_named() -> None:

@@ -8,7 +8,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from robotd.api import FloatArray, InvalidArgument, load_robot_descriptor, read_urdf
 from robotd.api.robots import axis_limits, joint_limits
-from robotd_tool_space import Kinematics, Obstacle, Unreachable, pose_differences, pose_of
+from robotd_tool_space import Kinematics, Unreachable, UnreachableCause, pose_differences, pose_of
 from robotd_tool_space.paths.segments import Line, MotionSegment
 from robotd_tool_space.paths.tool_curves import ToolSpeed
 from robotd_tool_space.paths.tool_motion import ToolMotion, plan_joint_motion
@@ -188,21 +188,21 @@ def test_the_tool_stops_at_each_pose_of_many_short_lines(name: str, step_m: floa
 
 
 @pytest.mark.parametrize(
-    ("xyz", "obstacle", "text"),
+    ("xyz", "cause", "text"),
     [
         ([0.0, 0.0, 2.0], None, r"^at \d+ % "),
-        ([0.0, 0.0, 0.6], Obstacle.SINGULAR, r"^at \d+ % joint3 .*singular"),
+        ([0.0, 0.0, 0.6], UnreachableCause.SINGULAR, r"^at \d+ % joint3 .*singular"),
     ],
 )
 def test_a_line_that_cannot_be_is_rejected_with_the_place(
-    xyz: list[float], obstacle: Obstacle | None, text: str
+    xyz: list[float], cause: UnreachableCause | None, text: str
 ) -> None:
     arm = Arm("cr3a")
     with pytest.raises(Unreachable, match=text) as rejected:
         arm.plan(arm.moved(xyz))
     assert rejected.value.place is not None
     assert 0.0 < rejected.value.place < 1.0
-    assert obstacle in (None, rejected.value.obstacle)
+    assert cause in (None, rejected.value.cause)
 
 
 def test_a_joint_limit_on_the_line_is_named() -> None:

@@ -20,7 +20,7 @@ from robotd.api import (
 )
 from robotd.api.robots import JointLimits, axis_limits, joint_limits, tool_link
 from robotd_tool_space.geometry.chain import Chain
-from robotd_tool_space.geometry.inverse import PoseProblem, Task, pose_weights
+from robotd_tool_space.geometry.pose_solver import PoseProblem, Task, pose_weights
 from robotd_tool_space.geometry.rotations import checked_pose, pose_differences
 
 RANDOM_STARTS = 16  # random ones beside the seed, solved at once
@@ -31,27 +31,26 @@ OUTSIDE_RAD = 1e-9  # beyond a limit that is rounding
 TURN = 2.0 * np.pi
 
 
-class Obstacle(Enum):
-    """Kind of a reason."""
+class UnreachableCause(Enum):
+    """Reason why a pose or a line cannot be reached."""
 
     OUT_OF_REACH = "out of reach"
     ORIENTATION = "orientation"
     LIMITS = "limits"
     SINGULAR = "singular"
-    PATH = "path"  # positions before and behind it belong to different postures
 
 
 class Unreachable(InvalidArgument):
     """A pose or line that the arm cannot reach; the text says why.
 
     Attributes:
-        obstacle: kind of the reason.
+        cause: kind of the reason.
         place: where on a line, 0 to 1; None: not on a line.
     """
 
-    def __init__(self, obstacle: Obstacle, reason: str, place: float | None = None) -> None:
+    def __init__(self, cause: UnreachableCause, reason: str, place: float | None = None) -> None:
         super().__init__(reason if place is None else f"at {100.0 * place:.0f} % {reason}")
-        self.obstacle, self.text, self.place = obstacle, reason, place
+        self.cause, self.text, self.place = cause, reason, place
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +63,7 @@ class Kinematics:
     Attributes:
         chain: joints between base and tool.
         lower, upper: (n,) position limits; -inf and inf for a joint without.
-        velocity: (n,) speed limits: how near a solution is, is the time to it.
+        velocity: (n,) speed limits; the nearest solution is the one that takes the shortest time.
         units: "rad" or "m" of each joint.
     """
 
@@ -236,7 +235,7 @@ class Kinematics:
         """Raise Unreachable for a target that the structure of the arm rules out from ``pose``."""
         if what := self.task.contradiction(pose_differences(pose, target)):
             text = f"the tool would have to move in {what}, which no joint of the arm can"
-            raise Unreachable(Obstacle.ORIENTATION, text)
+            raise Unreachable(UnreachableCause.ORIENTATION, text)
 
     def limit_text(self, joint: int, at: float) -> str:
         """Return the reason for a joint, by its index, that would be beyond a limit."""
@@ -289,7 +288,7 @@ class Kinematics:
         error = np.linalg.norm(position.residual(found)[:, :3], axis=1)
         if error.min() > 1e-5:
             text = f"out of reach: the tool comes within {1e3 * error.min():.1f} mm of it"
-            return Unreachable(Obstacle.OUT_OF_REACH, text)
+            return Unreachable(UnreachableCause.OUT_OF_REACH, text)
         found = free.solve(found, 100)
         residual = free.residual(found)
         near = np.linalg.norm(residual[:, :3], axis=1) / self.length_m
@@ -299,7 +298,7 @@ class Kinematics:
             f" {1e3 * np.linalg.norm(best[:3]):.1f} mm and"
             f" {np.degrees(np.linalg.norm(best[3:])):.1f}° are missing"
         )
-        return Unreachable(Obstacle.ORIENTATION, text)
+        return Unreachable(UnreachableCause.ORIENTATION, text)
 
     def _beyond_limits(self, found: FloatArray) -> Unreachable:
         """Return the reason for a pose that only positions outside of the limits have."""
@@ -311,7 +310,7 @@ class Kinematics:
         excess = np.maximum(np.maximum(self.lower - found, found - self.upper), 0.0)
         best = int(np.argmin(excess.max(axis=1)))
         joint = int(np.argmax(excess[best]))
-        return Unreachable(Obstacle.LIMITS, self.limit_text(joint, found[best, joint]))
+        return Unreachable(UnreachableCause.LIMITS, self.limit_text(joint, found[best, joint]))
 
 
 def _position_of(task: Task) -> Task:

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from robotd.api import FloatArray, InvalidArgument
-from robotd_tool_space.geometry.kinematics import Kinematics, Obstacle, Unreachable
+from robotd_tool_space.geometry.kinematics import Kinematics, Unreachable, UnreachableCause
 from robotd_tool_space.geometry.rotations import pose_differences
 from robotd_tool_space.paths.tool_path import ToolPath
 
@@ -257,12 +257,13 @@ def _check(
     if lost or step[joint] > MAX_STEP_RAD:
         if kinematics.singularity(before) < 0.05:
             text = f"{names[joint]} cannot follow the line: the arm is singular"
-            raise Unreachable(Obstacle.SINGULAR, text, place)
-        raise Unreachable(Obstacle.OUT_OF_REACH, "the line leaves the reach of the arm", place)
+            raise Unreachable(UnreachableCause.SINGULAR, text, place)
+        text = "the line leaves the reach of the arm"
+        raise Unreachable(UnreachableCause.OUT_OF_REACH, text, place)
     excess = np.maximum(kinematics.lower - here, here - kinematics.upper)
     joint = int(np.argmax(excess))
     if excess[joint] > OUTSIDE:
-        raise Unreachable(Obstacle.LIMITS, kinematics.limit_text(joint, here[joint]), place)
+        raise Unreachable(UnreachableCause.LIMITS, kinematics.limit_text(joint, here[joint]), place)
 
 
 def _check_slopes(kinematics: Kinematics, at_s: FloatArray, slope: FloatArray) -> None:
@@ -274,4 +275,4 @@ def _check_slopes(kinematics: Kinematics, at_s: FloatArray, slope: FloatArray) -
             f"{kinematics.chain.names[joint]} would have to be {ratio[index, joint]:.0f} times as"
             " fast as its limit: the arm is nearly singular"
         )
-        raise Unreachable(Obstacle.SINGULAR, text, float(at_s[index] / at_s[-1]))
+        raise Unreachable(UnreachableCause.SINGULAR, text, float(at_s[index] / at_s[-1]))

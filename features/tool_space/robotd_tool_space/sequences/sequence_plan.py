@@ -10,7 +10,7 @@ import numpy as np
 
 from robotd.api import FloatArray, InvalidArgument
 from robotd.api.robots import JointLimits
-from robotd_tool_space.geometry.kinematics import Kinematics, Obstacle, Unreachable
+from robotd_tool_space.geometry.kinematics import Kinematics, Unreachable, UnreachableCause
 from robotd_tool_space.geometry.rotations import pose_differences
 from robotd_tool_space.paths.joint_path import solve_at_once
 from robotd_tool_space.paths.joint_route import EvenRoute, JointCurve, JointLine, Route
@@ -223,14 +223,14 @@ class _RouteBuilder:
         edges_s = (0.0, *path.ends_s)
         length_s = edges_s[index + 1] - edges_s[index]
         part = min(max((at_s - edges_s[index]) / length_s, 0.0), 1.0)
-        return _named(Unreachable(error.obstacle, error.text, part), self._path[index].name)
+        return _named(Unreachable(error.cause, error.text, part), self._path[index].name)
 
 
 def _named(error: Unreachable, name: str) -> Unreachable:
     """Return an error with the name of its segment; "": there is only one."""
     if not name or str(error).startswith("segment "):
         return error
-    named = Unreachable(error.obstacle, f"{name}: {error}")
+    named = Unreachable(error.cause, f"{name}: {error}")
     named.text, named.place = error.text, error.place
     return named
 
@@ -265,7 +265,7 @@ def _kept(
             text = (
                 f"the line cannot be kept: {1e3 * off_m:.2f} mm and {np.degrees(off_rad):.2f}° off"
             )
-            raise Unreachable(Obstacle.SINGULAR, text)
+            raise Unreachable(UnreachableCause.SINGULAR, text)
 
 
 def _deviation(

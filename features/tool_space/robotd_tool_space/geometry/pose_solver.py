@@ -1,4 +1,4 @@
-"""Inverse kinematics by damped least squares, of many starts at once, for what an arm can choose.
+"""Solver of inverse kinematics: damped least squares, from many starts at once.
 
 Levenberg-Marquardt with the damping of Sugihara ("Solvability-Unconcerned Inverse Kinematics by the
 Levenberg-Marquardt Method", IEEE Trans. Robotics 27(5), 2011): half the squared error. It shrinks
