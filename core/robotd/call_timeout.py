@@ -27,7 +27,8 @@ PATIENCE = 5  # times its limit, with a call that waits for a processor
 class CallTimeout(Exception):
     """The call has not returned in time; its thread is left to itself.
 
-    ``note``: for error texts: how long it has waited for a processor; "" where that is no reason.
+    ``note``: for error texts: how long it has waited for a processor; "" where that is not the
+    reason.
     """
 
     def __init__(self, note: str = "") -> None:

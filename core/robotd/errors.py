@@ -2,7 +2,7 @@
 
     RobotdError
     ├── DescriptorError      a robot file is wrong: file, line, key path, what and why
-    ├── RecordingError       a file is no recording of robotd, is damaged, or does not fit
+    ├── RecordingError       a file is not a recording of robotd, is damaged, or does not fit
     ├── PluginError          a backend cannot be found, loaded or trusted
     ├── ConnectError         the device or one of its children does not answer while opening
     ├── OperationError       a command failed or was rejected
@@ -104,7 +104,7 @@ class DescriptorError(RobotdError):
 
 
 class RecordingError(RobotdError):
-    """A file is no recording of robotd, is damaged, or fits no such robot."""
+    """A file is not a recording of robotd, is damaged, or fits no such robot."""
 
 
 class PluginError(RobotdError):

@@ -95,7 +95,7 @@ class BoundedLog(Generic[Item]):
     """Items of bounded number and memory; the oldest are dropped first. Any thread.
 
     Attributes:
-        added: number of items since the start: the cursor behind the newest.
+        added: number of items since the start: the cursor after the newest.
         nbytes: estimate of the memory in use.
     """
 

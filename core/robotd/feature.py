@@ -1,4 +1,4 @@
-"""Features: parts that run beside a robot, of this repository and of others alike.
+"""Features: parts that run alongside a robot, of this repository and of others alike.
 
 A feature is an object in the entry-point group ``robotd.features``:
 ``recorder = "robotd_recorder.feature:FEATURE"``. It has keys in the robot's file, options of
@@ -97,7 +97,7 @@ class FeatureOption:
 
 @dataclass(frozen=True, config={"extra": "forbid"})
 class Feature:
-    """Part that runs beside a robot. A field that is wrong raises ValidationError of pydantic.
+    """Part that runs alongside a robot. A field that is wrong raises ValidationError of pydantic.
 
     Attributes:
         summary: one line for ``robotd features``.
@@ -174,7 +174,7 @@ def requests(settings: BaseModel, key: str) -> bool:
 
 
 def _unknown_key(settings: type[BaseModel], dotted: str) -> str:
-    """Return why a model has no key; "" where it has it, or below what is no model."""
+    """Return why a model has no key; "" where it has it, or below what is not a model."""
     model: Any = settings
     for key in dotted.split("."):
         if not (isinstance(model, type) and issubclass(model, BaseModel)):

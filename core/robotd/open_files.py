@@ -12,7 +12,7 @@ MAX_OPEN_FILES = 512  # of a process with every port full, its recorder and its 
 
 
 def reserve_files() -> None:
-    """Raise the limit of open files to what a recording needs beside full ports.
+    """Raise the limit of open files to what a recording needs in addition to full ports.
 
     Logs a warning where the system does not allow as many.
     """

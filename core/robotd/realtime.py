@@ -33,7 +33,8 @@ def is_control_loop() -> bool:
 def request_realtime(priority: int) -> bool:
     """Request SCHED_FIFO for the calling thread; True if the system granted it.
 
-    A refusal is no error: without CAP_SYS_NICE or an rtprio limit the thread keeps its scheduling.
+    A refusal is not an error: without CAP_SYS_NICE or an rtprio limit the thread keeps its
+    scheduling.
 
     Args:
         priority: 1 to 99; 0 requests nothing.
@@ -50,7 +51,7 @@ def request_realtime(priority: int) -> bool:
 def request_niceness(niceness: int) -> bool:
     """Request a niceness for the calling thread and those that it starts; True if granted.
 
-    A refusal is no error: without CAP_SYS_NICE or a nice limit a thread cannot go below 0.
+    A refusal is not an error: without CAP_SYS_NICE or a nice limit a thread cannot go below 0.
 
     Args:
         niceness: -20, the most processor time, to 19.

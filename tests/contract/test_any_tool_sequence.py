@@ -53,7 +53,7 @@ tool_space:
       machine: {xyz_m: [-0.75, 0, 0.4], size_m: [0.4, 1, 0.8]}
 """
 MARGIN_M = 0.01
-BEYOND_M = 0.002  # the margin, at most: the way of a stop is foreseen by its ends and its middle
+BEYOND_M = 0.002  # the margin, at most: the path of a stop is foreseen by its ends and its middle
 REDUCED_M_S = 0.33  # streams of joints that compensate each other, at a limit of 0.25: decision 62
 SLOWED_S = 0.6  # after reduced speed is on, or after a stall
 LOOK_PERIODS = 5  # between two looks at the distances
@@ -64,14 +64,14 @@ def positions(random: Random) -> list[float]:
     return [float(bent) + random.uniform(-1.2, 1.2) for bent in BENT]
 
 
-def way(random: Random) -> list[float]:
-    """Return a way in m and rad, or a twist in m/s and rad/s."""
+def displacement(random: Random) -> list[float]:
+    """Return a displacement in m and rad, or a twist in m/s and rad/s."""
     linear, angular = random.choice([0.05, 0.2, 0.5]), random.choice([0.0, 0.0, 0.4, 1.2])
     return [random.uniform(-bound, bound) for bound in [linear] * 3 + [angular] * 3]
 
 
-def ways(random: Random) -> list[list[float]]:
-    return [way(random) for _ in range(random.choice([1, 1, 1, 2, 3]))]
+def displacements(random: Random) -> list[list[float]]:
+    return [displacement(random) for _ in range(random.choice([1, 1, 1, 2, 3]))]
 
 
 def speed(random: Random) -> float:
@@ -80,12 +80,12 @@ def speed(random: Random) -> float:
 
 COMMANDS: Commands = {
     **arm_commands(JOINTS, positions),
-    "line": (9, (ways, one_of(0.1, 0.5, 1.0, 1.0), one_of(0.0, 0.0, 0.02, 0.1), PERIODS)),
-    "pose": (4, (way, one_of(0.1, 1.0), PERIODS)),
+    "line": (9, (displacements, one_of(0.1, 0.5, 1.0, 1.0), one_of(0.0, 0.0, 0.02, 0.1), PERIODS)),
+    "pose": (4, (displacement, one_of(0.1, 1.0), PERIODS)),
     "joints": (4, (positions, one_of(0.1, 1.0, 1.0), PERIODS)),
     "open_tool": (3, (one_of(0.05, 0.2, 1.0),)),
-    "twist": (7, (way, one_of(False, True), PERIODS)),
-    "to_pose": (4, (way, PERIODS)),
+    "twist": (7, (displacement, one_of(False, True), PERIODS)),
+    "to_pose": (4, (displacement, PERIODS)),
     "jog_one": (2, (one_of(*range(JOINTS)), speed, profile, PERIODS)),
     "home": (6, ()),
     "release": (12, ()),
@@ -162,15 +162,17 @@ class ToolPlay(ArmPlay):
         self.goals.append(goal)
         self._step(periods)
 
-    def _line(self, ways: list[list[float]], speed: float, blend_m: float, periods: int) -> None:
+    def _line(
+        self, displacements: list[list[float]], speed: float, blend_m: float, periods: int
+    ) -> None:
         pose, poses = self._tool_space.pose, []
-        for way in ways:
-            pose = _moved(pose, way)
+        for displacement in displacements:
+            pose = _moved(pose, displacement)
             poses.append(pose)
         self._follow(self._tool_space.plan_lines(poses, speed, blend_m), periods)
 
-    def _pose(self, way: list[float], speed: float, periods: int) -> None:
-        target = self._tool_space.relative(pose_of(way[:3], way[3:]))
+    def _pose(self, displacement: list[float], speed: float, periods: int) -> None:
+        target = self._tool_space.relative(pose_of(displacement[:3], displacement[3:]))
         self._follow(self._tool_space.plan_move(target, speed), periods)
 
     def _joints(self, goal: list[float], speed: float, periods: int) -> None:
@@ -186,11 +188,11 @@ class ToolPlay(ArmPlay):
             stream = self._tool_streams[-1]
             self._insist(lambda: stream.send(twist, in_tool=in_tool), periods)
 
-    def _to_pose(self, way: list[float], periods: int) -> None:
+    def _to_pose(self, displacement: list[float], periods: int) -> None:
         if self._tool_streams:
             stream = self._tool_streams[-1]
             at = self.robot.image.position_command[:JOINTS]
-            command = PoseCommand(_moved(self._tool_space.kinematics.forward(at), way))
+            command = PoseCommand(_moved(self._tool_space.kinematics.forward(at), displacement))
             send = stream.joints.send_reference
             self._insist(lambda: send(stream._stage, command, moves=True), periods)
 
@@ -238,10 +240,10 @@ class ToolPlay(ArmPlay):
             self._tool_space.move_line(self._tool_space.pose_relative(z=-0.05))
 
 
-def _moved(pose: FloatArray, way: list[float]) -> FloatArray:
+def _moved(pose: FloatArray, displacement: list[float]) -> FloatArray:
     result = pose.copy()
-    result[:3, 3] += way[:3]
-    result[:3, :3] = pose_of([0.0, 0.0, 0.0], way[3:])[:3, :3] @ pose[:3, :3]
+    result[:3, 3] += displacement[:3]
+    result[:3, :3] = pose_of([0.0, 0.0, 0.0], displacement[3:])[:3, :3] @ pose[:3, :3]
     return result
 
 

@@ -117,7 +117,7 @@ BROKEN = (
     feature("summary is a number", "feature(summary=3)", "Feature.summary: must be a valid string"),
     feature("summary of two lines", "feature(summary='a\\nb')", "Feature.summary: "),
     feature("settings are an instance", "feature(settings=Keys())", "Feature.settings: "),
-    feature("settings are no model", "feature(settings=int)", "Feature.settings: "),
+    feature("settings are not a model", "feature(settings=int)", "Feature.settings: "),
     feature(
         "a default that is wrong",
         "feature(settings=Wrong)",
@@ -420,7 +420,7 @@ BROKEN = (
         "CodeTable.texts.over-current",
         value="MODULE:T",
     ),
-    Broken("a doctor that is none", "doctors", "x = 3", "is no function: int", value="MODULE:x"),
+    Broken("a doctor that is none", "doctors", "x = 3", "is not a function: int", value="MODULE:x"),
     Broken(
         "a doctor without arguments",
         "doctors",
@@ -430,8 +430,10 @@ BROKEN = (
     ),
     Broken("a scan of robotd's name", "scans", "", "'canopen' is taken by", "canopen"),
     Broken("an export of robotd's name", "exports", "", "the name 'urdf' is taken by", "urdf"),
-    Broken("an export that is none", "exports", "x = 3", "is no function: int", value="MODULE:x"),
-    Broken("a check that is none", "checks", "x = 3", "is no function: int", value="MODULE:x"),
+    Broken(
+        "an export that is none", "exports", "x = 3", "is not a function: int", value="MODULE:x"
+    ),
+    Broken("a check that is none", "checks", "x = 3", "is not a function: int", value="MODULE:x"),
     Broken("a value that is none", "features", "", "must be package.module", value="a b!"),
     Broken(
         "a line without a value",

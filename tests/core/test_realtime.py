@@ -1,4 +1,4 @@
-"""Scheduling is requested, and a refusal is no error."""
+"""Scheduling is requested, and a refusal is not an error."""
 
 from __future__ import annotations
 

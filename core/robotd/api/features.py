@@ -1,4 +1,4 @@
-"""Names for authors of features, which run beside a robot and observe it.
+"""Names for authors of features, which run alongside a robot and observe it.
 
 A feature, such as a page or a recorder, is a ``Feature`` in the entry-point group
 ``robotd.features``. It observes the robot through ``FeatureHost.tap``, the last seconds of its

@@ -86,7 +86,7 @@ class RobotdGroup(click.Group):
         return super().resolve_command(ctx, args)
 
     def _hint(self, ctx: click.Context, word: str) -> str:
-        """Return what is meant by a word that is no command."""
+        """Return what is meant by a word that is not a command."""
         if word in WORDS:
             return f"; {WORDS[word]}"
         if word in installed_robots():

@@ -49,7 +49,7 @@ def plugin_commands() -> list[ListedCommand]:
 def plugin_command(name: str) -> click.Command | None:
     """Return the command ``name``; None where no distribution has it.
 
-    Raises PluginError: the name is taken, it cannot be imported, or is no click command.
+    Raises PluginError: the name is taken, it cannot be imported, or is not a click command.
     """
     found = installed_names(COMMANDS).require(name)
     if found is None:

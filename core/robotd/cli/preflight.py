@@ -66,7 +66,7 @@ def sourced_ros() -> str | None:
         return f"ROS_DISTRO is {distro!r}"
     for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
         if not prefix or Path(prefix) == Path(sys.prefix):
-            continue  # the wheels' own prefix is no second ROS
+            continue  # the wheels' own prefix is not a second ROS
         if Path(prefix, "share/rclpy/package.xml").is_file():
             return f"AMENT_PREFIX_PATH leads to {prefix}"
     for name in ("LD_LIBRARY_PATH", "PYTHONPATH"):

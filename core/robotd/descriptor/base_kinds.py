@@ -37,7 +37,7 @@ def base_kind(name: str) -> type[DriveSettings]:
     """Return the model of a kind that is in ``base_kinds``. Any thread.
 
     Raises PluginError: the kind cannot be used, because its name is taken, it cannot be imported,
-    or it is no subclass of ``DriveSettings`` that names its kinematics.
+    or it is not a subclass of ``DriveSettings`` that names its kinematics.
     """
     return _load(tuple(sys.path), name)
 

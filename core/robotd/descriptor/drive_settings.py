@@ -108,7 +108,7 @@ class DriveSettings(Section):
 
     @property
     def dimensions(self) -> str:
-        """Dimensions beside the radius of the wheels, in words; "" for none."""
+        """Dimensions besides the radius of the wheels, in words; "" for none."""
         return ""
 
     def problems(self) -> Iterator[Problem]:

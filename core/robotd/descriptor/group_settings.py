@@ -1,4 +1,4 @@
-"""Joint groups: joints that are moved together, beside the other groups of the robot."""
+"""Joint groups: joints that are moved together, independently of other groups."""
 
 from __future__ import annotations
 

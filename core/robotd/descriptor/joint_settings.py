@@ -148,10 +148,10 @@ class JointSettings(Section):
     @property
     def initial_position(self) -> float:
         """Position at which a simulation begins: 0, or the nearest one well inside the limits."""
-        way = self.upper - self.lower
-        if not math.isfinite(way):
+        span = self.upper - self.lower
+        if not math.isfinite(span):
             return min(max(0.0, self.lower), self.upper)
-        return min(max(0.0, self.lower + INITIAL_MARGIN * way), self.upper - INITIAL_MARGIN * way)
+        return min(max(0.0, self.lower + INITIAL_MARGIN * span), self.upper - INITIAL_MARGIN * span)
 
     def key(self, turning: str) -> str:
         """Return the key of this joint for ``turning``, the key of a revolute one."""

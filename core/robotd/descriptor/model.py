@@ -127,7 +127,7 @@ class TrajectorySettings(Section):
     allow_nonzero_velocity_at_trajectory_end: bool = Field(
         False,
         description="Accept a last point with a velocity: the joints pass it, and brake to rest"
-        " behind it unless another goal or stream takes over.",
+        " after it unless another goal or stream takes over.",
     )
     start_tolerance_rad: Positive = Field(
         0.01, description="Distance from the present position of a first point at time 0."

@@ -39,7 +39,7 @@ class Override:
 def parse_override(text: str) -> Override:
     """Read ``KEY=VALUE``: a dotted key path and a YAML value, for example ``cycle.rate_hz=250``.
 
-    Raises DescriptorError: the text has another form, the value is no YAML, or the key cannot be
+    Raises DescriptorError: the text has another form, the value is not YAML, or the key cannot be
     changed from outside the file.
     """
     path, equals, value = text.partition("=")
@@ -51,7 +51,7 @@ def parse_override(text: str) -> Override:
     try:
         node = read_value(value, ORIGIN)
     except DescriptorError:
-        raise _error(f"{value!r} is no value of a descriptor", path) from None
+        raise _error(f"{value!r} is not a value of a descriptor", path) from None
     return Override(keys, node, text)
 
 
@@ -85,7 +85,7 @@ def _placed(tree: YamlNode | None, keys: Sequence[str], override: Override) -> Y
         where = override.key.removesuffix("." + ".".join(keys))
         raise _error(f"{where} is {children!r}, not a section with keys", override.key)
     if not (key.isdecimal() and int(key) < len(children)):
-        raise _error(f"{key!r} is no index of a list of {len(children)} items", override.key)
+        raise _error(f"{key!r} is not an index of a list of {len(children)} items", override.key)
     index = int(key)
     items = [*children]
     items[index] = _placed(items[index], rest, override)

@@ -97,7 +97,7 @@ def parse_yaml(text: str, path: Path) -> YamlNode:
 def read_value(text: str, origin: Path) -> YamlNode:
     """Read one value, without lines, in the syntax of a file: scalar, list or mapping.
 
-    Raises DescriptorError for text that is no YAML, with ``origin`` as the file.
+    Raises DescriptorError for text that is not YAML, with ``origin`` as the file.
     """
     return _build(text, origin, has_lines=False)
 
@@ -114,7 +114,7 @@ def _build(text: str, path: Path, *, has_lines: bool = True) -> YamlNode:
 
 
 def _syntax_error(text: str, error: Any, path: Path) -> DescriptorError:
-    """Return the error of a text that is no YAML, with its line."""
+    """Return the error of a text that is not YAML, with its line."""
     what = getattr(error, "problem", None) or getattr(error, "reason", None) or "unreadable"
     # libyaml from 0.2.6 looks 1000 brackets ahead, before the first of them is an event here.
     if "nesting depth" in what:

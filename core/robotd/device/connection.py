@@ -332,7 +332,7 @@ class Connection:
         """
         self._require_parameters()
         if not is_file(path):
-            raise OperationError(f"parameter file {path} does not exist, or is no file")
+            raise OperationError(f"parameter file {path} does not exist, or is not a file")
         with self._lock:
             self.require_ready()
             return self._load_parameters(path)

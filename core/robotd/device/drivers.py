@@ -198,7 +198,7 @@ class AxisDriver(ABC):
         """Duration of the position setpoints that the device holds ahead, s; 0: none.
 
         The command reaches a setpoint so much later than its due time, and a gap between two
-        setpoints that is no longer than this (and one and a half periods) is no underrun.
+        setpoints that is no longer than this (and one and a half periods) is not an underrun.
         """
         return 0.0
 

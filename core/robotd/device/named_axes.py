@@ -45,7 +45,7 @@ class NamedAxes:
             raise InvalidArgument(f"axis {doubled} is given twice")
 
     def check_command_mode(self, axis: int, mode: int) -> None:
-        """Raise InvalidArgument for a number that is no ``CommandMode``."""
+        """Raise InvalidArgument for a number that is not a ``CommandMode``."""
         if mode not in tuple(CommandMode):
             raise self.error(InvalidArgument, axis, f"mode {mode} is not 0, 1 or 2")
 

@@ -57,7 +57,7 @@ class ProcessImage:
             is that of ``VALUES``, ``FLAGS`` and ``NUMBERS``. A copy of a block costs no more than
             one of an array.
         memory: all blocks in one piece, laid out by ``image_type``: one copy takes them all.
-        header, frame: room for a recorder's numbers, and with ``memory`` behind it in one piece.
+        header, frame: room for a recorder's numbers, and with ``memory`` after it in one piece.
         commands, measured: rows of ``values``: position and velocity as commanded; position,
             velocity and torque as measured.
         silent: (n_axes,) the drive has not acknowledged its latest cyclic frames and is not lost

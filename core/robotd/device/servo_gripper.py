@@ -68,7 +68,7 @@ class ServoGripper:
     def checked(self, position_m: float) -> float:
         """Return a commanded position, within the two ends and the limits of the axis in force.
 
-        Raises InvalidArgument where it is beyond an end by more than ``REACHED_SHARE`` of the way.
+        Raises InvalidArgument: it is beyond an end by more than ``REACHED_SHARE`` of the travel.
         """
         low, high = sorted((self.open_m, self.closed_m))
         margin = REACHED_SHARE * self._stroke

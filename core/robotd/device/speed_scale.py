@@ -51,7 +51,7 @@ class SpeedScale:
         self._change(speed=speed)
 
     def pause(self) -> None:
-        """Bring motion to rest on its path, to be continued; twice is no error."""
+        """Bring motion to rest on its path, to be continued; twice is not an error."""
         self._change(paused=True)
 
     def resume(self) -> None:

@@ -53,4 +53,4 @@ class Underrun(Enum):
 
 
 EXTRAPOLATION_PERIODS = 1.5
-"""One missing setpoint, and the half period by which the one behind it may be late."""
+"""One missing setpoint, and the half period by which the next one may be late."""

@@ -14,7 +14,7 @@ from operator import mul
 
 from robotd.motion.planar import ZERO_TWIST, PlanarTwist
 
-_TOGETHER = 1e-9  # parts whose zeros are this close, as a part of the way, are zero together
+_TOGETHER = 1e-9  # parts whose zeros are this close, as a part of the change, are zero together
 
 
 @dataclass(frozen=True)

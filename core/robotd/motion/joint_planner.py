@@ -18,8 +18,8 @@ from ruckig import (
 
 Row = list[float]  # one value for each joint; at six joints faster than an array
 
-# Some boundary cases, such as a way on which the speed limit is just reached, have no solution in
-# floating-point arithmetic; beside them there is one.
+# Some boundary cases, such as a motion that just reaches the speed limit, have no solution in
+# floating-point arithmetic; close to them there is one.
 JERK_SHARES = (1.0, 0.999, 0.99, 0.9)
 CONSTANT_PHASES = (1, 5)  # of a profile's seven: those with constant acceleration
 _INTERFACES = (ControlInterface.Position, ControlInterface.Velocity)  # to a position, anywhere
@@ -66,7 +66,7 @@ class JointPlanner:
             state: position, velocity and acceleration.
             target: positions; NaN: anywhere, at ``velocity``.
             velocity: at the target; afterwards the joint continues with it.
-            bounds: of the way.
+            bounds: of the motion.
 
         Returns False when ruckig finds no plan; ``at`` is then undefined.
         """
@@ -79,8 +79,8 @@ class JointPlanner:
                 _INTERFACES[interface] for interface in anywhere
             ]
         if True in anywhere:
-            # ruckig counts the target of the plan before among the extrema of a way to anywhere,
-            # 0 for the first: such a way is the first one of its trajectory, and begins at 0.
+            # ruckig counts the target of the plan before among the extrema of a motion to anywhere,
+            # 0 for the first: such a motion is the first of its trajectory, and starts at 0.
             self._trajectory = Trajectory(len(target))
             pairs = list(zip(position, anywhere, strict=True))
             self._origin = [value if free else 0.0 for value, free in pairs]
@@ -94,7 +94,7 @@ class JointPlanner:
         return any(self._calculate(bounds.jerk, share) for share in JERK_SHARES)
 
     def _limit(self, bounds: Bounds) -> None:
-        """Set the limits of the way, if they are not those of the plan before."""
+        """Set the limits of the motion, if they are not those of the plan before."""
         if bounds is self._bounds:
             return
         self._bounds, parameters = bounds, self._input

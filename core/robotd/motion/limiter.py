@@ -218,7 +218,7 @@ class SetpointLimiter:
             bounds = self._strengthen(bounds, left)
 
     def _strengthen(self, bounds: Bounds, joints: list[bool]) -> Bounds:
-        """Return ``bounds`` with which ``joints`` stop in a shorter way."""
+        """Return ``bounds`` with which ``joints`` stop in a shorter distance."""
         factors = [BRAKE_ESCALATION if brakes else 1.0 for brakes in joints]
         highest = map(operator.mul, bounds.highest_acceleration, factors)
         return Bounds.symmetric(

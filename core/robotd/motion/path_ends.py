@@ -1,4 +1,4 @@
-"""Ends of a path: blend-in of a start deviation, run-out behind a moving end.
+"""Ends of a path: blend-in of a start deviation, run-out after a moving end.
 
 Blend: a path that starts elsewhere is reached within the limits.
 The path P of the client is kept, and a deviation δ(t) that fades to zero is added to it:
@@ -6,11 +6,11 @@ The path P of the client is kept, and a deviation δ(t) that fades to zero is ad
 position and velocity begin where the joints are, and the acceleration at time 0 is the
 client's. δ is one quintic for each joint; T is a knot of P.
 
-Run-out: way to rest behind a last point that has a velocity.
+Run-out: motion to rest after a last point that has a velocity.
 All joints brake together, in the direction of the end velocity v: q(t) = q_e + v·T·(u - u³ + u⁴/2)
 with u = t/T, whose velocity is v·(1 - 3u² + 2u³). Its acceleration begins and ends with zero and is
 at most 1.5·|v|/T, which gives the shortest T that the joints' acceleration limits allow, at least
-``SHORTEST_S``; the way is v·T/2.
+``SHORTEST_S``; the stopping distance is v·T/2.
 """
 
 from __future__ import annotations

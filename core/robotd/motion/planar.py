@@ -35,19 +35,19 @@ class Pose(NamedTuple):
 ORIGIN = Pose(0.0, 0.0, 0.0)
 
 
-def along_arc(pose: Pose, way: PlanarTwist) -> Pose:
-    """``pose`` after ``way``: an arc of length √(linear² + lateral²) that turns by ``angular``.
+def along_arc(pose: Pose, displacement: PlanarTwist) -> Pose:
+    """Return ``pose`` moved along an arc of length √(linear² + lateral²) that turns by ``angular``.
 
     The chord of an arc of length s and angle a is s · sin(a/2) / (a/2), in the direction of the
     mean heading. In this form nothing cancels where the arc is almost straight.
     """
-    half = way.angular / 2
+    half = displacement.angular / 2
     chord = math.sin(half) / half if half else 1.0
     direction = pose.heading + half
-    ahead, aside = chord * way.linear, chord * way.lateral
+    ahead, aside = chord * displacement.linear, chord * displacement.lateral
     cosine, sine = math.cos(direction), math.sin(direction)
     return Pose(
         pose.x + ahead * cosine - aside * sine,
         pose.y + ahead * sine + aside * cosine,
-        math.remainder(pose.heading + way.angular, 2 * math.pi),
+        math.remainder(pose.heading + displacement.angular, 2 * math.pi),
     )

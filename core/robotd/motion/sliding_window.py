@@ -20,9 +20,9 @@ from robotd.motion.joint_planner import Row
 
 WIDTH_S = 0.06
 RETAINED_PAST_S = 2.0 * WIDTH_S  # of the points that are kept before those of a new window
-CATCH_UP_FACTOR = 1.15  # than the points, for the way back to the reference
-CATCH_UP_GAIN_PER_S = 2.0  # velocity of that way for each rad or m of deviation
-MIN_CATCH_UP_SHARE = 0.005  # of the velocity limit: always allowed on that way
+CATCH_UP_FACTOR = 1.15  # than the points, for the return to the reference
+CATCH_UP_GAIN_PER_S = 2.0  # velocity of the return for each rad or m of deviation
+MIN_CATCH_UP_SHARE = 0.005  # of the velocity limit: always allowed for the return
 
 
 class SlidingWindow:

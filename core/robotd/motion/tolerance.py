@@ -90,7 +90,7 @@ class Tolerances:
 class JointBounds:
     """Bounds of one kind, (m,) arrays in rad or m; inf: unlimited.
 
-    ``position``, ``velocity``: defaults (m,), inf for no limit; None is no limit at all.
+    ``position``, ``velocity``: defaults (m,), inf for no limit; None is not a limit at all.
     Raises TrajectoryRejected: see ``Tolerances``.
     """
 

@@ -40,7 +40,7 @@ class Newest(NamedTuple):
     """Newest frame, as a page shows it.
 
     Attributes:
-        cursor: behind it.
+        cursor: after it.
         start_ns: as in ``HEADER``.
         late_ns: largest one since the cursor of the call.
         values: block of ``ProcessImage.values``, float64, little-endian.
@@ -107,7 +107,7 @@ class FrameMemory:
 
     @property
     def written(self) -> int:
-        """Number of frames since the start: the cursor behind the newest."""
+        """Number of frames since the start: the cursor after the newest."""
         return self.count[0]
 
     @property

@@ -21,7 +21,7 @@ def signature_problems(driver: object, contract: type) -> Iterator[str]:
             continue
         found = getattr(driver, name) if not isinstance(own, property) else None
         if not callable(found):
-            yield f"{where} is no method, and in {contract.__name__} it is one"
+            yield f"{where} is not a method, and in {contract.__name__} it is one"
             continue
         if inspect.iscoroutinefunction(found) or inspect.isgeneratorfunction(found):
             yield f"{where} is async or a generator: its body would not be run"

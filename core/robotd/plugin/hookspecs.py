@@ -96,7 +96,7 @@ class BackendInfo:
         options: model of its descriptor section.
         axis_keys: keys that commissioning may write; None: scale and direction are not in the
             descriptor.
-        linux_capabilities: that its device needs beside those of the control loop, such as
+        linux_capabilities: that its device needs besides those of the control loop, such as
             ``CAP_NET_RAW``; a service unit grants no others.
     """
 
@@ -137,7 +137,7 @@ class RobotdHooks:
     def robotd_register_nodes(self, registry: NodeRegistry) -> None:
         """Add ROS nodes by name, see ``NodeRegistry.add``. Called once, before nodes are made.
 
-        Nodes of a backend are served with every robot on it, beside those of the robot's file;
+        Nodes of a backend are served with every robot on it, besides those of the robot's file;
         they reach its device by ``robot.device``.
         """
 
@@ -165,7 +165,7 @@ class RobotdHooks:
     def robotd_passive_joints(
         self, device: Any, context: DeviceContext[Any]
     ) -> PassiveJoints | None:
-        """Make the reader of measured joints that are no axes; None where there are none."""
+        """Make the reader of measured joints that are not axes; None where there are none."""
 
     @hookspec(firstresult=True)
     def robotd_payload(self, device: Any, context: DeviceContext[Any]) -> PayloadDriver | None:

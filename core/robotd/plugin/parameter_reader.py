@@ -118,7 +118,7 @@ class ParameterReader:
         """Name of a frame of tf, with ``prefix``, which is checked where it is declared."""
         value = self.text(name, default, meaning)
         if wrong := wrong_frame(value):
-            self.reject(name, f"{value!r} is no name of a frame: {wrong}")
+            self.reject(name, f"{value!r} is not a valid name of a frame: {wrong}")
         return prefix + value
 
     def text(self, name: str, default: str, meaning: str) -> str:
@@ -198,7 +198,7 @@ class ParameterReader:
         return name in self._defaults
 
     def _wrong_topic(self, value: str) -> str:
-        """Return why ``value`` is no name of a topic; "" if it is one."""
+        """Return why ``value`` is not a valid name of a topic; "" if it is one."""
         return "" if _ROS_NAME.fullmatch(value.removeprefix("/")) else "wrong characters"
 
     def _declare(self, name: str, reference: Any, meaning: str) -> Any:

@@ -67,7 +67,7 @@ class NodeRegistry:
         nodes: by name.
         server: ``package.module:function`` that serves a robot's nodes until the process is
             asked to stop, as ``robotd_ros.serve:serve``; "" where no plugin does.
-        served: names of nodes that the server makes beside those of the robot.
+        served: names of nodes that the server makes besides those of the robot.
         owner: plugin that registers its nodes here, for texts.
         refused: why nodes are left out, by name.
     """

@@ -29,7 +29,7 @@ COMMON = {"--log-level", "--log-format", "--help"}  # explained once, at the top
 def commands(
     command: click.Command = main, path: tuple[str, ...] = ("robotd",)
 ) -> Iterator[tuple[str, click.Command]]:
-    """Yield every command below ``command`` that is no group, with its full name.
+    """Yield every command below ``command`` that is not a group, with its full name.
 
     Commands of plugins are included where robotd itself brings the plugin.
     """

@@ -1,4 +1,4 @@
-"""Setpoints that a device holds ahead: expected late, and a bridged gap is no underrun."""
+"""Setpoints that a device holds ahead: expected late, and a bridged gap is not an underrun."""
 
 from __future__ import annotations
 

@@ -105,7 +105,7 @@ def test_a_stop_behind_the_last_point_ends_the_motion_and_not_the_result(harness
     assert execution.completion.outcome is Outcome.STOPPED
     events, _ = harness.robot.axes.events.since(0)
     (result,) = (event for event in events if event.kind is EventKind.RESULT)
-    assert "; behind its last point: " in result.text
+    assert "; after its last point: " in result.text
     assert result.level is Level.INFO  # as that of every goal that was stopped
     assert np.abs(harness.setpoints.velocity[-1]).max() < 1e-9
 

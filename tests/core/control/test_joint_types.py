@@ -87,12 +87,12 @@ def test_tolerances_are_those_of_the_unit(robot: Robot) -> None:
 
 
 def test_a_continuous_joint_goes_to_the_number_that_was_asked_for(robot: Robot) -> None:
-    """Never the shortest way: 6.2 rad from 0 are 6.2 rad forward, and 0 from there the way back."""
+    """Never the shortest turn: 6.2 rad from 0 are 6.2 rad forward, and 0 from there is back."""
     go(robot, 0.1, 0.0, 12.0)
     for target in (6.2, 0.0):
         positions: list[float] = []
         robot.control_loop.every(
-            500.0, "way", lambda image, seen=positions: seen.append(float(image.position[1]))
+            500.0, "positions", lambda image, seen=positions: seen.append(float(image.position[1]))
         )
         assert go(robot, 0.1, target, 8.0) is Outcome.SUCCEEDED
         assert robot.image.position[1] == pytest.approx(target, abs=1e-3)

@@ -1,4 +1,4 @@
-"""Drives that follow a tenth of a second later: the lag is no following error, and no rest."""
+"""Drives that follow a tenth of a second later: the lag is neither a following error nor rest."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ class Truth:
 
     def __init__(self, harness: BaseHarness) -> None:
         self.harness = harness
-        self.x = self.y = self.heading = self.way = 0.0
+        self.x = self.y = self.heading = self.distance = 0.0
         self.wheels = (harness.wheel(0), harness.wheel(1))
 
     def tick(self) -> None:
@@ -50,7 +50,7 @@ class Truth:
         self.x += (left + right) / 2 * math.cos(middle)
         self.y += (left + right) / 2 * math.sin(middle)
         self.heading += (right - left) / 0.55
-        self.way += abs(left + right) / 2
+        self.distance += abs(left + right) / 2
 
 
 def test_a_square_of_ten_metres_closes_and_odometry_is_the_truth(harness: BaseHarness) -> None:
@@ -73,7 +73,7 @@ def test_a_square_of_ten_metres_closes_and_odometry_is_the_truth(harness: BaseHa
         harness.drive(0.0, math.pi / 2, 1.0)
         harness.drive(0.0, 0.0, 1.5)
     pose = harness.base.pose
-    assert truth.way == pytest.approx(10.0, abs=0.01)
+    assert truth.distance == pytest.approx(10.0, abs=0.01)
     assert math.hypot(pose.x - truth.x, pose.y - truth.y) < 1e-4
     assert math.remainder(pose.heading - truth.heading, 2 * math.pi) == pytest.approx(0, abs=1e-4)
     assert math.hypot(truth.x, truth.y) < 1e-3

@@ -74,7 +74,7 @@ class Client(ABC):
         """Command no motion."""
 
     def go(self, seconds: float, speed: float = SPEED) -> float:
-        """Send for ``seconds``; return the way of joint1 meanwhile."""
+        """Send for ``seconds``; return the travel of joint1 meanwhile."""
         start = self.harness.image.position[0]
         farthest = 0.0
         for _ in range(round(seconds * RATE_HZ)):

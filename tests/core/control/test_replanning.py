@@ -17,8 +17,8 @@ def replan(harness: Harness, execution: TrajectoryExecution, age_s: float) -> Tr
     was = execution.trajectory.state_at(progress.time_s - age_s).position
     times_s = np.arange(0.0, 2.01, 0.02)
     share = (times_s / times_s[-1])[:, None]
-    way = np.array([0.2, -0.4, 0.1]) - was
-    positions = was + way * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    displacement = np.array([0.2, -0.4, 0.1]) - was
+    positions = was + displacement * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
     return TrajectoryRequest(harness.robot.joint_names, times_s, positions)
 
 

@@ -1,4 +1,4 @@
-"""Feedback at 125 Hz in a control loop of 500 Hz: the age of a value is no following error."""
+"""Feedback at 125 Hz in a control loop of 500 Hz: the age of a value is not a following error."""
 
 from __future__ import annotations
 

@@ -136,7 +136,7 @@ def test_two_threads_that_close_a_stream_give_the_joints_back_once(robot: Harnes
         if frame.f_code is not OpenStream.close.__code__:
             return None
         lines.extend([frame.f_lineno] * (event == "line"))
-        if len(lines) == 2:  # behind the first line
+        if len(lines) == 2:  # after the first line
             entered.set()
             may_go_on.wait(WAIT_S)
         return interrupt

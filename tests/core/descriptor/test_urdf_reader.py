@@ -64,7 +64,7 @@ def problems(body: str) -> list[str]:
         (joint("a", "one", "two") + joint("b", "two", "one") + links("one", "two"),
          "arm.urdf:2: a: links form a loop: "),
         (joint("a", "base", "tip") + links("base", "tip", "island"),
-         "arm.urdf:5: island: link is a second root, beside 'base': no joint connects it"),
+         "arm.urdf:5: island: link is a second root, besides 'base': no joint connects it"),
         ("", "arm.urdf:1: has no link"),
         (joint("a", "base", "tip", LIMIT.replace('"2"', '"1_0"')) + links("base", "tip"),
          "arm.urdf:2: a: velocity='1_0' is not a finite number"),

@@ -148,8 +148,8 @@ class MeasuredGripper:
         positions[:] = self.fingers
 
     def _step(self, image: ProcessImage) -> None:
-        way = np.clip(self.end_m - self.fingers[0], -0.0004, 0.0004)
-        self.fingers += (way, -way)
+        step = np.clip(self.end_m - self.fingers[0], -0.0004, 0.0004)
+        self.fingers += (step, -step)
         self.gripper.advance(image)
 
 

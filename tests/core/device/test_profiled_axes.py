@@ -343,8 +343,8 @@ def test_a_silent_axis_goes_on_from_the_target_that_its_driver_gives_it() -> Non
     arm.period(3)
     assert arm.image.position_command[0] == kept
     arm.image.silent[0] = False
-    way = np.diff(arm.until_idle()[:, 0])
-    assert np.abs(way).max() <= PROFILE.velocity
+    steps = np.diff(arm.until_idle()[:, 0])
+    assert np.abs(steps).max() <= PROFILE.velocity
     assert arm.image.position_command[0] == pytest.approx(1.5)
 
 

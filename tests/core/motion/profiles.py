@@ -8,15 +8,15 @@ from robotd.arrays import FloatArray
 
 
 def time_optimal(
-    way: float, velocity: float, acceleration: float, step_s: float
+    distance: float, velocity: float, acceleration: float, step_s: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Times, positions, velocities and accelerations of a trapezoidal profile, as TOTG's.
 
     Sampled every ``step_s`` and at the end; the acceleration is ``acceleration`` or 0.
     """
-    ramp_s = min(velocity / acceleration, (way / acceleration) ** 0.5)
+    ramp_s = min(velocity / acceleration, (distance / acceleration) ** 0.5)
     speed = acceleration * ramp_s
-    end_s = way / speed + ramp_s
+    end_s = distance / speed + ramp_s
     times_s = np.append(np.arange(0.0, end_s - 1e-9, step_s), end_s)
     left_s = end_s - times_s
     speeds = np.minimum(np.minimum(acceleration * times_s, acceleration * left_s), speed)
@@ -25,7 +25,7 @@ def time_optimal(
         acceleration * times_s**2 / 2.0,
         np.where(
             left_s < ramp_s,
-            way - acceleration * left_s**2 / 2.0,
+            distance - acceleration * left_s**2 / 2.0,
             speed * (times_s - ramp_s / 2.0),
         ),
     )

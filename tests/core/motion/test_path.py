@@ -1,4 +1,4 @@
-"""The way from the start to the first point: a dwell, a move, or a blend."""
+"""Motion from the start to the first point: a dwell, a move, or a blend."""
 
 from __future__ import annotations
 

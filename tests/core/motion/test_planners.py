@@ -19,7 +19,7 @@ DEVIATIONS = [0.0005, -0.003, 0.0099]
 
 
 def totg(
-    way: float,
+    distance: float,
     step_s: float,
     given: str,
     deviation: float = 0.0,
@@ -27,7 +27,7 @@ def totg(
     acceleration: float = ACCELERATION,
 ) -> TrajectoryRequest:
     """Joint 1 at full acceleration, joint 2 the other way at half of it, joint 3 at rest."""
-    times_s, *profile = time_optimal(way, VELOCITY, acceleration, step_s)
+    times_s, *profile = time_optimal(distance, VELOCITY, acceleration, step_s)
     tables = [np.outer(values, [1.0, -0.5, 0.0])[first:] for values in profile]
     tables[0] = tables[0] + deviation
     return request(
@@ -40,9 +40,9 @@ def totg(
 
 @given(st.floats(0.002, 6.0), st.sampled_from([0.01, 0.02, 0.05, 0.1]), st.sampled_from(GIVEN))
 def test_time_optimal_paths_pass_although_they_overshoot_between_the_points(
-    way: float, step_s: float, given: str
+    distance: float, step_s: float, given: str
 ) -> None:
-    planned(totg(way, step_s, given), JOINTS)
+    planned(totg(distance, step_s, given), JOINTS)
 
 
 @given(
@@ -52,10 +52,10 @@ def test_time_optimal_paths_pass_although_they_overshoot_between_the_points(
     st.floats(-0.0099, 0.0099),
 )
 def test_a_start_deviation_costs_no_more_than_a_share_of_the_limit(
-    way: float, step_s: float, given: str, deviation: float
+    distance: float, step_s: float, given: str, deviation: float
 ) -> None:
-    exact = peaks_of(planned(totg(way, step_s, given), JOINTS)).acceleration.value
-    trajectory = planned(totg(way, step_s, given, deviation), JOINTS)
+    exact = peaks_of(planned(totg(distance, step_s, given), JOINTS)).acceleration.value
+    trajectory = planned(totg(distance, step_s, given, deviation), JOINTS)
     bound = np.maximum(exact, ACCELERATION) + ACCELERATION_SHARE * ACCELERATION
     assert (peaks_of(trajectory).acceleration.value <= 1.02 * bound).all()
     begin = trajectory.state_at(0.0)

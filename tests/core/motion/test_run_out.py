@@ -1,4 +1,4 @@
-"""Last points with a velocity: the way to rest behind them, and what is rejected."""
+"""Last points with a velocity: their run-out, and what is rejected."""
 
 from __future__ import annotations
 

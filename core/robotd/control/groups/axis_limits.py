@@ -165,7 +165,7 @@ def _lateral_limits(settings: DriveSettings) -> RampLimits | None:
     )
 
 
-MIN_SAMPLES = 2  # feedback periods within ``engine.stale_after_s``: one late value is no fault
+MIN_SAMPLES = 2  # feedback periods within ``engine.stale_after_s``: one late value is not a fault
 
 
 def fit_device(

@@ -287,7 +287,7 @@ class TrajectoryFollower:
         outcome, completion = execution.outcome or Outcome.FAULT, execution.completion
         text = f"goal {outcome.name.lower()}: {execution.message}"
         if completion.outcome not in (outcome, Outcome.PREEMPTED, None):
-            text = f"{text}; behind its last point: {completion.message}"
+            text = f"{text}; after its last point: {completion.message}"
         data = {"outcome": outcome.name.lower(), "id": id(execution)}
         level = Level.INFO if BAD.isdisjoint({outcome, completion.outcome}) else Level.ERROR
         self._events.add(EventKind.RESULT, SUBJECT, text, level=level, data=data)

@@ -225,7 +225,7 @@ class ControlLoop:
             self._tasks.run(time_ns, first=True)
             if self._communicates(time_ns):
                 nominal_ns = self._read(time_ns)
-                if self._is_fresh(time_ns):  # when the read began: a slow one is no loss
+                if self._is_fresh(time_ns):  # when the read began: a slow one is not a loss
                     self._mixer.advance(nominal_ns, self._image)
                 self._loss.report(nominal_ns)
                 self._tasks.run(nominal_ns, first=False)

@@ -45,7 +45,7 @@ class Rearming:
 
     Attributes:
         listened_ns: time in which commands could arrive, in periods of the control loop: while the
-            computer stalls nothing is received, and that is no silence.
+            computer stalls nothing is received, and that is not a silence.
     """
 
     def __init__(self, axes: Axes, period_ns: int) -> None:

@@ -35,7 +35,7 @@ class Completion:
 
     Attributes:
         result: outcome and message for the client, None until they are known: at the end, or
-            before it where the motion goes on behind the goal (``announce``).
+            before it where the motion goes on after the goal (``announce``).
         known: set with ``result``.
         outcome, message: None and "" until it has ended; never change afterwards.
         event: set with ``outcome``.

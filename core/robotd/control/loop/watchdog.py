@@ -11,7 +11,7 @@ from robotd.log import get_logger
 
 log = get_logger("watchdog")
 
-HANG_TIMEOUT_S = 1.0  # a busy computer may delay a period by tenths of a second: that is no hang
+HANG_TIMEOUT_S = 1.0  # a busy computer may delay a period by tenths of a second: that is not a hang
 SIMULATED_HANG_TIMEOUT_S = 5.0  # nothing real moves: late, but whatever the computer does
 CHECKS_PER_TIMEOUT = 4  # per time limit of a piece of work
 OURS = {"robotd", "robotd_ros", "rclpy", *sys.stdlib_module_names}  # not packages of plugins

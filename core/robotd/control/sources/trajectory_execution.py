@@ -116,7 +116,7 @@ class TrajectoryExecution(JointSource):
 
     @property
     def done(self) -> bool:
-        """True once it moves the joints no more, also behind its last point."""
+        """True once it moves the joints no more, also after its last point."""
         return self.completion.done
 
     def cancel(self) -> None:
@@ -124,7 +124,7 @@ class TrajectoryExecution(JointSource):
         self.completion.request(Outcome.CANCELED, "canceled by the client")
 
     def override_speed(self, ratio: float) -> None:
-        """Scale the rate of this trajectory, by a ramp, beside the speed of all motion. Any thread.
+        """Scale this trajectory's rate, by a ramp, besides the speed of all motion. Any thread.
 
         ``ratio``: above 0, to 1.
 
@@ -469,8 +469,8 @@ class CommandReturn:
     def points(self, count: int) -> tuple[FloatArray, FloatArray]:
         """Return times (count,) in s from 0, and positions (count, m) of the command."""
         u = np.linspace(0.0, 1.0, count)
-        way = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
-        return u * self.duration_s, self._start + way[:, None] * self._offset
+        share = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
+        return u * self.duration_s, self._start + share[:, None] * self._offset
 
     def sample(self, time_ns: int, command: FloatArray) -> bool:
         """Write the motion at ``time_ns`` into ``command`` (3, m).

@@ -165,7 +165,7 @@ class _Reader:
                     radius = _finite(solid.get("radius", ""))
                     if radius > 0.0:
                         return radius
-                    what = f"radius={solid.get('radius')!r} is no radius: the shape is ignored"
+                    what = f"radius={solid.get('radius')!r} is not a radius: the shape is ignored"
                     self._notes.append(f"link {name}: {what}")
         return None
 

@@ -25,7 +25,7 @@ def check_tree(
     yield from _loops(parents)
     roots = [link for link in links.values() if link.name not in parents]
     for root in roots[1:]:
-        what = f"link is a second root, beside {roots[0].name!r}: no joint connects it"
+        what = f"link is a second root, besides {roots[0].name!r}: no joint connects it"
         yield what, root.line, root.name
 
 
@@ -51,13 +51,13 @@ def _loops(parents: Mapping[str, UrdfJoint]) -> Iterator[tuple[str, int, str]]:
     """Yield each loop once, at its first joint."""
     done: set[str] = set()
     for start in parents:
-        way: list[str] = []
+        visited: list[str] = []
         link = start
-        while link in parents and link not in done and link not in way:
-            way.append(link)
+        while link in parents and link not in done and link not in visited:
+            visited.append(link)
             link = parents[link].parent
-        if link in way:
-            loop = way[way.index(link) :][::-1]
+        if link in visited:
+            loop = visited[visited.index(link) :][::-1]
             joint = min((parents[link] for link in loop), key=lambda joint: joint.line)
             yield f"links form a loop: {' → '.join([*loop, loop[0]])}", joint.line, joint.name
-        done.update(way)
+        done.update(visited)
