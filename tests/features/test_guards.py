@@ -164,7 +164,7 @@ def test_a_joint_is_commissioned_alone_without_the_guards_that_need_all(tmp_path
 
     reason = (
         "robot.yaml:3: tool_space.collisions: needs all joints, and joint2 is commissioned alone; "
-        "to do without, give --set tool_space.collisions=null, and keep its way free"
+        "to do without, give --set tool_space.collisions=null, and keep its path free"
     )
     with pytest.raises(DescriptorError, match=reason):
         commissioning()

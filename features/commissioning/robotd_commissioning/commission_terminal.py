@@ -180,7 +180,7 @@ def _line(prompt: str) -> str:
 
 
 def _forget_typed() -> None:
-    """Drop repetitions of a held key, which are no answer."""
+    """Drop repetitions of a held key, which are not an answer."""
     with suppress(termios.error):
         termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
 

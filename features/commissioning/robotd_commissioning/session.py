@@ -158,7 +158,7 @@ class CommissionRecord:
     Args:
         robot: the robot's file; the record is ``<name>.commission.json`` beside it.
 
-    Raises DescriptorError: the file is there and is no record.
+    Raises DescriptorError: the file is there and is not a record.
     """
 
     def __init__(self, robot: Path) -> None:
@@ -169,7 +169,7 @@ class CommissionRecord:
                 data = read_limited(self.path, MAX_BYTES)
                 self._content = _Content.model_validate_json(data)
             except ValidationError as error:
-                what = f"is no record of a commissioning: {error.errors()[0]['msg']}; delete it"
+                what = f"is not a record of a commissioning: {error.errors()[0]['msg']}; delete it"
                 raise DescriptorError(what, path=self.path) from None
 
     def finding(self, joint: str, step: str) -> str | None:
@@ -230,7 +230,7 @@ class Commissioning:
         descriptor = load(None)
         _joint_of(descriptor, joint)
         text = f"needs all joints, and {joint} is commissioned alone; to do without, give"
-        without = "and keep its way free"
+        without = "and keep its path free"
         if guards := requested_guards(descriptor):
             raise DescriptorError.join(
                 descriptor.problem(key, f"{text} --set {key}=null, {without}") for key in guards

@@ -19,7 +19,7 @@ from robotd_shared.package_templates import package_files, package_words, write_
 KINDS = {
     "backend": "drives a device",
     "base": "a kind of mobile base",
-    "feature": "runs beside a robot and observes it",
+    "feature": "runs alongside a robot and observes it",
     "node": "a ROS node that a robot's file can name",
     "robot": "files of robots",
 }

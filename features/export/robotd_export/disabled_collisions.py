@@ -133,21 +133,21 @@ def disabled_collisions(
         covers: of the links with collision shapes.
     """
     for first, second in combinations(covers, 2):
-        way = _way(urdf, first, second)
-        between = {link for joint, _ in way for link in (joint.parent, joint.child)}
+        steps = _steps_between(urdf, first, second)
+        between = {link for joint, _ in steps for link in (joint.parent, joint.child)}
         if not (between - {first, second}) & covers.keys():
             yield first, second, "Adjacent"
-        elif not any(joint.moves for joint, _ in way):
+        elif not any(joint.moves for joint, _ in steps):
             yield first, second, "Fixed"
         elif (
             covers[first].is_known
             and covers[second].is_known
-            and is_always_apart(way, covers[first], covers[second])
+            and is_always_apart(steps, covers[first], covers[second])
         ):
             yield first, second, "Never"
 
 
-def is_always_apart(way: Sequence[Step], first: Cover, second: Cover) -> bool:
+def is_always_apart(steps: Sequence[Step], first: Cover, second: Cover) -> bool:
     """Return True if the spheres of two links stay apart in all positions.
 
     Boxes of positions are divided until each is proven by the distance at its middle: within a
@@ -155,18 +155,18 @@ def is_always_apart(way: Sequence[Step], first: Cover, second: Cover) -> bool:
     means not proven: they may still never collide.
 
     Args:
-        way: joints from the first link to the second one.
+        steps: joints from the first link to the second one.
         first, second: covers, each in the frame of its link.
     """
-    moving = [joint for joint, _ in way if joint.moves]
+    moving = [joint for joint, _ in steps if joint.moves]
     if len(moving) > MAX_JOINTS:
         return False
     lower, upper = np.array([_range(joint) for joint in moving]).T
-    reach = _reaches(way, second)
+    reach = _reaches(steps, second)
     middles = ((lower + upper) / 2.0)[np.newaxis]
     halves = ((upper - lower) / 2.0)[np.newaxis]
     for _ in range(MAX_SPLITS):
-        gaps = _gaps(way, middles, first, second) - MARGIN_M
+        gaps = _gaps(steps, middles, first, second) - MARGIN_M
         if (gaps <= 0.0).any():
             return False
         motion = halves * reach
@@ -185,7 +185,7 @@ def is_always_apart(way: Sequence[Step], first: Cover, second: Cover) -> bool:
     return False
 
 
-def _way(urdf: UrdfRobot, first: str, second: str) -> list[Step]:
+def _steps_between(urdf: UrdfRobot, first: str, second: str) -> list[Step]:
     """Return the joints from one link to another, up the tree and down."""
     up, down = _to_root(urdf, first), _to_root(urdf, second)
     while up and down and up[-1] is down[-1]:
@@ -210,11 +210,11 @@ def _range(joint: UrdfJoint) -> tuple[float, float]:
     return -np.pi, np.pi
 
 
-def _reaches(way: Sequence[Step], cover: Cover) -> FloatArray:
+def _reaches(steps: Sequence[Step], cover: Cover) -> FloatArray:
     """Return the greatest motion of the centres of ``cover`` per position of each joint."""
     reach = float(np.linalg.norm(cover.centers, axis=1).max())
     found = []
-    for joint, is_down in way[::-1]:
+    for joint, is_down in steps[::-1]:
         offset = float(np.linalg.norm(joint.origin[:3, 3]))
         reach += 0.0 if is_down else offset
         if joint.moves:
@@ -225,11 +225,11 @@ def _reaches(way: Sequence[Step], cover: Cover) -> FloatArray:
     return np.array(found[::-1])
 
 
-def _gaps(way: Sequence[Step], positions: FloatArray, first: Cover, second: Cover) -> FloatArray:
+def _gaps(steps: Sequence[Step], positions: FloatArray, first: Cover, second: Cover) -> FloatArray:
     """Return the least distance between the spheres in each row of positions; below 0: inside."""
     points = np.broadcast_to(second.centers, (len(positions), *second.centers.shape))
     column = positions.shape[1]
-    for joint, is_down in way[::-1]:
+    for joint, is_down in steps[::-1]:
         column -= 1 if joint.moves else 0
         position = positions[:, column] if joint.moves else np.zeros(len(positions))
         points = _moved(points, joint, position, is_down=is_down)

@@ -38,7 +38,7 @@ def export_targets() -> list[str]:
 
 
 def export_function(target: str) -> Export:
-    """Import the function of a target. What it raises beside RobotdError is PluginError.
+    """Import the function of a target. What it raises besides RobotdError is PluginError.
 
     Raises PluginError: no distribution has it, or it cannot be imported.
     """

@@ -19,9 +19,9 @@ COMMAND_NODE = "joint_command_node"
 STATE_NODE = "manipulator_state"
 TRAJECTORY_TOPIC = "joint_trajectory_topic"  # of a group
 
-# Longest time from the planned end of a trajectory to its result, beside goal_time_s: a device
+# Longest time from the planned end of a trajectory to its result, plus goal_time_s: a device
 # may still be moving for 2 s, and a joint that creeps at the end is reported after 2 s more. The
-# rest is for planning before the start and for the way of the messages.
+# rest is for planning before the start and for the delay of the messages.
 RESULT_DELAY_S = 5.0
 MANAGER = "moveit_simple_controller_manager"
 
@@ -160,7 +160,9 @@ def _limits(joint: JointSettings) -> dict[str, Any]:
 
 
 def _remarks(source: ExportInput) -> list[str]:
-    lines = ["Parameters of move_group (MoveIt 2), beside those of your MoveIt configuration."]
+    lines = [
+        "Parameters of move_group (MoveIt 2), in addition to those of your MoveIt configuration."
+    ]
     topics = _servo_topics(source)
     if len(topics) == 1:
         lines.append(
@@ -172,7 +174,7 @@ def _remarks(source: ExportInput) -> list[str]:
     if gripper and not _gripper_action(source):
         service = source.topic(SERVER, "wmx_gripper_topic")
         lines += [
-            f"The gripper is the service {service} (std_srvs/srv/SetBool), which is no controller",
-            f"of MoveIt. Its joints are passive ones for the SRDF: {', '.join(gripper.joints)}.",
+            f"The gripper is the service {service} (std_srvs/srv/SetBool), not a controller of",
+            f"MoveIt. Its joints are passive ones for the SRDF: {', '.join(gripper.joints)}.",
         ]
     return lines

@@ -183,7 +183,7 @@ def _add_gripper(
 def _group_links(urdf: UrdfRobot, joints: tuple[UrdfJoint, ...], tip: str) -> list[str]:
     """Return the links that are part of a planning group to MoveIt."""
     links = [joint.child for joint in joints]
-    while tip and tip not in links:  # a tool behind the last joint
+    while tip and tip not in links:  # a tool after the last joint
         links.append(tip)
         tip = urdf.parent_joint[tip].parent
     return links

@@ -202,7 +202,7 @@ class FoxgloveServer:
             self._joints.log(message, log_time=int(stamps_ns[0]))
         if self._frames is not None and self._transforms.has_sinks():
             position = measured[0][0]
-            fingers = range(len(self._robot.axes.names), len(position))  # behind the axes
+            fingers = range(len(self._robot.axes.names), len(position))  # after the axes
             positions = position[[*self._robot.joint_axes, *fingers]]
             self._transforms.log(_transforms(self._frames, positions, int(stamps_ns[0])))
 

@@ -13,7 +13,7 @@ from robotd_inventory.listing import Row, print_rows
 @as_json
 @log_options
 def features(*, as_json: bool) -> None:
-    """List the features that run beside a robot."""
+    """List the features that run alongside a robot."""
     rows: list[Row] = [
         {
             "name": name,

@@ -199,7 +199,7 @@ def _examine_target(what: str, target: str, arguments: int) -> None:
 
 def _examine_call(what: str, function: Any, arguments: int) -> None:
     if not callable(function):
-        raise PluginError(f"{what} is no function: {type(function).__name__}")
+        raise PluginError(f"{what} is not a function: {type(function).__name__}")
     with suppress(ValueError):  # of compiled code: not known
         try:
             inspect.signature(function).bind(*[None] * arguments)

@@ -48,7 +48,7 @@ def with_assumed_speeds(joints: Iterable[UrdfJoint]) -> tuple[UrdfJoint, ...]:
 
 
 def check_joint_names(names: Iterable[str], option: str, urdf: UrdfRobot, path: Path) -> None:
-    """Raise DescriptorError for a name of ``option`` that is no joint of the robot."""
+    """Raise DescriptorError for a name of ``option`` that is not a joint of the robot."""
     for name in names:
         if name not in urdf.joint and name != ALL:
             what = f"has no joint {name!r} for {option}{did_you_mean(name, urdf.joint)}"

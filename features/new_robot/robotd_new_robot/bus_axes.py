@@ -48,9 +48,9 @@ def read_bus_scan(path: Path) -> BusScan:
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(map(str, first["loc"])) or None
-        raise DescriptorError(f"is no bus scan: {first['msg']}", path=path, key=key) from None
+        raise DescriptorError(f"is not a bus scan: {first['msg']}", path=path, key=key) from None
     except ValueError as error:  # JSON, or not UTF-8
-        raise DescriptorError(f"is no bus scan: {error}", path=path) from None
+        raise DescriptorError(f"is not a bus scan: {error}", path=path) from None
 
 
 def bus_joints(scan: BusScan, path: Path) -> tuple[UrdfJoint, ...]:

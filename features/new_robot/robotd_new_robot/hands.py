@@ -34,7 +34,7 @@ _BODY = frozenset(
     ]
 )
 MAX_FINGER_M = 0.25  # from the palm to the fingertip
-FINGER_SHARE = 0.5  # of the way from the root to the palm
+FINGER_SHARE = 0.5  # of the distance from the root to the palm
 # Frames of a tool, the best first: a point between the fingers, the end of the arm, its parts.
 _TOOL_FRAMES = tuple(
     re.compile(pattern, re.IGNORECASE)
@@ -139,8 +139,8 @@ def _is_finger(urdf: UrdfRobot, palm: UrdfJoint, branch: UrdfJoint) -> bool:
         float(np.linalg.norm(urdf.pose(link, {})[:3, 3] - start))
         for link in urdf.subtree(branch.child)
     )
-    way = float(np.linalg.norm(urdf.pose(palm.child, {})[:3, 3]))
-    return length < min(MAX_FINGER_M, FINGER_SHARE * way)
+    distance = float(np.linalg.norm(urdf.pose(palm.child, {})[:3, 3]))
+    return length < min(MAX_FINGER_M, FINGER_SHARE * distance)
 
 
 def _is_jaw(urdf: UrdfRobot, joint: UrdfJoint, before: UrdfJoint) -> bool:

@@ -116,8 +116,8 @@ class Roles:
 def assign_roles(urdf: UrdfRobot, choices: Choices, path: Path) -> Roles:
     """Find the role of every moving joint.
 
-    Raises DescriptorError, with every problem and the line in ``path``: wheels that are no pair, or
-    driven joints without a range.
+    Raises DescriptorError, with every problem and the line in ``path``: wheels that are not a pair,
+    or driven joints without a range.
     """
     check_joint_names(choices.passive, "--passive", urdf, path)
     base = _base(urdf, choices, path)

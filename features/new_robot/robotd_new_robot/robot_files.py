@@ -200,7 +200,7 @@ def _base(roles: Roles) -> Iterator[str]:
     yield from _comment(
         f"Wheels {left} on the left, {right} on the right. Speeds and ramps of the base are"
         " moderate ones, to be replaced by those of the machine; the wheels' speed limits both"
-        " parts of a twist. The base moves independently of the joints and is no group."
+        " parts of a twist. The base moves independently of the joints and is not a group."
     )
     yield "drive:"
     per_side = len(base.left)

@@ -1,4 +1,4 @@
-"""Groups and passive joints of an SRDF, which MoveIt has beside a URDF."""
+"""Groups and passive joints of an SRDF, which MoveIt has in addition to a URDF."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def read_srdf(path: Path, urdf: UrdfRobot) -> Srdf:
     """
     root = xml_root(read_limited(path, MAX_URDF_BYTES), path)
     if root.tag != "robot" or root.find("link") is not None:
-        raise DescriptorError("is no SRDF: a <robot> with <group> elements", path=path)
+        raise DescriptorError("is not an SRDF: a <robot> with <group> elements", path=path)
     members = _Members(root, urdf)
     moving = [joint.name for joint in urdf.joints if joint.moves]
     groups = {}

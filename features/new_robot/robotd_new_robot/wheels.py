@@ -81,7 +81,7 @@ def find_wheels(urdf: UrdfRobot, passive: Container[str] = ()) -> list[Wheel]:
     steering joint. If it is not called a wheel, it is a round body that is steered or has a twin.
 
     Args:
-        passive: names of joints that are no wheels.
+        passive: names of joints that are not wheels.
     """
     wheels = [
         wheel
@@ -190,10 +190,10 @@ def _is_round(urdf: UrdfRobot, wheel: Wheel) -> bool:
 def _has_twin(wheel: Wheel, wheels: Sequence[Wheel]) -> bool:
     """Return True if another wheel at its height is on the other side, or on an axle across."""
     for other in wheels:
-        way = np.abs(other.center - wheel.center)
-        is_mirrored = way[0] < SAME_PLACE_M and way[1] > MIN_TRACK_M
+        offset = np.abs(other.center - wheel.center)
+        is_mirrored = offset[0] < SAME_PLACE_M and offset[1] > MIN_TRACK_M
         is_across = abs(float(other.axis @ wheel.axis)) < UPRIGHT
-        if way[2] < SAME_PLACE_M and (is_mirrored or is_across):
+        if offset[2] < SAME_PLACE_M and (is_mirrored or is_across):
             return True
     return False
 

@@ -35,7 +35,7 @@ class DriveBeat(Heartbeat):
 
 @dataclass(frozen=True)
 class DriveLimits:
-    """Highest velocities of a base driven from a page, and its way to rest.
+    """Highest velocities of a base driven from a page, and its stopping distance.
 
     Attributes:
         linear, lateral: m/s; lateral is 0 where the base cannot move sideways.

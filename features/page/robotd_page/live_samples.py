@@ -130,7 +130,7 @@ class LiveSamples:
         return head + newest.values
 
     def history(self) -> bytes:
-        """Return samples of the last minute, one behind the other."""
+        """Return samples of the last minute, one after the other."""
         past = self._past.rows()
         rows: FloatArray = np.full((len(past), self.width), np.nan)
         rows[:, :HISTORY_COLUMNS] = past[:, :HISTORY_COLUMNS]  # the first two of ``HEADER``

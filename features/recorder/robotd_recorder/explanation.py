@@ -172,7 +172,7 @@ def _command(info: RecordingInfo, events: Sequence[Event], cause: Event) -> Even
 
 
 def _may_move(command: Event, subject: str, info: RecordingInfo) -> bool:
-    """Return False for a command of other axes than ``subject``; True where that is no axis."""
+    """Return False for a command of other axes than ``subject``; True where that is not an axis."""
     if subject not in info.axes:
         return True
     if command.kind is EventKind.GOAL:

@@ -61,7 +61,7 @@ class RecordingFolder:
 
     def _files(self) -> Iterator[tuple[float, int, Path]]:
         for path in self.path.glob(f"{self._robot}-*{SUFFIX}"):
-            if CONTINUOUS in path.stem.split("-")[1:]:  # behind the name of the robot
+            if CONTINUOUS in path.stem.split("-")[1:]:  # after the name of the robot
                 continue
             try:
                 status = path.stat()

@@ -169,7 +169,7 @@ def _fill(
 
 
 def _fill_gripper(frames: Frames, columns: _Columns | None, info: RecordingInfo) -> None:
-    """Fill how far the gripper is closed, from the finger with the longest way."""
+    """Fill how far the gripper is closed, from the finger with the longest travel."""
     if columns is None or not info.fingers:
         return
     at, found = columns.rows(frames["start_ns"])

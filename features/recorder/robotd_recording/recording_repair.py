@@ -141,7 +141,7 @@ def _records(path: Path, source: IO[bytes]) -> Iterator[Any]:
     try:
         for record in _read(path, source):
             if isinstance(record, DataEnd):
-                return  # the summary behind it is written anew
+                return  # the summary after it is written anew
             yield record
     except _Damage:
         return

@@ -88,7 +88,7 @@ class RecordingInfo:
         format: version of the layout, ``FORMAT``.
         units: of each joint, "rad" or "m"; empty in older files: rad.
         fingers: positions of each finger of the gripper when open and when closed, which
-            ``/joint_states`` has behind the axes; empty in older files.
+            ``/joint_states`` has after the axes; empty in older files.
         cause_ns: time of the event ``cause``; 0 without one.
     """
 
@@ -108,7 +108,7 @@ class RecordingInfo:
     cause_ns: int = 0
 
     def unit(self, axis: str) -> str:
-        """Return "rad" or "m"; an axis that is no joint has rad."""
+        """Return "rad" or "m"; an axis that is not a joint has rad."""
         return self.units.get(axis, "rad")
 
     def to_metadata(self) -> dict[str, str]:

@@ -199,7 +199,7 @@ class RequestedFaults:
     def inject(self, values: Mapping[str, Any]) -> str:
         """Inject a fault, written as in a scenario file; return it as text.
 
-        Raises DescriptorError: it is no fault; InvalidArgument: it does not fit the robot.
+        Raises DescriptorError: it is not a fault; InvalidArgument: it does not fit the robot.
         """
         fault = validate_fault(values)
         self._schedule.add(fault)

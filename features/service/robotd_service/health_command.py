@@ -63,7 +63,7 @@ def ask_health(port: int, timeout_s: float) -> dict[str, Any]:
         connection.request("GET", "/healthz")
         found = json.loads(connection.getresponse().read())
         if not isinstance(found, dict) or "alive" not in found:
-            raise ValueError("this is no robot's health")  # noqa: TRY301 - as what is no JSON
+            raise ValueError("this is not a robot's health")  # noqa: TRY301 - as what is not JSON
     except (OSError, HTTPException, ValueError) as error:
         advice = f"is a robot running here with --health {port}?"
         raise DeviceTimeout(f"no health at http://{ADDRESS}:{port}: {error}; {advice}") from error

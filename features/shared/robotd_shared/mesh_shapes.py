@@ -52,7 +52,7 @@ def mesh_triangles(mesh: Any, path: Path) -> FloatArray:
         mesh: the element in ``geometry``.
         path: of the URDF, which a relative name starts from.
 
-    Raises DescriptorError: it is no STL file, or one that cannot be read or has no triangles.
+    Raises DescriptorError: it is not an STL file, or one that cannot be read or has no triangles.
     """
     link = f"link {_link_of(mesh)!r}"
     name = mesh.get("filename", "")

@@ -109,7 +109,7 @@ def write_whole(path: Path, text: str) -> None:
 
 
 def check_name(name: str, kind: str = "pose") -> None:
-    """Raise InvalidArgument for what is no name of a pose, or of another ``kind``."""
+    """Raise InvalidArgument for what is not a valid name of a pose, or of another ``kind``."""
     if not NAME.fullmatch(name):
         text = "a letter, then at most 62 letters, digits, _ and -"
-        raise InvalidArgument(f"{name!r} is no name of a {kind}: {text}")
+        raise InvalidArgument(f"{name!r} is not a valid name of a {kind}: {text}")

@@ -182,7 +182,7 @@ def _scale(
         ]
         return np.array(ticks, np.float64) / 200.0 * (2.0 * math.pi / TICKS_PER_TURN)
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        text = f"is no calibration file of LeRobot for these joints: {error}"
+        text = f"is not a calibration file of LeRobot for these joints: {error}"
         raise DescriptorError(text, path=calibration) from error
 
 

@@ -142,7 +142,7 @@ class EditProgram(Command):
         version: of the file that the page has shown.
         keys: of the step; none: the program itself.
         edit: "up", "down" or "delete" of the step; "pose", its target is the present pose; "add",
-            a move to the present pose behind it; else the number to be set.
+            a move to the present pose after it; else the number to be set.
         value: of the number; None: the step has none of its own.
     """
 

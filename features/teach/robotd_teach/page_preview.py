@@ -17,7 +17,7 @@ from robotd_teach.paths import Paths, Playback
 from robotd_teach.poses import Poses
 from robotd_tool_space.paths.tool_motion import sampled
 
-MAX_ROWS = 200  # of the way that a page draws
+MAX_ROWS = 200  # of the motion that a page draws
 DECIMALS = 4
 
 
@@ -25,7 +25,7 @@ class Choice(Message):
     """Motion that the page offers.
 
     Attributes:
-        kind: to a pose, or along a path with the way to its start.
+        kind: to a pose, or along a path with the motion to its start.
         name: of the pose or path.
         speed: of a pose, part of the joints' limits; of a path, part of the recorded speed.
         reverse, begin: of a path, see ``Playback``.
@@ -75,7 +75,7 @@ def planned(robot: Robot, choice: Choice) -> Planned:
 
 
 class Preview(Choice, Question):
-    """Question for the way of a motion; nothing moves."""
+    """Question for the rows of a motion; nothing moves."""
 
     type: Literal["preview"]
 

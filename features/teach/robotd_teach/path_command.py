@@ -176,7 +176,7 @@ def play(timeout_s: float, *, name: str, approach: bool, **playback: Any) -> Exi
         progress.end()
     if ending.value != "reached" and progress.passed_s:
         with suppress(OSError):  # of a lost terminal
-            click.echo(progress.way_on)
+            click.echo(progress.remaining)
     return print_ending(exit_code(ending, reason), reason)
 
 
@@ -233,7 +233,7 @@ class _Progress(ProgressLine):
         super().show(passed_s, positions)
 
     @property
-    def way_on(self) -> str:
+    def remaining(self) -> str:
         """Text about where a path that was ended early goes on."""
         passed = bisect_right(self._times_s, self.passed_s) - 1
         part = self._parts[passed]

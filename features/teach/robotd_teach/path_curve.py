@@ -23,7 +23,7 @@ REST_SAMPLES = 5  # at an end of a recording, whose median is where it rests
 STEP = 0.5  # of the tolerance, between two samples of a curve; of a very long one it is more
 SHORTEST_STEP = 0.1  # of the tolerance; samples nearer to each other are one place
 PAUSE_S = 0.5  # without motion by ``SHORTEST_STEP``, that is kept as a stop
-SLOWEST = 1e-3  # along the way, rad/s, where nothing but pauses was recorded
+SLOWEST = 1e-3  # along the path, rad/s, where nothing but pauses was recorded
 CORNER = 0.7  # cosine of the angle between two steps, 45°, that is turned at rest
 MIN_STEPS = 12  # between two stops
 MAX_SAMPLES = 20_000
@@ -127,14 +127,14 @@ def interpolated(knots_s: FloatArray, positions: FloatArray, times_s: FloatArray
 
 @dataclass(frozen=True, eq=False)
 class PathCurve:
-    """Joint positions of a path by the way along it; see ``tool_space.timing.Curve``.
+    """Joint positions of a path by the distance along it; see ``tool_space.timing.Curve``.
 
     Attributes:
-        at_s: (k,) way, with a joint's tolerance counted as that of an angle; rad.
+        at_s: (k,) distance, with a joint's tolerance counted as that of an angle; rad.
         positions: (k, n), rad or m.
-        slopes: (k, n) derivatives by the way, at a stop those behind it.
+        slopes: (k, n) derivatives by the distance, at a stop those after it.
         arriving: (k, n) derivatives before each sample.
-        rates: (k,) recorded speed along the way, rad/s.
+        rates: (k,) recorded speed along the path, rad/s.
         times_s: (k,) recorded times.
         pauses_s: recorded time at rest by sample, of the inner stops.
     """
@@ -191,7 +191,7 @@ class PathCurve:
         )
 
     def exact(self, at_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return positions and derivatives by the way, (m, n) each, at (m,) places."""
+        """Return positions and derivatives by the distance, (m, n) each, at (m,) places."""
         index = np.clip(np.searchsorted(self.at_s, at_s, "right") - 1, 0, len(self.at_s) - 2)
         width = (self.at_s[index + 1] - self.at_s[index])[:, None]
         part = (at_s - self.at_s[index])[:, None] / width
@@ -204,7 +204,7 @@ class PathCurve:
 def _slopes(
     at_s: FloatArray, positions: FloatArray, edges: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the derivatives (k, n) behind and before each sample of parts between ``edges``."""
+    """Return the derivatives (k, n) after and before each sample of parts between ``edges``."""
     leaving, arriving = np.empty_like(positions), np.empty_like(positions)
     for first, last in pairwise(edges.tolist()):
         part = slice(first, last + 1)
@@ -218,9 +218,9 @@ def _sampled(
     knots_s: FloatArray, points: FloatArray, tolerance: FloatArray, begin_s: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return times (k,) and positions (k, n) of places that are apart from each other."""
-    ways = np.abs(np.diff(points, axis=0) / tolerance).max(axis=1)
-    step = max(STEP, ways.sum() / MAX_SAMPLES)
-    counts = np.maximum(np.ceil(2.0 * ways / step), 4).astype(int)
+    distances = np.abs(np.diff(points, axis=0) / tolerance).max(axis=1)
+    step = max(STEP, distances.sum() / MAX_SAMPLES)
+    counts = np.maximum(np.ceil(2.0 * distances / step), 4).astype(int)
     parts = [
         np.linspace(first_s, last_s, count, endpoint=False)
         for first_s, last_s, count in zip(knots_s[:-1], knots_s[1:], counts, strict=True)

@@ -34,7 +34,7 @@ STATE = "observation.state"
 @click.option("--group", default="", metavar="NAME", help="Joint group, where there are several.")
 @click.option("--replace", is_flag=True, help="Replace a path of this name.")
 @click.option("--begin-s", type=NumberRange(0.0), default=0.0, help="Leave out what is before.")
-@click.option("--end-s", type=NumberRange(0.0), default=math.inf, help="Leave out what is behind.")
+@click.option("--end-s", type=NumberRange(0.0), default=math.inf, help="Leave out what is later.")
 @click.option("--topic", default="", help="Of an MCAP file; by default /joint_states.")
 @click.option(
     "--feature", default=STATE, show_default=True, help="Of a dataset: this, or 'action'."
@@ -100,7 +100,7 @@ def _motion(
     if topic:
         raise click.UsageError("--topic belongs to an MCAP file")
     if not episode.isdecimal():
-        raise click.UsageError(f"episode {episode!r} of {folder} is no number")
+        raise click.UsageError(f"episode {episode!r} of {folder} is not a number")
     from robotd_teach.lerobot_dataset import AngleUnit, read_episode
 
     angle = None if unit is None else AngleUnit(unit)

@@ -23,7 +23,7 @@ from robotd_tool_space.paths.tool_motion import (
     within_limits,
 )
 
-FIRST_KNOTS, MAX_KNOTS = 500, 2000  # of a motion; the way to the start needs some, too
+FIRST_KNOTS, MAX_KNOTS = 500, 2000  # of a motion; the motion to the start needs some, too
 MAX_CHECKS = 100_000  # places at which a motion is compared with its curve
 PLANNED_SHARE = 0.5  # of the tolerance: of the planned motion from the curve of the path
 APPROACH_SPEED = 0.2  # of the joints' limits, on the way to a path
@@ -128,7 +128,7 @@ def approach_to(limits: JointLimits, start: FloatArray, goal: FloatArray) -> Too
     return plan_fast_motion(limits, start, goal, APPROACH_SPEED)
 
 
-def way_to(limits: JointLimits, start: FloatArray, goal: FloatArray) -> str:
+def approach_text(limits: JointLimits, start: FloatArray, goal: FloatArray) -> str:
     """Return how far and long it is to where a path begins; "": the joints are there."""
     distances = goal - start
     away = np.abs(distances) / tolerances(limits.units)
@@ -136,20 +136,20 @@ def way_to(limits: JointLimits, start: FloatArray, goal: FloatArray) -> str:
         return ""
     joint, others = int(away.argmax()), int((away > 1.0).sum()) - 1
     more = f" and {others} more joint{'s' if others > 1 else ''}" if others else ""
-    way = f"{limits.names[joint]} by {distances[joint]:+.3f} {limits.units[joint]}{more}"
-    return f"{way}, {approach_to(limits, start, goal).duration_s:.1f} s"
+    travel = f"{limits.names[joint]} by {distances[joint]:+.3f} {limits.units[joint]}{more}"
+    return f"{travel}, {approach_to(limits, start, goal).duration_s:.1f} s"
 
 
 def require_at_start(limits: JointLimits, start: FloatArray, goal: FloatArray) -> None:
     """Raise InvalidArgument where the joints are away from where a path begins."""
-    if told := way_to(limits, start, goal):
-        raise InvalidArgument(f"the path begins elsewhere: {told}; `approach` goes there first")
+    if approach := approach_text(limits, start, goal):
+        raise InvalidArgument(f"the path begins elsewhere: {approach}; `approach` goes there first")
 
 
 def _kept(
     curve: PathCurve, timed: Timing, limits: JointLimits
 ) -> tuple[ToolMotion, FloatArray, FloatArray]:
-    """Return the motion that keeps the curve, its deviation (n,), and the way at its points."""
+    """Return the motion that keeps the curve, its deviation (n,), and distances of its points."""
     end_s, tolerance = timed.times_s[-1], tolerances(limits.units)
     checked_s = np.linspace(0.0, end_s, min(len(timed.times_s), MAX_CHECKS))
     wanted, _ = curve.exact(timed.at(checked_s)[0])

@@ -32,10 +32,10 @@ from robotd_teach.path_file import (
 from robotd_teach.path_motion import (
     PathMotion,
     PathTiming,
+    approach_text,
     curve_of,
     plan_path,
     require_at_start,
-    way_to,
 )
 from robotd_teach.path_recorder import PathRecorder, PathRecording, RecordingState
 
@@ -240,7 +240,7 @@ class Paths:
             require_at_start(limits, start, curve.positions[0])
         motion, told = (
             playback.plan(curve, limits, start),
-            way_to(limits, start, curve.positions[0]),
+            approach_text(limits, start, curve.positions[0]),
         )
         seconds = motion.motion.duration_s - motion.approach_s
         text = f"{name}: {seconds:.1f} s{', backwards' if playback.reverse else ''}"

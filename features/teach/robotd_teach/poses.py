@@ -33,7 +33,7 @@ from robotd_tool_space.tool_groups import ToolGroups
 SPEED = 0.2  # of the joints' limits
 SLOWEST = 0.01
 SHORTEST_S = 0.1
-# Peaks of speed and acceleration of a cubic from rest to rest, in way by time and by its square.
+# Peaks of speed and acceleration of a cubic from rest to rest, per distance / time and / time².
 CUBIC_VELOCITY, CUBIC_ACCELERATION = 1.5, 6.0
 
 Item = TypeVar("Item")
@@ -158,9 +158,9 @@ class Poses:
             raise InvalidArgument(problem)
         group = group_of(self._robot, file.poses[name])
         limits, target = group.follower.limits, _positions(group, file.poses[name])
-        way = np.abs(target - measured_positions(self._robot, group))
-        fast = CUBIC_VELOCITY * way / (speed * limits.velocity)
-        hard = np.sqrt(CUBIC_ACCELERATION * way / (speed * limits.acceleration))
+        distance = np.abs(target - measured_positions(self._robot, group))
+        fast = CUBIC_VELOCITY * distance / (speed * limits.velocity)
+        hard = np.sqrt(CUBIC_ACCELERATION * distance / (speed * limits.acceleration))
         seconds = np.array([max(*fast, *hard, SHORTEST_S)])
         return group, TrajectoryRequest(group.joint_names, seconds, target[None])
 

@@ -77,7 +77,7 @@ class ProgramCheck:
                     places = self._repeat(index + 1, end, times, places)
                     index = end + 1
                 case Branch(_, otherwise, keys):
-                    # ``Jump`` before the other side leads behind it.
+                    # ``Jump`` before the other side leads beyond it.
                     jump = code[otherwise - 1]
                     end = jump.target if isinstance(jump, Jump) else otherwise
                     sides = (
@@ -86,7 +86,7 @@ class ProgramCheck:
                     )
                     places = _distinct(sides)
                     if len(places) > MAX_PLACES:
-                        text = f"the arm may be at more than {MAX_PLACES} places behind it"
+                        text = f"the arm may be at more than {MAX_PLACES} places after it"
                         self._add(keys, f"{text}: move it to one pose on both sides")
                         return []
                     index = end
@@ -103,7 +103,7 @@ class ProgramCheck:
             key = frozenset(_key(place) for place in places)
             if key in seen:  # from here on as since then
                 if times is None:
-                    return []  # nothing comes behind a loop without an end
+                    return []  # nothing comes after an endless loop
                 period = done - seen[key]
                 done += (times - done) // period * period
                 seen = {}
@@ -132,12 +132,12 @@ class ProgramCheck:
     def _motion(self, do: Do, place: Place) -> Place:
         self._wait()
         try:
-            way = self._planner.trace(do.step, place)
-            self._guard.check_positions(self._planner.group.name, place.tool, way)
+            positions = self._planner.trace(do.step, place)
+            self._guard.check_positions(self._planner.group.name, place.tool, positions)
         except RobotdError as error:
             self._add(do.keys, str(error))
             return place
-        return Place(way[-1], place.tool, place.work_frame)
+        return Place(positions[-1], place.tool, place.work_frame)
 
     def _check_poses(self) -> None:
         for name, joints in self._program.file.poses.items():

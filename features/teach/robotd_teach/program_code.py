@@ -58,7 +58,7 @@ class Begin:
 
 @dataclass(frozen=True, slots=True)
 class Again:
-    """Go back behind ``begin``, the index of ``Begin``, unless that was the last time."""
+    """Go back to after ``begin``, the index of ``Begin``, unless that was the last time."""
 
     begin: int
 
@@ -134,7 +134,7 @@ def problem(tree: YamlNode, keys: Keys, text: str) -> DescriptorError:
 
 
 class _Assembler:
-    """Lays the steps of a file one behind the other, with those of blocks where they are called."""
+    """Lays the steps of a file one after the other, with those of blocks where they are called."""
 
     def __init__(self, file: ProgramFile, tree: YamlNode) -> None:
         self._file, self._tree = file, tree
@@ -196,8 +196,8 @@ class _Assembler:
             text = f"there is no block {name!r} (available: {', '.join(blocks) or 'none'}){hint}"
             self._problems.append(problem(self._tree, keys, text))
         elif name in self._calls:
-            way = " → ".join([*self._calls[self._calls.index(name) :], name])
-            self._problems.append(problem(self._tree, keys, f"a block calls itself: {way}"))
+            cycle = " → ".join([*self._calls[self._calls.index(name) :], name])
+            self._problems.append(problem(self._tree, keys, f"a block calls itself: {cycle}"))
         else:
             self._calls.append(name)
             self._called.add(name)

@@ -49,7 +49,7 @@ def with_joints(text: str, keys: Keys, joints: Mapping[str, float]) -> str:
 
 
 def with_move_after(text: str, keys: Keys, joints: Mapping[str, float]) -> str:
-    """Return a program with a move to the position of joints behind the step at ``keys``."""
+    """Return a program with a move to the position of joints after the step at ``keys``."""
     lines = text.splitlines(keepends=True)
     steps, index = _steps(text, keys)
     _, end = _block(lines, steps, index)
@@ -71,13 +71,13 @@ def without_step(text: str, keys: Keys) -> str:
 def with_step_moved(text: str, keys: Keys, by: int) -> str:
     """Return a program in which the step at ``keys`` has changed places with its neighbour.
 
-    ``by``: -1 with the one before, 1 with the one behind it.
+    ``by``: -1 with the one before, 1 with the one after it.
     """
     lines = text.splitlines(keepends=True)
     steps, index = _steps(text, keys)
     first = min(index, index + by)
     if not 0 <= first < len(steps.value) - 1:
-        raise InvalidArgument(f"{_dotted(keys)} has no step {'before' if by < 0 else 'behind'} it")
+        raise InvalidArgument(f"{_dotted(keys)} has no step {'before' if by < 0 else 'after'} it")
     lines[-1] = lines[-1].rstrip("\n") + "\n"
     (start, mid), (next_, end) = (_block(lines, steps, place) for place in (first, first + 1))
     swapped = [*lines[next_:end], *lines[mid:next_], *lines[start:mid]]
@@ -142,7 +142,7 @@ def _replaced(text: str, start: int, end: int, new: str) -> str:
 
 
 def _end(node: Any) -> yaml.Mark:
-    """Return the end of a node's last character: a block's own mark is behind its comments."""
+    """Return the end of a node's last character: a block's own mark is after its comments."""
     if isinstance(node, yaml.ScalarNode) or node.flow_style or not node.value:
         mark: yaml.Mark = node.end_mark
         return mark
@@ -161,7 +161,7 @@ def _steps(text: str, keys: Keys) -> tuple[yaml.SequenceNode, int]:
 
 
 def _block(lines: Sequence[str], steps: yaml.SequenceNode, index: int) -> tuple[int, int]:
-    """Return the first line of a step with the comments above it, and the line behind it."""
+    """Return the first line of a step with the comments above it, and the line after it."""
     start = steps.value[index].start_mark.line
     if not lines[start].lstrip().startswith("- "):
         raise InvalidArgument(f"line {start + 1} has no '-' of its step: edit it in its file")

@@ -53,7 +53,7 @@ class Target(Section):
         pose: name of a pose: of the program, or a taught one.
         joints: positions by name, rad or m; joints that are not named stay.
         at: of the tool in the work frame; components that are not named stay.
-        by: way of the tool from where it is, along the axes of ``frame``.
+        by: displacement of the tool from where it is, along the axes of ``frame``.
         frame: of ``by``: "base" is the work frame, or the base of the arm; "tool" the tool.
     """
 
@@ -130,7 +130,7 @@ class OutputOnPath(Section):
 
     Attributes:
         name: in the robot's file, or byte.bit.
-        at_m: way of the tool from the end.
+        at_m: distance of the tool from the end.
         at_s: time from that place.
     """
 

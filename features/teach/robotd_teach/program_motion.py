@@ -132,7 +132,7 @@ class StepPlanner:
         return rest_of_lines(motion, limits, time_s, tool.kinematics_of(place.tool), speed)
 
     def trace(self, step: Step, place: Place) -> FloatArray:
-        """Return positions (k, n) along the way of a step: as ``plan``, in a part of its time.
+        """Return positions (k, n) along the path of a step: as ``plan``, in a part of its time.
 
         Raises InvalidArgument, Unsupported: the reason why it cannot be executed.
         """
@@ -145,9 +145,9 @@ class StepPlanner:
             return np.vstack([_straight(start, places[0]), places])
         kinematics, segments = self._segments(step, place)
         limits, speed = self.group.follower.limits, self.need_tool().speed
-        way = trace_sequence(kinematics, limits, start, segments, speed)
-        self._require_within(way[-1])
-        return way
+        displacement = trace_sequence(kinematics, limits, start, segments, speed)
+        self._require_within(displacement[-1])
+        return displacement
 
     def contact(self, step: Step) -> ContactLimits | None:
         """Return the torques at which a step ends; None: at its target only.
@@ -168,7 +168,7 @@ class StepPlanner:
         contact.require_torques(self.group.follower.limits, measured)
         return contact
 
-    def way(self, first: FloatArray, last: FloatArray) -> str:
+    def distance_between(self, first: FloatArray, last: FloatArray) -> str:
         """Return how far the tool, or a joint, is from one to another of positions (n,)."""
         if self.tool is not None:
             kinematics = self.tool.kinematics_of(self.tool.tool_name)
@@ -323,12 +323,12 @@ class StepPlanner:
             present = dict(zip(COMPONENTS, [*pose[:3, 3], *rpy_of(pose)], strict=True))
             return work_frame @ _pose_of({**present, **target.at.given})
         given = target.by.given if target.by is not None else {}
-        way = _pose_of({**dict.fromkeys(COMPONENTS, 0.0), **given})
+        displacement = _pose_of({**dict.fromkeys(COMPONENTS, 0.0), **given})
         if target.frame == "tool":
-            return before @ way
+            return before @ displacement
         moved = np.eye(4)
-        moved[:3, :3] = way[:3, :3] @ pose[:3, :3]
-        moved[:3, 3] = pose[:3, 3] + way[:3, 3]
+        moved[:3, :3] = displacement[:3, :3] @ pose[:3, :3]
+        moved[:3, 3] = pose[:3, 3] + displacement[:3, 3]
         return work_frame @ moved
 
 
@@ -352,7 +352,7 @@ def _parts(step: Step) -> list[_Part]:
         blend_m = step.path.blend_m or 0.0
         return [_Part(target, step.path.speed, blend_m) for target in step.path.through]
     if step.sequence is None:
-        raise InvalidArgument(f"{step.kind} is no motion of the tool")
+        raise InvalidArgument(f"{step.kind} is not a motion of the tool")
     whole, parts = step.sequence, []
     for segment in whole.segments:
         motion = segment.move or segment.line or segment.arc or segment.spline

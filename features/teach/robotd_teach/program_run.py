@@ -147,7 +147,7 @@ class ProgramRun:
         self._note(f"is done after {self.executed} steps")
 
     def _after(self, instruction: object) -> int:
-        """Return the index of the instruction behind one that was executed."""
+        """Return the index of the instruction after one that was executed."""
         match instruction:
             case Begin():
                 self._loops.append(Loop(self._index, 0))
@@ -252,8 +252,8 @@ class ProgramRun:
             raise OperationError(execution.message)
         if (found := execution.contact) is not None:
             rest = self._robot.image.copy().position[list(self._group.joint_axes)]
-            way = self._planner.way(found.positions, rest)
-            self._note(f"{execution.message}; at rest {way} further")
+            distance = self._planner.distance_between(found.positions, rest)
+            self._note(f"{execution.message}; at rest {distance} further")
         else:
             outputs.advance(motion.duration_s)
 

@@ -68,7 +68,7 @@ class RobotTool(PlannedTool):
         return pose_of(numbers[:3], numbers[3:])
 
     def pose_relative(self, frame: str = BASE, **components: float) -> FloatArray:
-        """Return the pose at a way, m and rad, from the present one.
+        """Return the pose at a displacement, m and rad, from the present one.
 
         Args:
             frame: "base": along the axes of the work frame; "tool": along those of the tool.
@@ -78,7 +78,7 @@ class RobotTool(PlannedTool):
         return self.relative(pose_of(numbers[:3], numbers[3:]), frame)
 
     def relative(self, way: FloatArray, frame: str = BASE) -> FloatArray:
-        """Return the pose at ``way`` (4, 4) from the present one; see ``pose_relative``."""
+        """Return the present pose moved by ``way`` (4, 4); see ``pose_relative``."""
         if frame not in (BASE, TOOL):
             raise InvalidArgument(f"frame {frame!r} must be {BASE!r} or {TOOL!r}")
         pose, way = self.pose, checked_pose(way, "way")

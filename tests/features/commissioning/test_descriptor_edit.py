@@ -130,5 +130,5 @@ def test_the_record_survives_and_can_be_forgotten(path: Path) -> None:
 
 def test_a_file_that_is_no_record_is_named(path: Path) -> None:
     path.with_name("robot.commission.json").write_text("[]")
-    with pytest.raises(DescriptorError, match="no record of a commissioning"):
+    with pytest.raises(DescriptorError, match="not a record of a commissioning"):
         CommissionRecord(path)

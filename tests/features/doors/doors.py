@@ -252,8 +252,8 @@ def conform(file: Path, target: FloatArray) -> Iterator[Door]:
     harness.start()
 
     def go() -> None:
-        way = target - harness.image.position_command[:6]
-        require_success(harness.follow([GOAL_S], [way]))
+        displacement = target - harness.image.position_command[:6]
+        require_success(harness.follow([GOAL_S], [displacement]))
 
     yield Door(harness.robot, go)
     harness.stop()
@@ -280,8 +280,8 @@ def commission(file: Path, target: FloatArray) -> Iterator[Door]:
             robot: Robot = bench.axis._robot
 
             def velocity() -> float:
-                way = float(target[0] - robot.image.position_command[0])
-                return float(np.sign(way)) * HELD_RAD_S if abs(way) > 0.1 else 0.0
+                displacement = float(target[0] - robot.image.position_command[0])
+                return float(np.sign(displacement)) * HELD_RAD_S if abs(displacement) > 0.1 else 0.0
 
             def go() -> None:
                 with bench.axis.held_motion() as held:

@@ -28,7 +28,7 @@ INTO_FLOOR = np.add(START, [0.0, 1.1, 0.0, 0.0, 0.0, 0.0])
 BEYOND = np.add(START, [3.3, 0.0, 0.0, 0.0, 0.0, 0.0])
 UPPER_RAD = 3.14  # of joint1
 REST_RAD = 1e-3
-ARRIVED_RAD = 1.35  # way of a motion that was not stopped
+ARRIVED_RAD = 1.35  # travel of a motion that was not stopped
 STOP, TEACH = (0, 5), (0, 3)  # bytes and bits of the inputs
 
 
@@ -51,7 +51,7 @@ class Guard:
 
 
 def travel(door: Door, since_s: float = 0.0, until_s: float = np.inf) -> float:
-    """Return the longest way of a joint between two times, rad."""
+    """Return the longest travel of a joint between two times, rad."""
     times = np.array(door.times_s)
     positions = door.positions[(times >= since_s) & (times <= until_s)]
     assert len(positions) > 10, "the robot was observed"

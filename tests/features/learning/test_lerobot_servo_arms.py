@@ -141,7 +141,7 @@ def test_a_leader_that_does_not_answer_gives_no_action(
                 return "does not answer" in str(error) or "is not known" in str(error)
             return False
 
-        until(is_silent, "an old pose is no action")
+        until(is_silent, "an old pose is not an action")
 
 
 def test_sigterm_interrupts_until_both_are_disconnected(devices: tuple[Any, Any]) -> None:

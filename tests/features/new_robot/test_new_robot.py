@@ -449,8 +449,8 @@ def test_drives_of_a_backend_without_axes_in_the_descriptor_are_noted(
 @pytest.mark.parametrize(
     ("content", "text"),
     [
-        ("node 1: CiA 402", "bus.json: is no bus scan: Expecting value"),
-        ("{}", "bus.json: backend: is no bus scan: Field required"),
+        ("node 1: CiA 402", "bus.json: is not a bus scan: Expecting value"),
+        ("{}", "bus.json: backend: is not a bus scan: Field required"),
         (None, "bus.json: axes: has 3 drives, the robot has 6 axes"),
     ],
 )

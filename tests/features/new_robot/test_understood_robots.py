@@ -124,7 +124,7 @@ def test_an_ackermann_base_is_said_to_be_one_that_no_plugin_drives(axis: str) ->
     text = problem(front + rear)
     assert "an Ackermann base, steered by fl_wheel_steering, fr_wheel_steering:" in text
     assert "no plugin drives one" in text
-    assert "--wheels" not in text  # two of its wheels are no base
+    assert "--wheels" not in text  # two of its wheels are not a base
 
 
 def test_four_steered_wheels_are_no_arms() -> None:

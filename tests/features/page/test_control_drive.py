@@ -47,7 +47,7 @@ class Client(BaseHarness):
             self.run(HEARTBEAT_S)
 
     def rest(self) -> tuple[float, float, float]:
-        """Return the times until the command slows down and is zero, and the way to rest."""
+        """Return the times until the command slows down and is zero, and the stopping distance."""
         began_x, began_ns = self.base.pose.x, self.clock.now_ns()
         highest = self.base.limited.linear
         braking_s = rest_s = 0.0

@@ -25,7 +25,7 @@ from robotd_tool_space.paths.tool_motion import ToolMotion
 BENT = [0.3, -0.6, 1.6, -0.3, 1.2, 0.0]
 AT_REST = 1e-3  # rad/s
 STOP_S = 0.3  # from the last heartbeat to rest
-NO_WAY = (0.0, 0.0, 0.0)
+NO_MOTION = (0.0, 0.0, 0.0)
 
 Vector = tuple[float, float, float]
 
@@ -58,8 +58,8 @@ class Client:
 
     def press(
         self,
-        linear: Vector = NO_WAY,
-        angular: Vector = NO_WAY,
+        linear: Vector = NO_MOTION,
+        angular: Vector = NO_MOTION,
         frame: Literal["base", "tool"] = "base",
         seconds: float = 0.5,
     ) -> None:
@@ -74,7 +74,7 @@ class Client:
             self.run(HEARTBEAT_S)
 
     def beat(
-        self, linear: Vector, angular: Vector = NO_WAY, frame: Literal["base", "tool"] = "base"
+        self, linear: Vector, angular: Vector = NO_MOTION, frame: Literal["base", "tool"] = "base"
     ) -> JogTool:
         return JogTool(
             type="jog_tool",
@@ -239,9 +239,9 @@ def test_a_move_goes_on_while_heartbeats_arrive(ends: str) -> None:
         held = HeldMove(
             robot.feature(ToolGroups), robot, "page 1", workers, ended.append, timeout_s
         )
-        start, way_m = tool.pose, 0.02 if ends == "reached" else 0.2
+        start, distance_m = tool.pose, 0.02 if ends == "reached" else 0.2
         target = start.copy()
-        target[2, 3] -= way_m
+        target[2, 3] -= distance_m
         numbers = tuple((tool.work_frame @ target).T.ravel().tolist())
         beat = MoveTool(
             type="move_tool", hold=1, group=tool.group.name, pose=numbers, line=True, velocity=0.1
@@ -259,4 +259,6 @@ def test_a_move_goes_on_while_heartbeats_arrive(ends: str) -> None:
         assert (end.is_wanted, end.is_silent) == (ends == "reached", ends == "silent")
         assert not tool.group.motion.moving
         moved_m = start[2, 3] - tool.pose[2, 3]
-        assert moved_m == pytest.approx(way_m, abs=1e-4) if ends == "reached" else moved_m < 0.19
+        assert (
+            moved_m == pytest.approx(distance_m, abs=1e-4) if ends == "reached" else moved_m < 0.19
+        )

@@ -61,9 +61,9 @@ def beat(start: tuple[float, ...]) -> PlayPreview:
 
 def test_a_preview_is_the_way_from_where_the_arm_is(robot: Robot) -> None:
     question = Preview(type="preview", id=1, kind="pose", name="zero", speed=0.2)
-    way = question.run(Access(robot, None, lambda: False))
-    assert way["start"] == way["rows"][0] == [0.5, 0.0, 0.0, 0.0, 0.0, 0.0]
-    assert way["rows"][-1] == [0.0] * 6
+    motion = question.run(Access(robot, None, lambda: False))
+    assert motion["start"] == motion["rows"][0] == [0.5, 0.0, 0.0, 0.0, 0.0, 0.0]
+    assert motion["rows"][-1] == [0.0] * 6
     robot.step(100)
     assert robot.image.position[0] == pytest.approx(0.5, abs=1e-3)
 

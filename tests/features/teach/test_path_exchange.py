@@ -234,7 +234,9 @@ def test_percentages_need_the_calibration(tmp_path: Path) -> None:
     with pytest.raises(InvalidArgument, match="a calibration file belongs to percent"):
         read_episode(LEROBOT, 0, "my_arm", ARM, AngleUnit.DEG, file)
     file.write_text("{}", encoding="utf-8")
-    with pytest.raises(DescriptorError, match="is no calibration file of LeRobot for these joints"):
+    with pytest.raises(
+        DescriptorError, match="is not a calibration file of LeRobot for these joints"
+    ):
         read_episode(LEROBOT, 0, "my_arm", ARM, AngleUnit.PERCENT, file)
 
 

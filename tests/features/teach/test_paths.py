@@ -111,9 +111,9 @@ def test_the_curve_is_the_one_of_the_paper() -> None:
 
 def test_standing_still_is_left_out_at_both_ends_and_kept_between() -> None:
     still = np.zeros((200, 3))
-    way = np.zeros((101, 3))
-    way[:, 0] = 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, 101)))
-    up = np.vstack([still, way, np.tile(way[-1], (300, 1)), way[::-1], still])
+    travel = np.zeros((101, 3))
+    travel[:, 0] = 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, 101)))
+    up = np.vstack([still, travel, np.tile(travel[-1], (300, 1)), travel[::-1], still])
     times_s = np.arange(len(up)) * PERIOD_S
     knots_s, points, _ = thinned(times_s, up, TOLERANCE)
     assert knots_s[-1] == pytest.approx(5.0, abs=0.25)
@@ -198,7 +198,7 @@ def test_a_recorded_path_is_played_forwards_backwards_and_from_its_middle(
     half = paths.plan("wipe", Playback(begin=0.5), approach=True).motion
     assert half.approach_s > 0.3
     joint1 = np.interp(half.approach_s, half.motion.times_s, half.motion.positions[:, 0])
-    assert joint1 == pytest.approx(0.05, abs=0.05)  # half of the time is half of the way
+    assert joint1 == pytest.approx(0.05, abs=0.05)  # half of the time is half of the travel
     paths.play("wipe", Playback(begin=0.5), approach=True)
     assert positions(robot) == near(RIGHT)
 
@@ -234,7 +234,7 @@ def test_a_path_that_a_changed_robot_has_made_invalid_says_so(robot: Robot, path
 def test_names_and_values_are_checked(robot: Robot, paths: Paths) -> None:
     with pytest.raises(InvalidArgument, match="there is a path 'wipe' already"):
         paths.begin("wipe")
-    with pytest.raises(InvalidArgument, match="'a b' is no name of a path"):
+    with pytest.raises(InvalidArgument, match="'a b' is not a valid name of a path"):
         paths.begin("a b")
     with pytest.raises(InvalidArgument, match=r"unknown path 'wip'; did you mean 'wipe'\?"):
         paths.play("wip")
@@ -266,7 +266,7 @@ def test_a_stop_ends_it_on_the_path(robot: Robot, paths: Paths) -> None:
         paths.play("wipe", Playback(reverse=True))
     joint1, joint3 = positions(robot)[0], positions(robot)[2]
     assert 0.1 < joint1 < 0.35
-    # Both joints move in the ratio of their ways, so that the path is a line.
+    # Both joints move in the ratio of their travels, so that the path is a line.
     assert joint3 - 0.5 == pytest.approx(0.4 / 0.7 * (0.4 - joint1), abs=0.01)
 
 

@@ -163,9 +163,9 @@ def test_the_tool_goes_to_a_pose_on_a_line(robot: Robot, poses: Poses) -> None:
     poses.go("end", 1.0, line=True)
     assert positions(robot) == pytest.approx(list(poses.known("end").values()), abs=2e-3)
     places = kinematics.forward(np.array(rows))[:, :3, 3]
-    way = places[-1] - places[0]
-    beside = np.cross(places - places[0], way / np.linalg.norm(way))
-    assert np.linalg.norm(way) > 0.05
+    displacement = places[-1] - places[0]
+    beside = np.cross(places - places[0], displacement / np.linalg.norm(displacement))
+    assert np.linalg.norm(displacement) > 0.05
     assert np.linalg.norm(beside, axis=1).max() < 1e-3
 
 
@@ -174,7 +174,7 @@ def test_names_are_checked(poses: Poses) -> None:
     poses.save("home", replace=True)
     with pytest.raises(InvalidArgument, match="there is a pose 'home' already"):
         poses.save("home")
-    with pytest.raises(InvalidArgument, match="'a b' is no name of a pose"):
+    with pytest.raises(InvalidArgument, match="'a b' is not a valid name of a pose"):
         poses.save("a b")
     with pytest.raises(InvalidArgument, match=r"unknown pose 'hom'; did you mean 'home'\?"):
         poses.go("hom")

@@ -155,7 +155,7 @@ def test_a_program_is_changed_as_it_was_shown_or_not_at_all(
     with open_robot("cr3a", "sim", clock=SteppedClock()) as robot:
         folder = robot.feature(ProgramFolder)
     assert folder.path == tmp_path / "robotd" / "programs" / "cr3a"
-    with pytest.raises(InvalidArgument, match="no name of a program"):
+    with pytest.raises(InvalidArgument, match="not a valid name of a program"):
         folder.create("../cell", TEXT)
     folder.create("cell", TEXT)
     with pytest.raises(InvalidArgument, match="there is a program 'cell' already"):

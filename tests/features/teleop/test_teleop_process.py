@@ -74,10 +74,10 @@ def moved_by_hand(bus: StsBus) -> Iterator[None]:
     ends = threading.Event()
 
     def turn() -> None:
-        angle, way = bus.arm[1].angle, HAND_RAD_S * HAND_PERIOD_S
+        angle, step = bus.arm[1].angle, HAND_RAD_S * HAND_PERIOD_S
         while not ends.wait(HAND_PERIOD_S):
-            way = -way if abs(angle - START[1] + way) > 1.0 else way
-            angle += way
+            step = -step if abs(angle - START[1] + step) > 1.0 else step
+            angle += step
             bus.arm[1].move(angle)
 
     thread = threading.Thread(target=turn)

@@ -154,8 +154,8 @@ def test_a_velocity_is_along_the_axes_of_the_frame_and_from_it() -> None:
     tool.run(1.0)
     before = tool.in_frame
     tool.run(0.5)
-    way = pose_differences(before, tool.in_frame)
-    assert way == pytest.approx([0.0, 0.0, 0.01, 0.0, 0.0, 0.0], abs=5e-4)
+    displacement = pose_differences(before, tool.in_frame)
+    assert displacement == pytest.approx([0.0, 0.0, 0.01, 0.0, 0.0, 0.0], abs=5e-4)
 
 
 @pytest.mark.parametrize("path", [moving, turning])

@@ -83,14 +83,14 @@ def test_a_line_is_straight_at_every_period(name: str) -> None:
     _, rows, poses = poses_of(arm, motion)
     assert poses[-1] == pytest.approx(target, abs=1e-6)
     assert rows[0] == pytest.approx(arm.start)
-    way = target[:3, 3] - arm.pose[:3, 3]
-    along = way / np.linalg.norm(way)
+    displacement = target[:3, 3] - arm.pose[:3, 3]
+    along = displacement / np.linalg.norm(displacement)
     off = poses[:, :3, 3] - arm.pose[:3, 3]
     lateral = np.linalg.norm(off - np.outer(off @ along, along), axis=1)
     assert lateral.max() < LINE_TOLERANCE_M
     # The rotation is about one axis, in step with the translation.
     turn = pose_differences(arm.pose, target)[3:]
-    part = np.clip(off @ along / np.linalg.norm(way), 0.0, 1.0)
+    part = np.clip(off @ along / np.linalg.norm(displacement), 0.0, 1.0)
     turned = pose_differences(np.tile(arm.pose, (len(poses), 1, 1)), poses)[:, 3:]
     assert np.linalg.norm(turned - part[:, None] * turn, axis=1).max() < LINE_TOLERANCE_RAD
 
@@ -150,10 +150,13 @@ def test_the_tool_keeps_its_acceleration_in_rounded_corners(
 @pytest.mark.parametrize("seed", range(12))
 def test_the_tool_keeps_its_accelerations_on_random_paths(seed: int) -> None:
     arm, random = Arm("cr3a"), np.random.default_rng(seed)
-    ways = random.normal(size=(4, 3)) * random.choice([0.0, 0.005, 0.04])
+    displacements = random.normal(size=(4, 3)) * random.choice([0.0, 0.005, 0.04])
     turns = random.normal(size=(4, 3)) * random.choice([0.0, 0.02, 0.3])
     turns[0] += 0.05  # one that moves
-    places = [arm.moved(way.tolist(), turn.tolist()) for way, turn in zip(ways, turns, strict=True)]
+    places = [
+        arm.moved(displacement.tolist(), turn.tolist())
+        for displacement, turn in zip(displacements, turns, strict=True)
+    ]
     speed = ToolSpeed(0.25, 1.0, random.uniform(0.3, 3.0))
     motion = arm.plan(*places, speed=speed, blend_m=random.choice([0.0, 0.001, 0.01]))
     linear, angular = accelerations(poses_of(arm, motion)[2])
@@ -161,10 +164,10 @@ def test_the_tool_keeps_its_accelerations_on_random_paths(seed: int) -> None:
     assert angular.max() < 1.02 * speed.angular_acceleration
 
 
-@pytest.mark.parametrize("way_m", [0.0, 0.004])
-def test_a_corner_between_two_turns_is_as_near_as_one_between_two_ways(way_m: float) -> None:
+@pytest.mark.parametrize("distance_m", [0.0, 0.004])
+def test_a_corner_between_two_turns_is_as_near_as_one_between_two_ways(distance_m: float) -> None:
     arm, speed = Arm("cr3a"), ToolSpeed(0.25, 1.0, 1.0)
-    turned = arm.moved([0.0, way_m, 0.0], [0.0, 0.0, np.radians(60.0)])
+    turned = arm.moved([0.0, distance_m, 0.0], [0.0, 0.0, np.radians(60.0)])
     motion = arm.plan(turned, arm.pose, speed=speed, blend_m=0.001)
     off = pose_differences(poses_of(arm, motion)[2], turned)
     assert np.linalg.norm(off[:, 3:], axis=1).min() < 0.001 * 1.0 / 0.25
@@ -175,9 +178,9 @@ def test_a_corner_between_two_turns_is_as_near_as_one_between_two_ways(way_m: fl
 @pytest.mark.parametrize("name", STARTS)
 def test_the_tool_stops_at_each_pose_of_many_short_lines(name: str, step_m: float) -> None:
     arm, random = Arm(name), np.random.default_rng(1)
-    ways = random.normal(size=(20, 3))
-    ways *= step_m / np.linalg.norm(ways, axis=1, keepdims=True)
-    places = np.cumsum(ways, axis=0)
+    displacements = random.normal(size=(20, 3))
+    displacements *= step_m / np.linalg.norm(displacements, axis=1, keepdims=True)
+    places = np.cumsum(displacements, axis=0)
     motion = arm.plan(*(arm.moved(xyz.tolist()) for xyz in places))
     assert motion.deviation_m < LINE_TOLERANCE_M
     reached = arm.kinematics.forward(motion.positions)[:, :3, 3] - arm.pose[:3, 3]

@@ -160,7 +160,7 @@ def test_the_reason_of_a_failed_motion(
 
 
 def test_an_e_stop_is_faster_than_a_stop_and_no_error_behind_it(arm: Arm) -> None:
-    def way(stop: Callable[[], None]) -> float:
+    def stopping_distance(stop: Callable[[], None]) -> float:
         arm.start()
         arm.run(0.8)
         began = arm.position[0]
@@ -168,10 +168,10 @@ def test_an_e_stop_is_faster_than_a_stop_and_no_error_behind_it(arm: Arm) -> Non
         arm.end()
         return abs(arm.position[0] - began)
 
-    on_the_path = way(arm.motion.stop)
+    on_the_path = stopping_distance(arm.motion.stop)
     arm.start(BENT)
     arm.end()
-    assert way(arm.motion.e_stop) < on_the_path
+    assert stopping_distance(arm.motion.e_stop) < on_the_path
     assert arm.state == (R2State.E_STOPPED, R2Error.USER_E_STOP, -1)
     with pytest.raises(NotReady, match=E_STOP):
         arm.start()

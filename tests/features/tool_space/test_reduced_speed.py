@@ -95,13 +95,13 @@ def arm(file: Path) -> Iterator[Arm]:
 
 def fast() -> TrajectoryRequest:
     """A goal at 0.9 m/s, with a point on the way."""
-    way = GOAL - BENT
-    positions = np.array([BENT, BENT + 0.5 * way, GOAL])
+    displacement = GOAL - BENT
+    positions = np.array([BENT, BENT + 0.5 * displacement, GOAL])
     return TrajectoryRequest(
         [f"joint{number}" for number in range(1, 7)],
         np.array([0.0, 0.7, 1.4]),
         positions,
-        np.array([0.0 * way, way / 0.9, 0.0 * way]),
+        np.array([0.0 * displacement, displacement / 0.9, 0.0 * displacement]),
     )
 
 
@@ -226,9 +226,9 @@ def test_a_twist_keeps_the_speed_and_its_direction(
     speeds = arm.speeds()
     assert speeds[before + 50 * bool(before) :].max() < HIGHEST
     assert speeds[-1] < 1e-6
-    way = arm.tool.kinematics.forward(arm.positions[-1])[:3, 3] - start
+    displacement = arm.tool.kinematics.forward(arm.positions[-1])[:3, 3] - start
     along = np.array(twist[:3]) / np.linalg.norm(twist[:3])
-    assert np.linalg.norm(way - (way @ along) * along) < 2e-5
+    assert np.linalg.norm(displacement - (displacement @ along) * along) < 2e-5
 
 
 def test_commands_of_single_axes_keep_the_speed_one_joint_at_a_time(arm: Arm) -> None:

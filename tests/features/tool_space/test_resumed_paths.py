@@ -59,8 +59,8 @@ def test_samples_solved_at_once_are_those_solved_one_after_the_other(name: str) 
 def test_ways_that_cannot_be_followed_are_refused_for_the_same_reason() -> None:
     arm, random = Arm("cr3a"), np.random.default_rng(3)
     refused = 0
-    for way in random.uniform(-0.3, 0.3, (8, 3)).tolist():
-        path = line_path(arm, arm.moved(way))
+    for displacement in random.uniform(-0.3, 0.3, (8, 3)).tolist():
+        path = line_path(arm, arm.moved(displacement))
         expected, found = (outcome(solve, arm, path) for solve in (solve_path, solve_at_once))
         if isinstance(expected, str):
             refused += 1
@@ -76,8 +76,10 @@ def test_an_arc_is_on_its_circle(turn: float) -> None:
     centre = arm.pose[:3, 3] + [0.0, 0.0, radius]
 
     def at(angle: float) -> FloatArray:
-        way = centre - arm.pose[:3, 3] + radius * np.array([0.0, np.sin(angle), -np.cos(angle)])
-        return arm.moved(way.tolist())
+        displacement = (
+            centre - arm.pose[:3, 3] + radius * np.array([0.0, np.sin(angle), -np.cos(angle)])
+        )
+        return arm.moved(displacement.tolist())
 
     motion = arm.plan_segments(Arc(at(0.4 * turn), at(turn)))
     places = arm.kinematics.forward(dense(motion))[:, :3, 3] - centre

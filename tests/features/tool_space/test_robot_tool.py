@@ -100,9 +100,9 @@ def test_a_stream_of_twists_moves_the_tool(robot: Robot, tool: RobotTool) -> Non
         with pytest.raises(InvalidArgument, match="must be 6 finite numbers"):
             stream.send([0.0, 0.0, np.nan, 0.0, 0.0, 0.0])
         robot.step(500)
-    way = (tool.pose[:3, 3] - before[:3, 3]) @ before[:3, :3]
-    assert way[:2] == pytest.approx(np.zeros(2), abs=1e-5)
-    assert 0.015 < way[2] < 0.035
+    displacement = (tool.pose[:3, 3] - before[:3, 3]) @ before[:3, :3]
+    assert displacement[:2] == pytest.approx(np.zeros(2), abs=1e-5)
+    assert 0.015 < displacement[2] < 0.035
 
 
 def test_components_that_are_not_given_stay(tool: RobotTool) -> None:

@@ -120,9 +120,9 @@ def test_a_motion_under_way_stops_before_what_is_added_in_its_path(arm: Arm) -> 
     assert execution.outcome is Outcome.STOPPED
     assert " and post would " in execution.message
     assert arm.distances([added]).distances(np.array(passed)).min() > MARGIN_M
-    way = np.array(passed) - BENT
-    assert np.abs(way[:, 1:]).max() < 1e-9, "it stops on its path"
-    assert 0.05 < way[-1, 0] < 1.5
+    travel = np.array(passed) - BENT
+    assert np.abs(travel[:, 1:]).max() < 1e-9, "it stops on its path"
+    assert 0.05 < travel[-1, 0] < 1.5
 
 
 def test_a_motion_under_way_goes_on_where_nothing_is_in_its_path(arm: Arm) -> None:
@@ -135,11 +135,11 @@ def test_a_motion_under_way_goes_on_where_nothing_is_in_its_path(arm: Arm) -> No
 
 
 def test_streams_and_twists_stop_before_what_is_added_meanwhile(arm: Arm) -> None:
-    way = np.zeros(6)
-    way[:2] = np.cross([0.0, 0.0, 0.2], arm.place)[:2]  # along the circle, at first
-    added = item("post", "sphere", (0.05,), *(arm.place + 1.5 * way[:3]))
+    twist = np.zeros(6)
+    twist[:2] = np.cross([0.0, 0.0, 0.2], arm.place)[:2]  # along the circle, at first
+    added = item("post", "sphere", (0.05,), *(arm.place + 1.5 * twist[:3]))
     with arm.tool.stream(timeout_s=100.0) as stream:
-        stream.send(way.tolist())
+        stream.send(twist.tolist())
         arm.robot.step(100)
         arm.scene.add(added)
         passed = []
@@ -157,7 +157,7 @@ def test_an_arm_in_what_is_added_is_told_so_and_may_leave(arm: Arm) -> None:
     text = arm.scene.add(item("ball", "sphere", (0.1,), x, y, z - 0.12))
     assert text.startswith("ball added; ")
     assert "and ball touch already: only motion that leads away is possible" in text
-    down, up = (arm.tool.plan_lines([arm.tool.pose_relative(z=way)]) for way in (-0.02, 0.1))
+    down, up = (arm.tool.plan_lines([arm.tool.pose_relative(z=travel)]) for travel in (-0.02, 0.1))
     with pytest.raises(TrajectoryRejected, match=" and ball would touch"):
         arm.follower.check(down.request(arm.tool.group.joint_names))
     arm.tool.execute(up)

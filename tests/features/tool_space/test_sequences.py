@@ -27,8 +27,8 @@ def random_segments(
     ends = []
 
     def pose() -> FloatArray:
-        way, turn = 0.03 * random.normal(size=3), 0.15 * random.normal(size=3)
-        return arm.moved(way.tolist(), turn.tolist())
+        displacement, turn = 0.03 * random.normal(size=3), 0.15 * random.normal(size=3)
+        return arm.moved(displacement.tolist(), turn.tolist())
 
     for kind in random.choice(KINDS, count):
         options: dict[str, Any] = {
@@ -146,8 +146,11 @@ def test_a_full_circle_about_a_centre(turns: bool) -> None:
 
 def test_a_spline_passes_its_poses_without_a_stop() -> None:
     arm = Arm("cr3a")
-    ways = ([0.0, 0.05, 0.0], [0.0, 0.08, -0.04], [0.02, 0.02, -0.06])
-    through = [arm.moved(way, [0.0, 0.0, 0.2 * number]) for number, way in enumerate(ways)]
+    displacements = ([0.0, 0.05, 0.0], [0.0, 0.08, -0.04], [0.02, 0.02, -0.06])
+    through = [
+        arm.moved(displacement, [0.0, 0.0, 0.2 * number])
+        for number, displacement in enumerate(displacements)
+    ]
     motion = arm.plan_segments(Spline(through))
     times_s, _, poses = poses_of(arm, motion)
     for pose in through:
@@ -163,7 +166,9 @@ def test_a_spline_passes_its_poses_without_a_stop() -> None:
 def test_a_constant_speed_is_constant_between_its_ramps() -> None:
     arm = Arm("cr3a")
     speed = ToolSpeed(0.2, 1.0, 1.0)
-    corners = [arm.moved(way) for way in ([0, 0.1, 0], [0, 0.1, -0.1], [0, 0, -0.1])]
+    corners = [
+        arm.moved(displacement) for displacement in ([0, 0.1, 0], [0, 0.1, -0.1], [0, 0, -0.1])
+    ]
     segments = [Line(corner, blend_m=0.02) for corner in corners]
     motion = arm.plan_segments(*segments, speed=speed, constant_speed=True)
     times_s, _, poses = poses_of(arm, motion)

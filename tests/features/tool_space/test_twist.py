@@ -91,16 +91,18 @@ def assert_within_limits(run: Run, limits: JointLimits) -> None:
 
 def lateral_m(run: Run, direction: FloatArray) -> float:
     """Largest distance from the line through the start."""
-    way = run.poses[:, :3, 3] - run.poses[0, :3, 3]
-    return float(np.linalg.norm(way - np.outer(way @ direction, direction), axis=1).max())
+    displacement = run.poses[:, :3, 3] - run.poses[0, :3, 3]
+    return float(
+        np.linalg.norm(displacement - np.outer(displacement @ direction, direction), axis=1).max()
+    )
 
 
 def test_the_tool_moves_as_commanded_and_comes_to_rest() -> None:
     up = np.array([0.0, 0.0, 0.1])
     run = follow(READY, {0.0: twist(up), 1.0: twist(ZERO)}, 1.6)
-    way = pose_differences(run.poses[0], run.poses[-1])
-    assert way[2] == pytest.approx(0.1, abs=0.01)  # the two ramps differ
-    assert np.abs(way[[0, 1, 3, 4, 5]]).max() < 2e-5
+    displacement = pose_differences(run.poses[0], run.poses[-1])
+    assert displacement[2] == pytest.approx(0.1, abs=0.01)  # the two ramps differ
+    assert np.abs(displacement[[0, 1, 3, 4, 5]]).max() < 2e-5
     assert not run.setpoints[-1, 1].any()
     assert run.codes == {ServoCode.NO_WARNING}
     assert lateral_m(run, np.array([0.0, 0.0, 1.0])) < 1e-5
@@ -176,11 +178,11 @@ def test_a_pose_is_reached_on_a_straight_line() -> None:
     target[:3, :3] = rotation_matrices(np.array([0.2, -0.1, 0.1])) @ target[:3, :3]
     run = follow(READY, {0.0: PoseCommand(target)}, 4.0)
     assert np.abs(pose_differences(run.poses[-1], target)).max() < 2e-5
-    way = np.array([0.05, -0.1, -0.1])
-    assert lateral_m(run, way / np.linalg.norm(way)) < 2e-5
-    assert (run.poses[:, :3, 3] - run.poses[0, :3, 3]) @ way / (way @ way) == pytest.approx(
-        0.5, abs=0.501
-    )
+    displacement = np.array([0.05, -0.1, -0.1])
+    assert lateral_m(run, displacement / np.linalg.norm(displacement)) < 2e-5
+    assert (run.poses[:, :3, 3] - run.poses[0, :3, 3]) @ displacement / (
+        displacement @ displacement
+    ) == pytest.approx(0.5, abs=0.501)
 
 
 @pytest.mark.parametrize("name", ["seven_axis", "scara", "gantry"])
@@ -188,8 +190,8 @@ def test_other_structures_move_straight_too(name: str) -> None:
     arm = kinematics_of(name)
     lower, upper = np.clip(arm.lower, -3.0, 3.0), np.clip(arm.upper, -3.0, 3.0)
     start = lower + np.linspace(0.6, 0.7, len(lower)) * (upper - lower)
-    way = arm.jacobian(start) @ np.linspace(1.0, 0.5, len(start))
-    command = np.concatenate([0.05 * way[:3] / np.linalg.norm(way[:3]), ZERO])
+    displacement = arm.jacobian(start) @ np.linspace(1.0, 0.5, len(start))
+    command = np.concatenate([0.05 * displacement[:3] / np.linalg.norm(displacement[:3]), ZERO])
     run = follow(start, {0.0: ToolTwist(command)}, 0.5, arm)
     assert_within_limits(run, limits_of(arm))
     moved = np.linalg.norm(run.poses[-1, :3, 3] - run.poses[0, :3, 3])
@@ -207,12 +209,12 @@ def test_a_moving_start_slows_down_to_rest() -> None:
 
 
 @pytest.mark.parametrize(
-    ("direction", "begin_s", "stop_s", "way_m"),
+    ("direction", "begin_s", "stop_s", "distance_m"),
     [(1.0, 0.7, 0.45, 0.1), (1.0, 0.8, 0.45, 0.068), (-1.0, 0.4, 0.4, 0.016)],
     ids=["before", "at", "above the shoulder"],
 )
 def test_a_stop_near_a_singularity_takes_as_long_as_the_joints_need(
-    direction: float, begin_s: float, stop_s: float, way_m: float
+    direction: float, begin_s: float, stop_s: float, distance_m: float
 ) -> None:
     away = twist(0.5 * direction * OUT)
     run = follow(READY, {0.0: away, begin_s: twist(ZERO)}, begin_s + 1.0)
@@ -221,7 +223,7 @@ def test_a_stop_near_a_singularity_takes_as_long_as_the_joints_need(
     moving = np.abs(run.references[begin:, 1]).max(axis=1) > 1e-3
     assert moving[0]
     assert not moving[round(stop_s / PERIOD_S) :].any()
-    assert np.linalg.norm(run.poses[-1, :3, 3] - run.poses[begin, :3, 3]) < way_m
+    assert np.linalg.norm(run.poses[-1, :3, 3] - run.poses[begin, :3, 3]) < distance_m
 
 
 def test_stops_at_any_time_keep_the_limits_and_the_line() -> None:
@@ -232,8 +234,11 @@ def test_stops_at_any_time_keep_the_limits_and_the_line() -> None:
             assert_within_limits(run, limits_of(ARM))
             assert not run.references[-1, 1].any()
             reached = ARM.forward(run.references[:, 0])[:, :3, 3]
-            way = reached - reached[0]
-            assert np.linalg.norm(way - np.outer(way @ OUT, OUT), axis=1).max() < 1e-5
+            displacement = reached - reached[0]
+            assert (
+                np.linalg.norm(displacement - np.outer(displacement @ OUT, OUT), axis=1).max()
+                < 1e-5
+            )
 
 
 def test_twists_beyond_the_speed_of_the_tool_keep_their_direction() -> None:

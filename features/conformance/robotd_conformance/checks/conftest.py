@@ -62,7 +62,7 @@ SAFE_ORDER = (
     "parameters", "reopening", "open_again", "cost", "process", "leaks", "locks",
     "threads",
 )  # fmt: skip
-# Checks that change what a position means, or that use the whole way of a simulated axis.
+# Checks that change what a position means, or that use the whole travel of a simulated axis.
 LONGEST_PERIOD_S = 0.025  # of values that show ramps and delays
 UNCOUNTED = (Capability.HOMING, Capability.SCALING, Capability.SIMULATED)
 MISPLACED = 13  # exit status of pytest: an axis is where no check can begin

@@ -10,7 +10,7 @@ from robotd_conformance.checks.recording import MotionSamples
 from robotd_conformance.checks.test_ramps import ramp_problems
 
 HARDEST, GENTLEST = 0.75, 0.3  # shares of the ramp of ``Harness.profile``, and of the hardest
-FIRST_WAY, FIRST_SPEED = 0.6, 0.25  # shares of a move that is overridden
+FIRST_TRAVEL, FIRST_SPEED = 0.6, 0.25  # shares of a move that is overridden
 AFTER_S = 0.03  # a ramp has ended, and an axis has its speed
 
 

@@ -63,7 +63,7 @@ class Harness:
 
     Attributes:
         robot, drivers: the robot, and the drivers behind it.
-        wrong_calls: calls of drivers that raised what is no error of robotd, or that waited and
+        wrong_calls: calls of drivers that raised what is not an error of robotd, or that waited and
             have to return at once.
         fault_injector: None where the backend offers none.
         pose: start pose of the run.
@@ -149,7 +149,7 @@ class Harness:
                 cause = error.__cause__
                 # As the isolation of faults words it: a driver may have a cause for its own errors.
                 if cause is not None and f"failed: {type(cause).__name__}: {cause}" in str(error):
-                    self.wrong_calls.append(f"{error}, which is no error of robotd")
+                    self.wrong_calls.append(f"{error}, which is not an error of robotd")
                 raise
             finally:
                 # Simulated time is held until something waits. Real time: test_cost, test_locks.

@@ -19,8 +19,8 @@ RAMP_S, MOVES_S = 0.1, 0.25  # of a stream; from the start of all motions to the
 POINTS = 40  # of a trajectory
 SLOWEST_AXIS = 0.6  # speed of the last axis, to that of the first
 SLOWEST, FASTEST = 0.7, 1.4  # measured speed of an axis in motion, to the commanded one
-CERTAIN_RAD = 3.0 * SETTLED_RAD  # way that shows a speed where values are coarse
-WAY_SHARE = 0.3  # of the travel, within MOVES_S
+CERTAIN_RAD = 3.0 * SETTLED_RAD  # distance that shows a speed where values are coarse
+TRAVEL_SHARE = 0.3  # of the travel, within MOVES_S
 LASTS = 1.5  # times as long, setpoints go on at full speed
 
 
@@ -96,7 +96,7 @@ class MixedMotion:
         able = kinds_of(harness)
         self.kinds = [able[(axis + turn) % len(able)] for axis in harness.all]
         travel = harness.travel()
-        sizes = np.minimum(np.abs(harness.speeds(SHARE)), WAY_SHARE * np.abs(travel) / seconds)
+        sizes = np.minimum(np.abs(harness.speeds(SHARE)), TRAVEL_SHARE * np.abs(travel) / seconds)
         sizes *= np.linspace(1.0, SLOWEST_AXIS, harness.count)  # none moves as another one
         self._sign = -1.0 if turn % 2 else 1.0
         self.speeds: FloatArray = self._sign * np.sign(travel) * sizes
@@ -140,8 +140,8 @@ class MixedMotion:
             for axis in self.axes(Kind.JOG):
                 driver.jog(axis, replace(profiles[axis], velocity=float(self.speeds[axis])))
             if followers := self.axes(Kind.TRAJECTORY):
-                ways = np.abs(targets - self._start)[followers]
-                cruise_s = float((ways / np.abs(self.speeds[followers])).min())
+                distances = np.abs(targets - self._start)[followers]
+                cruise_s = float((distances / np.abs(self.speeds[followers])).min())
                 times_s = np.linspace(0.0, cruise_s + RAMP_S, POINTS)
                 shares = np.array([ramped(time_s, RAMP_S, cruise_s)[0] for time_s in times_s])
                 rows = self._start[followers] + shares[:, None] * self.speeds[followers]
@@ -175,7 +175,7 @@ class MixedMotion:
         """Return the measured velocities and their errors, (n_axes,) each.
 
         A device with slow feedback takes targets as slowly, and often in steps of its encoder: slow
-        axes go from one to the next. There it is the mean over a way that is ``CERTAIN_RAD``.
+        axes go from one to the next. There it is the mean over a distance of ``CERTAIN_RAD``.
         """
         harness = self._harness
         if not harness.drivers.axes.feedback_period_s:
@@ -203,8 +203,8 @@ class MixedMotion:
             return
         due_s = (self._harness.due_ns - self._began_ns) * 1e-9
         ends_s = min(self.brakes_s, LASTS * self._seconds)  # where nothing ends the motion
-        way_s, share = ramped(max(0.0, due_s), RAMP_S, ends_s)
-        position = self._start + way_s * self.speeds
+        distance_s, share = ramped(max(0.0, due_s), RAMP_S, ends_s)
+        position = self._start + distance_s * self.speeds
         ignored = self.axes(*BY_VELOCITY)
         position[ignored] = math.nan if self._turn % 2 else self._harness.wrong_positions[ignored]
         self._harness.stream(position, share * self.speeds)

@@ -62,7 +62,7 @@ class PositionGuard:
         stop: Callable[[str], None],
     ) -> None:
         self._pose, self._image, self._period_s, self._stop = pose, image, period_s, stop
-        self._reach = 0.5 / np.maximum(max_accelerations, 1e-9)  # way of a stop, per speed²
+        self._reach = 0.5 / np.maximum(max_accelerations, 1e-9)  # stopping distance, per speed²
         self._ramps = self._reach.copy()  # the same of the present commands
         count = len(image.position)
         self._streaming = np.zeros(count, bool)
@@ -96,10 +96,12 @@ class PositionGuard:
     def _jog(self, axis: int, profile: Profile) -> None:
         self._check_turn(axis, profile.deceleration)
         here, speed = float(self._image.position_command[axis]), profile.velocity
-        way = speed * abs(speed) / (2.0 * profile.deceleration)
+        braking = speed * abs(speed) / (2.0 * profile.deceleration)
         self._ramps[axis] = 0.5 / profile.deceleration
         if np.isfinite(here):
-            self._check(axis, here + way, f"a velocity of {speed:.3g} {self._unit(axis)}/s until")
+            self._check(
+                axis, here + braking, f"a velocity of {speed:.3g} {self._unit(axis)}/s until"
+            )
 
     def _begin_stream(self, axes: Sequence[int]) -> None:
         self._streaming[list(axes)] = True
@@ -127,8 +129,8 @@ class PositionGuard:
     def _check_turn(self, axis: int, deceleration: float) -> None:
         """Check where an axis in motion comes to rest before it turns."""
         speed = float(self._image.velocity_command[axis])
-        way = speed * abs(speed) / (2.0 * deceleration)
-        end = float(self._image.position_command[axis]) + way
+        braking = speed * abs(speed) / (2.0 * deceleration)
+        end = float(self._image.position_command[axis]) + braking
         if speed and np.isfinite(end):
             self._check(axis, end, "a command in motion, which leads to")
 

@@ -36,7 +36,7 @@ def record_move(harness: Harness, share: float = 1.0) -> MotionSamples:
 
 
 def there_and_back(harness: Harness) -> Iterator[tuple[int, FloatArray, FloatArray]]:
-    """Yield number, begin and end (n_axes,) of the ways over the travel; the axes rest at begin."""
+    """Yield number, start and end (n_axes,) of moves over the travel; the axes rest at start."""
     here = harness.image.position_command.copy()
     there = here + harness.travel()
     for number, (begin, end) in enumerate(((here, there), (there, here))):
@@ -95,8 +95,8 @@ def ramped(time_s: float, ramp_s: float, brake_s: float = math.inf) -> tuple[flo
     """
     up_s, down_s = min(time_s, ramp_s), min(max(0.0, time_s - brake_s), ramp_s)
     cruise_s = max(0.0, min(time_s, brake_s) - ramp_s)
-    way_s = up_s**2 / (2.0 * ramp_s) + cruise_s + down_s - down_s**2 / (2.0 * ramp_s)
-    return way_s, (up_s - down_s) / ramp_s
+    distance_s = up_s**2 / (2.0 * ramp_s) + cruise_s + down_s - down_s**2 / (2.0 * ramp_s)
+    return distance_s, (up_s - down_s) / ramp_s
 
 
 def steep_ramps(

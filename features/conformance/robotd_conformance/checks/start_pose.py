@@ -14,7 +14,9 @@ from robotd.api import AxisLimits, FloatArray, InvalidArgument, ProcessImage
 TRAVEL_RAD = 0.3  # the farthest that a check moves an axis; m for a linear one
 MAX_EXCURSION_RAD = 0.45  # at which a run ends, by default: checks that stop a move overshoot
 START_RAD = 2e-3  # an axis that is so near to its start pose is there
-ROOM = 0.8  # share of the way to a position limit that is used where neither side has the travel
+ROOM = (
+    0.8  # share of the distance to a position limit that is used where neither side has the travel
+)
 MARGIN, MARGIN_SHARE = 0.02, 0.05  # rad or m that commands keep from limits; share of a small room
 START_MARGIN, START_SHARE = 0.06, 0.15  # the same of the start pose
 
@@ -28,7 +30,7 @@ class StartPose:
         max_excursion: rad or m from the start pose, at which a run on hardware ends; None: 0.45.
         ranges: names of axes, and the positions that the surroundings (floor, table) leave them.
 
-    Raises InvalidArgument: the excursion is not more than the way of one check.
+    Raises InvalidArgument: the excursion is not more than the travel of one check.
 
     Attributes:
         max_excursion: rad or m, at which a run on hardware ends.
@@ -50,8 +52,8 @@ class StartPose:
         self.max_excursion = MAX_EXCURSION_RAD if max_excursion is None else max_excursion
         if not self.max_excursion > TRAVEL_RAD:
             raise InvalidArgument(
-                f"--max-excursion is {max_excursion}, must be more than {TRAVEL_RAD:g} rad, the way"
-                " of one check"
+                f"--max-excursion is {max_excursion}, must be more than {TRAVEL_RAD:g} rad, the"
+                " travel of one check"
             )
         self._ranges = dict(ranges)
         self.position: FloatArray | None = None
@@ -84,7 +86,7 @@ class StartPose:
             self.farthest = np.zeros(len(position))
             self._travel = np.array(
                 [
-                    _way(axis, float(start[axis]), self.room[:, axis], len(limits))
+                    _signed_travel(axis, float(start[axis]), self.room[:, axis], len(limits))
                     for axis in range(len(limits))
                 ]
             )
@@ -185,7 +187,7 @@ def _inset(allowed: FloatArray, margin: float, share: float) -> FloatArray:
     return np.array([allowed[0] + margins, allowed[1] - margins])
 
 
-def _way(axis: int, start: float, room: FloatArray, count: int) -> float:
+def _signed_travel(axis: int, start: float, room: FloatArray, count: int) -> float:
     """Return the signed travel of an axis: sides alternate where both have room for it."""
     size = TRAVEL_RAD * float(np.linspace(1.0, 0.5, count)[axis])
     up, down = room[1] - start, start - room[0]

@@ -38,8 +38,8 @@ class Path:
         return (now_ns - self.began_ns) * 1e-9
 
     def setpoint(self, time_s: float) -> tuple[FloatArray, FloatArray]:
-        way_s, share = ramped(max(0.0, time_s), RAMP_S, self.brakes_s)
-        return self.start + way_s * self.speeds, share * self.speeds
+        distance_s, share = ramped(max(0.0, time_s), RAMP_S, self.brakes_s)
+        return self.start + distance_s * self.speeds, share * self.speeds
 
     def note(self, image: ProcessImage) -> None:
         slow = self.harness.drivers.axes.feedback_period_s  # commands are newer than values

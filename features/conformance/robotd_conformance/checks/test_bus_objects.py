@@ -83,7 +83,7 @@ def test_a_statusword_shows_whether_its_axis_is_on(harness: Harness) -> None:
 @pytest.mark.needs(Capability.OBJECTS)
 @pytest.mark.clause("FieldbusDriver.read_object/value", "FieldbusDriver.read_object/now")
 def test_a_position_object_follows_its_axis(harness: Harness) -> None:
-    """Read at rest, in motion and at rest again; counts go with the ways, forth and back."""
+    """Read at rest, in motion and at rest again; counts change as the positions, out and back."""
     bus = fieldbus_of(harness)
     axes = drive_axes(bus, POSITION)
     counts, places = [read_words(bus, axes, POSITION, 4)], [harness.image.position.copy()]
@@ -98,10 +98,10 @@ def test_a_position_object_follows_its_axis(harness: Harness) -> None:
             axis for axis, was, now in zip(axes, moving, counts[-1], strict=True) if was == now
         ]
         assert not stuck, f"0x6064 of node {stuck[0][1]} is the same in motion and at rest"
-    ways = np.diff(places, axis=0)
+    distances = np.diff(places, axis=0)
     for axis, (first, middle, last) in zip(axes, zip(*counts, strict=True), strict=True):
         ratio = wrapped(last - middle) / (wrapped(middle - first) or 1)
-        right = (ways[1] / ways[0]).mean()
+        right = (distances[1] / distances[0]).mean()
         assert ratio == pytest.approx(right, abs=0.05), (
             f"0x6064 of node {axis[1]} went {first}, {middle}, {last}: not as its axis"
         )

@@ -14,10 +14,10 @@ from robotd_conformance.checks.recording import MotionSamples
 from robotd_conformance.checks.test_stop_ramps import sped_up
 from robotd_conformance.checks.test_stopping import REACTION_S
 
-# Shares of the way, and the time until the next command comes.
+# Shares of the travel, and the time until the next command comes.
 MOVES = ((1.0, 0.0), (0.2, 0.0), (1.0, 0.12), (0.25, 0.06), (0.9, 0.03), (0.0, 0.15), (0.4, 0.3))
 JOGS = ((1.0, 0.0), (0.3, 0.01), (-1.0, 0.15), (0.0, 0.2), (1.0, 0.03), (0.5, 0.3))
-NEARER = 0.02  # share of the way to a target at which an axis cannot stop any more
+NEARER = 0.02  # share of the distance to a target at which an axis cannot stop any more
 JOG_SHARE = 0.3
 SOFT = 0.2  # share of the ramp with which an axis is slow to stop
 SOONER = 0.4  # share of the time of a soft stop that a quick stop may take
@@ -29,14 +29,14 @@ SHOWN_S = 0.1  # until a change of the velocity shows, on any fieldbus
 
 @pytest.mark.clause("AxisDriver.move/overrides", "AxisDriver.move/target")
 def test_the_last_of_many_moves_counts(harness: Harness) -> None:
-    start, way = harness.image.position_command.copy(), harness.travel()
+    start, travel = harness.image.position_command.copy(), harness.travel()
     for share, wait_s in MOVES:
-        harness.move(harness.all, start + share * way)
+        harness.move(harness.all, start + share * travel)
         harness.pass_time(wait_s)
     harness.rest()
-    assert harness.image.position == pytest.approx(start + MOVES[-1][0] * way, abs=SETTLED_RAD)
+    assert harness.image.position == pytest.approx(start + MOVES[-1][0] * travel, abs=SETTLED_RAD)
     assert harness.image.position_command == pytest.approx(
-        start + MOVES[-1][0] * way, abs=SETTLED_RAD
+        start + MOVES[-1][0] * travel, abs=SETTLED_RAD
     )
     assert harness.image.motion_complete.all()
 
@@ -79,16 +79,21 @@ def test_a_command_into_a_closed_limit_switch_is_made_or_says_why_not(
         if not fresh.can(Capability.VELOCITY_MODE):
             pytest.skip("there is no velocity mode")
         fresh.set_velocity_mode()
-    driver, image, way, profile = fresh.drivers.axes, fresh.image, fresh.travel(), fresh.profile(0)
-    switch = "positive_limit" if way[0] > 0.0 else "negative_limit"
+    driver, image, travel, profile = (
+        fresh.drivers.axes,
+        fresh.image,
+        fresh.travel(),
+        fresh.profile(0),
+    )
+    switch = "positive_limit" if travel[0] > 0.0 else "negative_limit"
     fresh.injector.press_switch(0, switch, True)
     fresh.until(lambda: getattr(image, switch)[0], f"the {switch} is shown")
     start = float(image.position[0])
     try:
         if command == "move":
-            driver.move(0, start + float(way[0]), profile)
+            driver.move(0, start + float(travel[0]), profile)
         else:
-            driver.jog(0, replace(profile, velocity=np.sign(way[0]) * profile.velocity))
+            driver.jog(0, replace(profile, velocity=np.sign(travel[0]) * profile.velocity))
     except RobotdError:
         return
     fresh.wait_until(lambda: abs(image.position[0] - start) > SETTLED_RAD, SHOWN_S + REACTION_S)
@@ -101,8 +106,8 @@ def test_a_command_into_a_closed_limit_switch_is_made_or_says_why_not(
 @pytest.mark.clause("AxisDriver.stop/starts", "AxisDriver.quick_stop/starts")
 @pytest.mark.parametrize("quick", [False, True], ids=["stop", "quick_stop"])
 def test_a_stop_of_a_move_that_turns_lets_it_not_turn(harness: Harness, quick: bool) -> None:
-    start, way = harness.image.position_command.copy(), harness.travel()
-    harness.move(harness.all, start + way)
+    start, travel = harness.image.position_command.copy(), harness.travel()
+    harness.move(harness.all, start + travel)
     harness.pass_time(0.15)
     harness.move(harness.all, start)
     harness.pass_time(TURNS_S)
@@ -110,7 +115,7 @@ def test_a_stop_of_a_move_that_turns_lets_it_not_turn(harness: Harness, quick: b
         harness.until(lambda: len(recording) > 0, "there are values")
         stop_all(harness, quick=quick)
         harness.rest()
-    judge(harness, recording, turned(recording, way))
+    judge(harness, recording, turned(recording, travel))
 
 
 @pytest.mark.needs(Capability.VELOCITY_MODE)
@@ -148,9 +153,9 @@ def test_a_stop_of_a_velocity_command_ends_it_in_every_phase(fresh: Harness, qui
 @pytest.mark.clause("AxisDriver.quick_stop/starts", "AxisDriver.quick_stop/takes-over")
 @pytest.mark.parametrize("phase", ["in motion", "at its end", "at a stop"])
 def test_a_quick_stop_of_a_gentle_move_is_quick(harness: Harness, phase: str) -> None:
-    start, way = harness.image.position_command.copy(), harness.travel()
+    start, travel = harness.image.position_command.copy(), harness.travel()
     soft = [soft_stop(profile) for profile in map(harness.profile, harness.all)]
-    for targets in (start + way, start):
+    for targets in (start + travel, start):
         harness.move(harness.all, targets, soft)
         harness.pass_time(0.25 if phase == "at its end" else 0.1)
         if phase == "at a stop":
@@ -175,7 +180,7 @@ def test_a_stop_does_not_prolong_a_quick_stop(harness: Harness) -> None:
 def test_a_quick_stop_of_a_gentle_velocity_command_is_quick(fresh: Harness, phase: str) -> None:
     fresh.set_velocity_mode()
     soft = [soft_stop(profile) for profile in map(fresh.profile, fresh.all)]
-    for share in (JOG_SHARE, -0.5 * JOG_SHARE):  # less room on the way back
+    for share in (JOG_SHARE, -0.5 * JOG_SHARE):  # less room on the return
         jog(fresh, fresh.speeds(share), soft)
         fresh.pass_time(0.15)
         if phase == "at velocity 0":

@@ -76,11 +76,11 @@ def test_read_does_not_block(harness: Harness) -> None:
 
 @pytest.mark.clause("drivers/loop")
 def test_read_does_not_block_while_axes_move(harness: Harness) -> None:
-    ways = itertools.cycle((1.0, -1.0))  # each attempt moves: there and back
+    directions = itertools.cycle((1.0, -1.0))  # each attempt moves: there and back
 
     def measure() -> list[float]:
         harness.rest()
-        harness.move_all(next(ways), speed=0.3)
+        harness.move_all(next(directions), speed=0.3)
         return reads(harness)
 
     check(harness, "read", measure)

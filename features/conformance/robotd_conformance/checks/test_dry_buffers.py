@@ -17,7 +17,7 @@ STALL_S, MIN_STALL_PERIODS = 0.03, 5  # without setpoints, after the time of tho
 LATE_S, MIN_LATE_PERIODS = 0.1, 20  # of late setpoints, in which the driver has to say it
 UNDERRUN_PERIODS = 1.5  # a longer gap, beyond the buffers, is an underrun for the control loop
 MAX_GAP_PERIODS = 4.0  # after a longer one, setpoints are taken again
-IGNORED_SHARE = 0.5  # of the way of the late setpoints
+IGNORED_SHARE = 0.5  # of the distance of the late setpoints
 LEAP, LEAP_PERIODS = 2.5, 2  # of the stream's velocity
 
 
@@ -52,7 +52,7 @@ class StalledStream:
         self._start = self.end = harness.image.position_command.copy()
         self.velocity = self._fastest() if moving else np.zeros(harness.count)
         self._began_ns = self._sent_ns = self._late_periods = 0
-        self._late_way = self._went = np.zeros(harness.count)
+        self._late_distance = self._went = np.zeros(harness.count)
         self._taken_early = self._ignored_for_good = False
         self.failures: list[str] = []
         self.false_reports = 0
@@ -74,13 +74,13 @@ class StalledStream:
 
     def problems(self) -> list[str]:
         """Return what was wrong with the reports; after the stream."""
-        ignored = np.abs(self._went) < IGNORED_SHARE * np.abs(self._late_way)
+        ignored = np.abs(self._went) < IGNORED_SHARE * np.abs(self._late_distance)
         found = {
             "stream_ran_dry said so while setpoints came in time": self.false_reports > 0,
             "late setpoints were ignored, and stream_ran_dry did not say so": not self.reported
             and bool(ignored.any()),
-            f"setpoints are taken again within {self._underrun_s:.3f} s, which is no underrun for"
-            " the control loop": self._taken_early,
+            f"setpoints are taken again within {self._underrun_s:.3f} s, which is not an underrun"
+            " for the control loop": self._taken_early,
             f"setpoints are still ignored {self._max_gap_s:.3f} s after the last one": (
                 self._ignored_for_good
             ),
@@ -91,8 +91,8 @@ class StalledStream:
         """Return velocities at which all of the motion stays within the harness' travel."""
         profiles = [self._harness.profile(axis) for axis in self._harness.all]
         highest = [min(profile.velocity, RAMP_S * profile.acceleration) for profile in profiles]
-        way = self._harness.travel() / (self._brake_s + RAMP_S)
-        return np.clip(way, -np.array(highest), highest)
+        mean = self._harness.travel() / (self._brake_s + RAMP_S)
+        return np.clip(mean, -np.array(highest), highest)
 
     def _send_late(self, due_ns: int, image: ProcessImage) -> None:
         """Send the next setpoint of the path, as late as the stall was long."""
@@ -106,7 +106,7 @@ class StalledStream:
             self._start = image.position_command.copy()
             self._brake_s, self._began_ns = RAMP_S, due_ns
         elif late_ns * 1e-9 <= self._late_s:
-            self._late_way = self.velocity * late_ns * 1e-9
+            self._late_distance = self.velocity * late_ns * 1e-9
             self._went = image.position_command - self._stood
 
     def _send(self, time_s: float, due_ns: int) -> bool:
@@ -134,8 +134,8 @@ class StalledStream:
 
     def _setpoint(self, time_s: float) -> tuple[FloatArray, FloatArray]:
         """Position and velocity: speed up, cruise until ``_brake_s``, slow down."""
-        way_s, share = ramped(time_s, RAMP_S, self._brake_s)
-        return self._start + self.velocity * way_s, self.velocity * share
+        distance_s, share = ramped(time_s, RAMP_S, self._brake_s)
+        return self._start + self.velocity * distance_s, self.velocity * share
 
 
 def leaps(harness: Harness, recording: MotionSamples, velocity: FloatArray) -> list[str]:

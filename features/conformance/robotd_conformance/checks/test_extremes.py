@@ -18,10 +18,10 @@ EXACT_RAD = 2e-5  # by which the command may miss its target
 TIMES = 3  # that each fine move is made, so that errors add up
 MADE = 0.1  # share of a fine move that may be missing
 FINE_SPEED_RAD_S, FINE_S = 2e-3, 0.4
-GENTLE_SHARE, GENTLE_WAY = 0.04, 0.15
+GENTLE_SHARE, GENTLE_TRAVEL = 0.04, 0.15
 LONG_SHARES = (0.95, 0.6)  # of the limits of velocity and acceleration
 CRUISE = 0.25  # part of a long move without ramps
-FAST_JOG_SHARE, WAY = 0.9, 0.85  # of the limits; of the way that a long move has
+FAST_JOG_SHARE, LONG_MOVE_SHARE = 0.9, 0.85  # of the limits; of the travel that a long move has
 SLOWER = 0.07  # what a speed may be less than asked for
 
 
@@ -44,17 +44,17 @@ def test_the_finest_moves_are_made(harness: Harness) -> None:
                 1.0,
             )
     harness.rest()
-    way = TIMES * sum(FINE_RAD) * sides
+    travel = TIMES * sum(FINE_RAD) * sides
     assert harness.image.position_command - start == pytest.approx(
-        way, abs=MADE * np.abs(way).max()
+        travel, abs=MADE * np.abs(travel).max()
     )
-    assert harness.image.position - driven == pytest.approx(way, abs=0.25 * np.abs(way).max())
+    assert harness.image.position - driven == pytest.approx(travel, abs=0.25 * np.abs(travel).max())
 
 
 @pytest.mark.needs(Capability.SIMULATED)
 @pytest.mark.clause("AxisDriver.move/target", "AxisDriver/as-commanded")
 def test_a_target_is_met_from_both_sides(harness: Harness) -> None:
-    """Whatever the way to it: not short of it, and not beyond."""
+    """Whatever the distance: not short of the target, and not beyond."""
     home = harness.image.position_command.copy()
     for share in (0.4, 0.1, 0.3, 0.29, 0.2, 0.21, 0.0):
         targets = home + harness.travel(share)
@@ -79,8 +79,10 @@ def test_the_slowest_velocity_command_is_executed(fresh: Harness) -> None:
         jog(fresh, speeds)
         fresh.pass_time(FINE_S)
         assert fresh.image.velocity_command == pytest.approx(speeds, rel=MADE)
-        way = speeds * (fresh.clock.now_ns() - began_ns) * 1e-9
-        assert fresh.image.position - start == pytest.approx(way, abs=0.25 * np.abs(way).max())
+        travel = speeds * (fresh.clock.now_ns() - began_ns) * 1e-9
+        assert fresh.image.position - start == pytest.approx(
+            travel, abs=0.25 * np.abs(travel).max()
+        )
         jog(fresh, 0.0 * speeds)
         fresh.rest()
 
@@ -95,7 +97,7 @@ def test_a_gentle_move_is_as_gentle_as_it_was_asked_for(harness: Harness) -> Non
         )
         for profile in map(harness.profile, harness.all)
     ]
-    targets = harness.image.position_command + harness.travel(GENTLE_WAY)
+    targets = harness.image.position_command + harness.travel(GENTLE_TRAVEL)
     with harness.recording() as recording:
         harness.move(harness.all, targets, profiles)
         harness.rest()
@@ -113,7 +115,7 @@ def test_a_long_move_reaches_its_speed_in_both_directions(harness: Harness, shar
     """A device that clips sooner reports its limits: ``AxisDriver.device_limits``."""
     profiles = [steep(harness, axis, share) for axis in harness.all]
     start = harness.image.position_command.copy()
-    end = start + long_way(harness, profiles)
+    end = start + long_travel(harness, profiles)
     problems = []
     for targets in (end, start):
         with harness.recording() as recording:
@@ -143,11 +145,15 @@ def test_a_velocity_command_near_the_limits_is_not_clipped(fresh: Harness) -> No
     if not fresh.can(Capability.VELOCITY_MODE):
         pytest.skip("the backend has no velocity mode")
     profiles = [steep(fresh, axis, FAST_JOG_SHARE) for axis in fresh.all]
-    way = long_way(fresh, profiles)
+    travel = long_travel(fresh, profiles)
     passed_s = max(profile.velocity / profile.acceleration for profile in profiles)
-    # Of all axes at once: speed up and slow down take a way of velocity times ``passed_s``.
-    speeds = np.sign(way) * [
-        min(profile.velocity, profile.acceleration * passed_s, WAY * abs(way[axis]) / passed_s)
+    # Of all axes at once: speed up and slow down take a distance of velocity times ``passed_s``.
+    speeds = np.sign(travel) * [
+        min(
+            profile.velocity,
+            profile.acceleration * passed_s,
+            LONG_MOVE_SHARE * abs(travel[axis]) / passed_s,
+        )
         for axis, profile in enumerate(profiles)
     ]
     fresh.set_velocity_mode()
@@ -167,15 +173,15 @@ def test_a_velocity_command_near_the_limits_is_not_clipped(fresh: Harness) -> No
         judge(fresh, recording, problems)
 
 
-def long_way(harness: Harness, profiles: list[Profile]) -> FloatArray:
+def long_travel(harness: Harness, profiles: list[Profile]) -> FloatArray:
     """Return (n_axes,) distances on which ``profiles`` are run, where limits leave that much."""
-    way = np.zeros(harness.count)
+    travel = np.zeros(harness.count)
     for axis, profile in enumerate(profiles):
         limits, here = harness.robot.axes.limits[axis], harness.image.position_command[axis]
         up, down = limits.upper - here, here - limits.lower
         room = 0.9 * max(up, down)
         wanted = (1.0 + CRUISE) * profile.velocity**2 / profile.acceleration
-        way[axis] = (1.0 if up >= down else -1.0) * (
+        travel[axis] = (1.0 if up >= down else -1.0) * (
             min(wanted, room) if isfinite(room) else wanted
         )
-    return way
+    return travel

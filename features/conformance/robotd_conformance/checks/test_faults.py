@@ -132,9 +132,9 @@ def test_a_joint_that_was_blocked_does_not_leap_when_it_is_freed(
 ) -> None:
     """After a tolerance failure the command returns to the measured position."""
     axis, name = joints[0], harness.robot.joint_names[0]
-    way, path = harness.travel()[joints], [JointTolerance(name, STUCK_RAD)]
+    travel, path = harness.travel()[joints], [JointTolerance(name, STUCK_RAD)]
     injector.block(axis, True)
-    with harness.following([1.2], [way], path=path) as execution:
+    with harness.following([1.2], [travel], path=path) as execution:
         harness.until(lambda: execution.done, "the goal of the blocked joint ends")
     assert execution.outcome in (Outcome.PATH_TOLERANCE, Outcome.FAULT), execution.message
     assert name in execution.message

@@ -73,8 +73,8 @@ def test_a_time_stamp_is_that_of_its_values(harness: Harness) -> None:
     fresh, moved = np.diff(stamps) > 0, np.diff(positions) != 0
     undated = (moved & ~fresh).sum() / max(1, moved.sum())
     assert undated <= UNDATED, f"{undated:.0%} of the values changed and their time did not"
-    way = np.abs(positions - positions[0]) / np.abs(positions[-1] - positions[0])
-    begin, end = np.argmax(way > 0.2), np.argmax(way > 0.8)
+    passed = np.abs(positions - positions[0]) / np.abs(positions[-1] - positions[0])
+    begin, end = np.argmax(passed > 0.2), np.argmax(passed > 0.8)
     held = (fresh & ~moved)[begin:end].sum() / max(1, fresh[begin:end].sum())
     assert held <= HELD, f"{held:.0%} of the time stamps are newer than their values"
 

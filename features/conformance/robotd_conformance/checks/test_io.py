@@ -1,4 +1,4 @@
-"""Digital I/O: what is written is there, and nothing beside it has changed.
+"""Digital I/O: what is written is there, and nothing else has changed.
 
 The checks write the last three bytes of the output image and put back what was there.
 """

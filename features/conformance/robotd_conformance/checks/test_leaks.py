@@ -111,13 +111,13 @@ def test_nothing_grows_with_each_start(unopened: Harness, close: bool) -> None:
 @pytest.mark.clause("AxisDriver.stop/rests")
 def test_nothing_grows_with_each_command(harness: Harness) -> None:
     """Checks the driver alone: the core keeps a history of commands."""
-    start, way = harness.image.position_command.copy(), harness.travel(0.1)
+    start, travel = harness.image.position_command.copy(), harness.travel(0.1)
     driver = harness.plugin_axes
     profiles = [harness.profile(axis) for axis in harness.all]
 
     def command() -> None:
         for axis in harness.all:
-            driver.move(axis, float(start[axis] + way[axis]), profiles[axis])
+            driver.move(axis, float(start[axis] + travel[axis]), profiles[axis])
         harness.periods(5)
         driver.stop(harness.all)
         driver.quick_stop(harness.all)

@@ -11,7 +11,7 @@ from robotd_conformance.checks.harness import SETTLED_RAD, Harness
 from robotd_conformance.checks.recorded_motion import judge
 
 SPEED, RAMP = 0.95, 0.8  # shares of the limits
-ROOM = 0.8  # share of the way to the nearer position limit
+ROOM = 0.8  # share of the distance to the nearer position limit
 LAG_S = 0.05  # granted to a joint behind its path
 POINTS = 60
 
@@ -21,7 +21,7 @@ POINTS = 60
 @pytest.mark.free_space
 def test_a_trajectory_at_the_limits_is_followed(harness: Harness, joints: list[int]) -> None:
     """A device that clips sooner reports its limits: ``AxisDriver.device_limits``."""
-    times_s, rows = fastest_way(harness)
+    times_s, rows = fastest_motion(harness)
     with harness.recording() as recording:
         execution = harness.follow(times_s, rows, velocities=True)
     harness.rest()
@@ -36,15 +36,15 @@ def test_a_trajectory_at_the_limits_is_followed(harness: Harness, joints: list[i
     judge(harness, recording, problems)
 
 
-def fastest_way(harness: Harness) -> tuple[list[float], list[np.ndarray]]:
+def fastest_motion(harness: Harness) -> tuple[list[float], list[np.ndarray]]:
     """Return times and rows of a cosine at the limits of each joint."""
     limits = harness.robot.follower.limits
     start = harness.image.position_command[harness.joints]
     up, down = limits.upper - start, start - limits.lower
     speed, ramp = SPEED * limits.velocity, RAMP * limits.acceleration
-    way = np.minimum(2.0 * speed**2 / ramp, ROOM * np.maximum(up, down))
-    rate = np.minimum(2.0 * speed / way, np.sqrt(2.0 * ramp / way))  # of the phase, rad/s
-    way *= np.where(up >= down, 1.0, -1.0)
+    travel = np.minimum(2.0 * speed**2 / ramp, ROOM * np.maximum(up, down))
+    rate = np.minimum(2.0 * speed / travel, np.sqrt(2.0 * ramp / travel))  # of the phase, rad/s
+    travel *= np.where(up >= down, 1.0, -1.0)
     times_s = np.linspace(0.0, 2.0 * np.pi / rate.min(), POINTS + 1)[1:]
     phases = np.minimum(np.outer(times_s, rate), 2.0 * np.pi)
-    return times_s.tolist(), list(0.5 * way * (1.0 - np.cos(phases)))
+    return times_s.tolist(), list(0.5 * travel * (1.0 - np.cos(phases)))

@@ -1,6 +1,6 @@
 """No call holds up ``read`` or ``stream``, and none waits for a slow one. In real time.
 
-Each kind of command is given several times beside a streaming axis. The longest ``read`` during
+Each kind of command is given several times next to a streaming axis. The longest ``read`` during
 each of them counts, and of these the median: what holds a lock does so each time.
 """
 
@@ -85,16 +85,16 @@ def watched_loop(harness: Harness) -> Iterator[LoopCalls]:
 def axis_calls(harness: Harness) -> Iterator[tuple[str, Call]]:
     """Yield the commands to the last axis, which the control loop's axis has nothing to do with."""
     axes, last = harness.drivers.axes, harness.count - 1
-    here, way = float(harness.image.position_command[last]), float(harness.travel(0.1)[last])
+    here, travel = float(harness.image.position_command[last]), float(harness.travel(0.1)[last])
     profile = harness.profile(last, 0.3)
-    yield "move", lambda: axes.move(last, here + way, profile)
+    yield "move", lambda: axes.move(last, here + travel, profile)
     yield "move", lambda: axes.move(last, here, profile)  # it overrides
     yield "stop", lambda: axes.stop([last])
     yield "quick_stop", lambda: axes.quick_stop([last])
     yield "servo", lambda: axes.servo(last, True, 5.0)
     yield "clear_alarm", lambda: axes.clear_alarm(last, 5.0)
     if harness.can(Capability.VELOCITY_MODE):
-        slow = replace(profile, velocity=0.02 * float(np.sign(way)))
+        slow = replace(profile, velocity=0.02 * float(np.sign(travel)))
         yield "set_command_mode", lambda: axes.set_command_mode(last, CommandMode.VELOCITY)
         yield "jog", lambda: axes.jog(last, slow)
         yield "jog", lambda: axes.jog(last, replace(slow, velocity=0.0))

@@ -12,7 +12,7 @@ from robotd.api import Capability, CommandMode, Profile, RobotdError
 from robotd_conformance.checks.different_ramps import (
     AFTER_S,
     FIRST_SPEED,
-    FIRST_WAY,
+    FIRST_TRAVEL,
     different_ramps,
     ramp_s,
     turn_problems,
@@ -34,7 +34,7 @@ def test_a_move_that_overrides_another_has_its_own_ramps(harness: Harness, where
     for command, begin, end in there_and_back(harness):
         first = different_ramps(harness, FIRST_SPEED, command)
         second = different_ramps(harness, 1.0, command + 1)
-        aim = begin + FIRST_WAY * (end - begin)
+        aim = begin + FIRST_TRAVEL * (end - begin)
         targets = {"farther": end, "same": aim, "back": begin}[where]
         harness.move(harness.all, aim, first)
         harness.pass_time(ramp_s(first))

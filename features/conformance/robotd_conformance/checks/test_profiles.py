@@ -17,12 +17,12 @@ MORE = 1.1  # what a measured value may be above its limit
 @pytest.mark.clause("AxisDriver.move/profile")
 @pytest.mark.parametrize("share", [1.0, 0.4])
 def test_a_move_keeps_to_its_velocity(harness: Harness, share: float) -> None:
-    way, recording = np.abs(harness.travel()), record_move(harness, share)
+    travel, recording = np.abs(harness.travel()), record_move(harness, share)
     problems = []
     for axis, top in enumerate(np.abs(recording.velocity).max(0)):
         profile = harness.profile(axis, share)
-        # On a short way a gentle ramp leaves no time for the whole speed.
-        reached = min(profile.velocity, float(np.sqrt(way[axis] * profile.acceleration)))
+        # On a short travel a gentle ramp leaves no time for the whole speed.
+        reached = min(profile.velocity, float(np.sqrt(travel[axis] * profile.acceleration)))
         if not 0.8 * reached <= top <= MORE * profile.velocity:
             problems.append(f"axis {axis}: {top:.3g} rad/s, commanded {profile.velocity:.3g}")
     judge(harness, recording, problems)
@@ -54,9 +54,9 @@ def test_a_move_ends_at_its_target_without_overshoot(harness: Harness) -> None:
     start, distance = harness.image.position.copy(), harness.travel()
     recording = record_move(harness)
     for axis in harness.all:
-        way = (recording.position[:, axis] - start[axis]) * np.sign(distance[axis])
-        assert way.max() <= abs(distance[axis]) + SETTLED_RAD
-        assert way.min() >= -SETTLED_RAD
+        passed = (recording.position[:, axis] - start[axis]) * np.sign(distance[axis])
+        assert passed.max() <= abs(distance[axis]) + SETTLED_RAD
+        assert passed.min() >= -SETTLED_RAD
 
 
 @pytest.mark.clause("AxisDriver.read/states")
@@ -73,7 +73,8 @@ def test_a_move_shows_what_it_does(harness: Harness) -> None:
 
 @pytest.mark.clause("AxisDriver.move/overrides")
 def test_a_new_target_is_taken_without_a_jump(harness: Harness) -> None:
-    # From inside the way, so that it turns back within the range of an axis that begins at its end.
+    # From inside the travel, so that it turns back within the range of an axis that starts at its
+    # end.
     start, distance = harness.image.position_command.copy(), harness.travel()
     harness.move(harness.all, start + 0.3 * distance)
     harness.rest()
@@ -89,13 +90,13 @@ def test_a_new_target_is_taken_without_a_jump(harness: Harness) -> None:
 @pytest.mark.clause("AxisDriver.move/overrides", "AxisDriver.move/profile")
 @pytest.mark.parametrize("farther", [True, False], ids=["farther", "back"])
 def test_a_new_target_has_its_own_profile(harness: Harness, farther: bool) -> None:
-    start, way = harness.image.position_command.copy(), harness.travel()
+    start, travel = harness.image.position_command.copy(), harness.travel()
     slow = [harness.profile(axis, 0.4) for axis in harness.all]
-    targets = start + (way if farther else 0.1 * way)
-    harness.move(harness.all, start + 0.2 * way)
+    targets = start + (travel if farther else 0.1 * travel)
+    harness.move(harness.all, start + 0.2 * travel)
     harness.rest()
     with harness.recording() as recording:
-        harness.move(harness.all, start + 0.7 * way)
+        harness.move(harness.all, start + 0.7 * travel)
         harness.pass_time(0.1)
         harness.move(harness.all, targets, slow)
         harness.pass_time(0.1)

@@ -141,4 +141,4 @@ def test_each_caution_is_a_line_of_text(unopened: Harness) -> None:
         cautions = driver.cautions
         assert not isinstance(cautions, str), f"cautions are a list of texts, not {cautions!r}"
         wrong = [caution for caution in cautions if not caution.strip() or "\n" in caution]
-        assert not wrong, f"{wrong[0]!r} is no line of text"
+        assert not wrong, f"{wrong[0]!r} is not a line of text"

@@ -124,8 +124,8 @@ def test_a_velocity_command_has_the_ramps_of_its_profile(fresh: Harness, gentle:
 )
 @pytest.mark.parametrize("stop", STOPS)
 def test_a_stop_ends_a_trajectory(harness: Harness, joints: list[int], stop: Stop) -> None:
-    way = harness.travel()[joints]
-    with harness.following([2.0], [way]) as execution:
+    travel = harness.travel()[joints]
+    with harness.following([2.0], [travel]) as execution:
         harness.pass_time(0.8)
         began = harness.image.position.copy()
         stop(harness.drivers.axes, joints)
@@ -133,7 +133,7 @@ def test_a_stop_ends_a_trajectory(harness: Harness, joints: list[int], stop: Sto
     assert execution.outcome is Outcome.FAULT
     harness.rest()
     passed = np.abs(harness.image.position - began)[joints]
-    assert (passed < 0.4 * np.abs(way)).all(), "the trajectory went on"
+    assert (passed < 0.4 * np.abs(travel)).all(), "the trajectory went on"
 
 
 @pytest.mark.clause("AxisDriver.stop/returns", "AxisDriver.quick_stop/returns")
@@ -176,8 +176,10 @@ def test_an_axis_that_is_stopped_neither_returns_nor_goes_on(harness: Harness, s
         stop(harness.drivers.axes, harness.all)
         harness.rest()
         harness.pass_time(1.5)
-    way = (recording.position - recording.position[0]) * np.sign(distance)
-    assert (way.max(0) - way[-1] <= SETTLED_RAD).all(), "an axis came back after it had stopped"
+    passed = (recording.position - recording.position[0]) * np.sign(distance)
+    assert (passed.max(0) - passed[-1] <= SETTLED_RAD).all(), (
+        "an axis came back after it had stopped"
+    )
     later = recording.time_s > recording.time_s[-1] - 1.4
     assert np.ptp(recording.position[later], 0).max() <= SETTLED_RAD, "an axis went on"
 

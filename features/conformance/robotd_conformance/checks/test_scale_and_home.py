@@ -17,9 +17,9 @@ from robotd_conformance.checks.test_units import slope_problems, stream_ramp
 
 OFF_ZERO_RAD = 0.03  # from where on a position shows its scale and its sign
 FASTER = 1.25  # a scale near the axis' own: its motion stays what the robot allows
-WAY_RAD = 0.1
+DISTANCE_RAD = 0.1
 ALARMS = 0x2310, 0x7305  # a current, and an encoder: after that a drive may start anew
-SMALL_RAD = 0.006  # a way that a home within the tolerance of a limit switch would leave
+SMALL_RAD = 0.006  # a displacement that a home within the tolerance of a limit switch would leave
 SPEED = 0.8, 1.2  # share of the commanded speed that a move reaches, at least and at most
 
 
@@ -79,15 +79,15 @@ def test_all_values_have_the_new_scale(rescalable: Harness) -> None:
         rescalable.robot.axes.set_gear_ratio(axis, factor * float(ratio[axis]) * TURN, TURN)
         rescalable.periods(5)
         limits, here = rescalable.robot.axes.limits[axis], rescalable.image.position[axis]
-        if not limits.lower + WAY_RAD < here < limits.upper - WAY_RAD:
+        if not limits.lower + DISTANCE_RAD < here < limits.upper - DISTANCE_RAD:
             pytest.skip(f"axis {axis} would leave its limits")
         rescalable.robot.axes.servo(axis, True)
         targets, profile = rescalable.image.position_command.copy(), rescalable.profile(axis)
-        # Half of what the ramps allow on this way: the move cruises.
-        speed = min(profile.velocity, 0.5 * float(np.sqrt(WAY_RAD * profile.acceleration)))
+        # Half of what the ramps allow on this distance: the move cruises.
+        speed = min(profile.velocity, 0.5 * float(np.sqrt(DISTANCE_RAD * profile.acceleration)))
         profiles = [replace(profile, velocity=speed)] * rescalable.count
-        for way in (WAY_RAD, -WAY_RAD):
-            targets[axis] += way
+        for distance in (DISTANCE_RAD, -DISTANCE_RAD):
+            targets[axis] += distance
             with rescalable.recording() as recording:
                 rescalable.move([axis], targets, profiles)
                 rescalable.rest([axis])
@@ -110,7 +110,7 @@ def test_all_values_have_the_new_scale(rescalable: Harness) -> None:
 @pytest.mark.clause("AxisDriver.set_polarity/sets", "AxisDriver.set_gear_ratio/counts")
 @pytest.mark.clause("AxisDriver.jog/starts", "AxisDriver.stream/position")
 def test_every_kind_of_command_has_the_new_scale(rescalable: Harness) -> None:
-    """A stream of positions, and a velocity command both ways, of the turned last axis."""
+    """A stream of positions, and a velocity command in both directions, of the turned last axis."""
     own, last = rescalable.image.position.copy(), rescalable.count - 1
     if np.abs(own).min() < OFF_ZERO_RAD:
         pytest.skip("an axis is too near to zero to show its scale")
@@ -120,14 +120,14 @@ def test_every_kind_of_command_has_the_new_scale(rescalable: Harness) -> None:
     axes.set_polarity(last, -1)
     rescalable.periods(5)
     here = rescalable.image.position[last]
-    if not limits.lower + WAY_RAD < here < limits.upper - WAY_RAD:
+    if not limits.lower + DISTANCE_RAD < here < limits.upper - DISTANCE_RAD:
         pytest.skip("the last axis would leave its limits")
     rescalable.enable()
     begin = rescalable.image.position_command.copy()
     if not axes.trajectories_on_device:
-        for way in (0.6 * WAY_RAD, -0.6 * WAY_RAD):
+        for distance in (0.6 * DISTANCE_RAD, -0.6 * DISTANCE_RAD):
             end = begin.copy()
-            end[last] += way
+            end[last] += distance
             stream_ramp(rescalable, begin, end, seconds=0.5)
             at = rescalable.image.position[last]
             assert abs(at - end[last]) <= SETTLED_RAD, (
@@ -265,7 +265,7 @@ def test_homing_leaves_the_scale_alone(rescalable: Harness) -> None:
         pytest.skip("the axes have no home")
     axes, last = rescalable.robot.axes, rescalable.count - 1
     limits = axes.limits[last]
-    if not limits.lower < -WAY_RAD < WAY_RAD < limits.upper:
+    if not limits.lower < -DISTANCE_RAD < DISTANCE_RAD < limits.upper:
         pytest.skip("the home position would be outside the limits of the last axis")
     axes.set_polarity(last, -1)
     axes.set_gear_ratio(last, 1.5 * COUNTS, TURN)
@@ -274,7 +274,7 @@ def test_homing_leaves_the_scale_alone(rescalable: Harness) -> None:
     rescalable.drivers.axes.home(last, 10.0)
     rescalable.periods(5)
     targets = rescalable.image.position_command.copy()
-    targets[last] += WAY_RAD / 2.0
+    targets[last] += DISTANCE_RAD / 2.0
     rescalable.move([last], targets)
     rescalable.rest([last])
     axes.servo(last, False)
@@ -289,7 +289,7 @@ def test_homing_leaves_the_scale_alone(rescalable: Harness) -> None:
 @pytest.mark.needs(Capability.HOMING)
 @pytest.mark.clause("AxisDriver.home/zero", "AxisDriver.home/scale")
 @pytest.mark.parametrize("polarity", [1, -1])
-def test_homing_makes_a_small_way_zero_too(fresh: Harness, polarity: int) -> None:
+def test_homing_makes_a_small_offset_zero_too(fresh: Harness, polarity: int) -> None:
     """The last axis is homed, goes a little further, and is homed again; to both sides."""
     fresh.require_rescaling()
     last = fresh.count - 1
@@ -304,15 +304,15 @@ def test_homing_makes_a_small_way_zero_too(fresh: Harness, polarity: int) -> Non
         driver.set_polarity(last, polarity)
         fresh.periods(5)
         fresh.robot.axes.servo(last, True)
-    for way in (0.0, SMALL_RAD, -SMALL_RAD):
+    for distance in (0.0, SMALL_RAD, -SMALL_RAD):
         targets = fresh.image.position_command.copy()
-        if way:
-            targets[last] = way
+        if distance:
+            targets[last] = distance
             fresh.move([last], targets)
             fresh.rest()
         targets[last] = 0.0
         driver.home(last, 10.0)
-        assert_positions(fresh, targets, f"homing {1e3 * way:g} mrad from the home before")
+        assert_positions(fresh, targets, f"homing {1e3 * distance:g} mrad from the home before")
 
 
 @pytest.mark.needs(Capability.SCALING)

@@ -68,14 +68,14 @@ def test_a_turned_axis_goes_where_it_is_commanded(rescalable: Harness) -> None:
             pytest.skip("the turned position is outside of the limits")
         rescalable.robot.axes.servo(last, True)
         targets = rescalable.image.position_command.copy()
-        for way in (0.05, -0.05):
-            targets[last] += way
+        for distance in (0.05, -0.05):
+            targets[last] += distance
             with rescalable.recording() as recording:
                 rescalable.move([last], targets)
                 rescalable.rest([last])
             for speeds in (recording.velocity, recording.velocity_command):
                 fastest = speeds[np.abs(speeds[:, last]).argmax(), last]
-                assert np.sign(fastest) == np.sign(way), "a velocity has the wrong sign"
+                assert np.sign(fastest) == np.sign(distance), "a velocity has the wrong sign"
             assert rescalable.image.position[last] == pytest.approx(targets[last], abs=SETTLED_RAD)
         rescalable.robot.axes.servo(last, False)
         rescalable.rest()

@@ -36,7 +36,7 @@ def stepped(unopened: Harness) -> Harness:
     return unopened
 
 
-def both_ways(harness: Harness) -> Sequence[FloatArray]:
+def both_directions(harness: Harness) -> Sequence[FloatArray]:
     return different_speeds(harness), -different_speeds(harness)
 
 
@@ -46,7 +46,7 @@ def test_setpoints_are_reached_however_far_ahead_they_are_sent(stepped: Harness)
     driver, period_ns = stepped.drivers.axes, stepped.robot.control_loop.period_ns
     if driver.underrun is not Underrun.EXTRAPOLATE or driver.stream_buffer_s:
         pytest.skip("setpoints are not extrapolated")
-    for speeds in both_ways(stepped):
+    for speeds in both_directions(stepped):
         path, count = Path(stepped, speeds, brakes_s=CRUISE_S), 0
 
         def send(image: ProcessImage, path: Path = path) -> None:
@@ -72,7 +72,7 @@ def test_a_setpoint_is_passed_at_its_velocity(stepped: Harness) -> None:
     """The velocities of some setpoints are half of that at which the positions go on."""
     halved = RAMP_S + 0.05, RAMP_S + 0.05 + max(0.05, 10 * stepped.period_s)
     cruise_s = halved[1] + 0.05
-    for speeds in both_ways(stepped):
+    for speeds in both_directions(stepped):
         path = Path(stepped, speeds, brakes_s=cruise_s)
 
         def send(image: ProcessImage, path: Path = path) -> None:
@@ -102,7 +102,7 @@ def test_a_setpoint_is_passed_at_its_velocity(stepped: Harness) -> None:
 @pytest.mark.clause("AxisDriver.stream/late")
 def test_a_setpoint_that_was_too_late_has_no_effect(stepped: Harness) -> None:
     driver, period_ns = stepped.drivers.axes, stepped.robot.control_loop.period_ns
-    for speeds in both_ways(stepped):
+    for speeds in both_directions(stepped):
         path, rejected = Path(stepped, speeds, brakes_s=CRUISE_S), list[float]()
 
         def send(image: ProcessImage, path: Path = path, rejected: list[float] = rejected) -> None:
@@ -153,7 +153,7 @@ def test_a_setpoint_that_was_too_late_has_no_effect(stepped: Harness) -> None:
 def test_a_stream_ends_on_its_last_setpoint(stepped: Harness) -> None:
     """The stream ends once the last setpoint was sent, a period before it is due."""
     driver = stepped.drivers.axes
-    for speeds in both_ways(stepped):
+    for speeds in both_directions(stepped):
         path, last = Path(stepped, speeds), list[FloatArray]()
 
         def send(image: ProcessImage, path: Path = path, last: list[FloatArray] = last) -> None:
@@ -180,11 +180,11 @@ def test_a_stream_ends_on_its_last_setpoint(stepped: Harness) -> None:
 @pytest.mark.clause("AxisDriver.stream/velocity")
 @pytest.mark.short_period
 def test_a_streamed_velocity_changes_evenly(stepped: Harness) -> None:
-    """The way is that of the mean velocity."""
+    """The distance is that of the mean velocity."""
     stepped.set_velocity_mode()
     unknown = np.full(stepped.count, np.nan)
     granted = (LAG_S + stepped.drivers.axes.stream_buffer_s) / stepped.period_s
-    for speeds in both_ways(stepped):
+    for speeds in both_directions(stepped):
         path = Path(stepped, speeds, brakes_s=CRUISE_S)
 
         def send(image: ProcessImage, path: Path = path) -> None:
@@ -202,8 +202,8 @@ def test_a_streamed_velocity_changes_evenly(stepped: Harness) -> None:
         for axis in stepped.all:
             low, high = lags[:, axis].min(), lags[:, axis].max()
             assert -AHEAD < low <= high < granted, (
-                f"axis {axis}: its way is {low:.2f} to {high:.2f} periods behind that of an even"
-                " change of its velocity"
+                f"axis {axis}: its distance is {low:.2f} to {high:.2f} periods behind that of an"
+                " even change of its velocity"
             )
 
 
@@ -218,8 +218,8 @@ def test_between_two_setpoints_a_streamed_velocity_is_between_theirs(stepped: Ha
         stepped.robot.control_loop.period_ns,
     )
     unknown = np.full(stepped.count, np.nan)
-    for speeds in both_ways(stepped):
-        ways, shares = list[FloatArray](), list[FloatArray]()
+    for speeds in both_directions(stepped):
+        steps, shares = list[FloatArray](), list[FloatArray]()
         driver.begin_stream(stepped.all)
         stepped.clock.sleep_until_ns(image.stamp_ns + period_ns)
         for count in range(20):
@@ -231,11 +231,11 @@ def test_between_two_setpoints_a_streamed_velocity_is_between_theirs(stepped: Ha
             share = image.velocity_command / (SHARE * speeds)
             stepped.clock.sleep_until_ns(image.stamp_ns + period_ns)
             if count % 2:
-                ways.append(np.diff([*positions, image.position_command], axis=0))
+                steps.append(np.diff([*positions, image.position_command], axis=0))
                 shares.append(share)
         driver.end_stream(stepped.all)
         stepped.rest()
-        if not np.any(ways, axis=(0, 2)).all():
+        if not np.any(steps, axis=(0, 2)).all():
             pytest.skip("commands change once in each period")
         for axis, share in enumerate(np.mean(shares, axis=0)):
             assert 0.25 < share < 0.75, (

@@ -175,8 +175,8 @@ def test_each_read_of_a_stream_agrees_with_itself(streamed: Harness) -> None:
 
     def send(image: ProcessImage) -> None:
         watch(image)
-        way_s, share = ramped((streamed.due_ns - began_ns) * 1e-9, RAMP_S, brake_s)
-        streamed.stream(start + way_s * speeds, share * speeds)
+        distance_s, share = ramped((streamed.due_ns - began_ns) * 1e-9, RAMP_S, brake_s)
+        streamed.stream(start + distance_s * speeds, share * speeds)
 
     claim = streamed.robot.axes.claimed("conformance", streamed.all)
     with claim, streamed.each_period(send):

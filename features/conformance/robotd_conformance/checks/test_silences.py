@@ -68,7 +68,7 @@ def test_a_drive_that_answers_again_gets_no_step(streamed: Harness) -> None:
 
 @pytest.mark.clause("AxisDriver/past")
 def test_what_was_sent_in_a_silence_is_not_executed_after_it(streamed: Harness) -> None:
-    """A way out and back in the silence, twice: later nothing of it is to be seen."""
+    """A motion out and back in the silence, twice: later nothing of it is to be seen."""
     speeds, silence_s = streamed.speeds(1.0), silence(streamed)
     if streamed.drivers.axes.stream_buffer_s:
         pytest.skip("the device holds setpoints ahead, which wait while it is frozen")

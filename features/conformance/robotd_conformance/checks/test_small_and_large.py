@@ -13,7 +13,7 @@ from robotd_conformance.checks.recorded_motion import jog, judge
 from robotd_conformance.checks.test_ramps import ramp_problems
 
 STEP_RAD, STEPS = 1e-3, 10
-SLOW_SHARE, SLOW_WAY = 0.05, 0.1
+SLOW_SHARE, SLOW_TRAVEL = 0.05, 0.1
 ROUGH = 0.25  # tolerance of a ramp within a few samples
 SHARES = (0.9, 0.6)  # of the limits
 FAST_RAD_S, STEEP_RAD_S2 = 8.0, 40.0  # where an axis has no limits
@@ -24,9 +24,9 @@ FAST_RAD_S, STEEP_RAD_S2 = 8.0, 40.0  # where an axis has no limits
 @pytest.mark.parametrize("sign", [1.0, -1.0], ids=["forth", "back"])
 @pytest.mark.clause("AxisDriver/as-commanded")
 def test_small_moves_add_up(harness: Harness, sign: float) -> None:
-    start, way = harness.image.position_command.copy(), sign * np.sign(harness.travel())
+    start, travel = harness.image.position_command.copy(), sign * np.sign(harness.travel())
     for _ in range(STEPS):
-        targets = harness.image.position_command + STEP_RAD * way
+        targets = harness.image.position_command + STEP_RAD * travel
         harness.move(harness.all, targets)
         harness.until(
             lambda targets=targets: bool(  # type: ignore[misc]
@@ -36,7 +36,7 @@ def test_small_moves_add_up(harness: Harness, sign: float) -> None:
             2.0,
         )
     harness.rest()
-    end = start + STEPS * STEP_RAD * way
+    end = start + STEPS * STEP_RAD * travel
     assert harness.image.position_command == pytest.approx(end, abs=0.1 * STEPS * STEP_RAD)
     assert harness.image.position == pytest.approx(end, abs=SETTLED_RAD)
 
@@ -47,7 +47,7 @@ def test_a_slow_move_is_as_slow_as_it_was_asked_for(harness: Harness) -> None:
     profiles = [harness.profile(axis, SLOW_SHARE) for axis in harness.all]
     start = harness.image.position_command.copy()
     with harness.recording() as recording:
-        harness.move(harness.all, start + SLOW_WAY * harness.travel(), profiles)
+        harness.move(harness.all, start + SLOW_TRAVEL * harness.travel(), profiles)
         harness.rest()
     _, speeds = recording.slope(recording.position_command, 0.1, commanded=True)
     top = np.abs(speeds).max(0)
@@ -64,7 +64,7 @@ def test_a_slow_move_is_as_slow_as_it_was_asked_for(harness: Harness) -> None:
 def test_each_move_has_its_own_profile(harness: Harness) -> None:
     """One that follows on another, in the other direction, and of each axis."""
     even = [harness.profile(axis) for axis in harness.all]
-    start, way = harness.image.position_command.copy(), harness.travel()
+    start, travel = harness.image.position_command.copy(), harness.travel()
     problems = []
     for step, (speed, ramp) in enumerate(((1.0, 1.0), (0.5, 0.4), (0.7, 0.8), (0.3, 0.5))):
         profiles = [
@@ -76,13 +76,15 @@ def test_each_move_has_its_own_profile(harness: Harness) -> None:
             for axis, profile in enumerate(even)
         ]
         with harness.recording() as recording:
-            harness.move(harness.all, start if step % 2 else start + way, profiles)
+            harness.move(harness.all, start if step % 2 else start + travel, profiles)
             harness.rest()
         found = ramp_problems(recording, profiles)
         top = np.abs(recording.velocity_command).max(0)
         for axis, profile in enumerate(profiles):
             ramps = 2.0 * profile.acceleration * profile.deceleration
-            peak = np.sqrt(abs(way[axis]) * ramps / (profile.acceleration + profile.deceleration))
+            peak = np.sqrt(
+                abs(travel[axis]) * ramps / (profile.acceleration + profile.deceleration)
+            )
             asked = min(profile.velocity, float(peak))
             if abs(top[axis] - asked) > 0.1 * asked:
                 found.append(f"axis {axis}: {top[axis]:.3g} rad/s, asked for {asked:.3g}")
@@ -96,12 +98,12 @@ def test_each_move_has_its_own_profile(harness: Harness) -> None:
 def test_a_move_near_the_limits_is_not_clipped(harness: Harness, share: float) -> None:
     """A device that clips sooner reports its limits: ``AxisDriver.device_limits``."""
     profiles = [steep(harness, axis, share) for axis in harness.all]
-    start, way = harness.image.position_command.copy(), harness.travel()
+    start, travel = harness.image.position_command.copy(), harness.travel()
     shortest_s = [
-        2.0 * np.sqrt(abs(way[i]) / profile.acceleration) for i, profile in enumerate(profiles)
+        2.0 * np.sqrt(abs(travel[i]) / profile.acceleration) for i, profile in enumerate(profiles)
     ]
     problems = []
-    for targets in (start + way, start):
+    for targets in (start + travel, start):
         with harness.recording() as recording:
             harness.move(harness.all, targets, profiles)
             harness.rest()
@@ -111,10 +113,10 @@ def test_a_move_near_the_limits_is_not_clipped(harness: Harness, share: float) -
         for axis in harness.all:
             took_s = np.ptp(recording.time_s[moving[:, axis]])
             cruise = profiles[axis].velocity
-            peak = np.sqrt(abs(way[axis]) * profiles[axis].acceleration)
+            peak = np.sqrt(abs(travel[axis]) * profiles[axis].acceleration)
             least_s = shortest_s[axis]
             if peak > cruise:
-                least_s = abs(way[axis]) / cruise + cruise / profiles[axis].acceleration
+                least_s = abs(travel[axis]) / cruise + cruise / profiles[axis].acceleration
             if took_s > (1 + ROUGH) * least_s + 4 * harness.feedback_s:
                 problems.append(f"axis {axis}: {took_s:.3f} s for a move of {least_s:.3f} s")
         judge(harness, recording, problems)

@@ -15,7 +15,7 @@ import pytest
 from robotd.api import Capability, CommandMode, Operation, ProcessImage
 from robotd_conformance.checks.different_ramps import (
     FIRST_SPEED,
-    FIRST_WAY,
+    FIRST_TRAVEL,
     different_ramps,
     ramp_s,
 )
@@ -48,7 +48,7 @@ def test_a_stop_has_the_ramp_of_the_last_move(harness: Harness) -> None:
     for command, begin, end in there_and_back(harness):
         first = different_ramps(harness, FIRST_SPEED, command)
         second = different_ramps(harness, 1.0, command + 1)
-        harness.move(harness.all, begin + FIRST_WAY * (end - begin), first)
+        harness.move(harness.all, begin + FIRST_TRAVEL * (end - begin), first)
         harness.pass_time(ramp_s(first))
         harness.move(harness.all, end, second)
         harness.pass_time(RISING_S)
@@ -70,14 +70,14 @@ def test_a_stop_has_the_ramp_of_the_last_move(harness: Harness) -> None:
 @pytest.mark.short_period
 def test_a_move_after_a_stop_has_its_own_profile(harness: Harness, stop: Stop) -> None:
     """The move has its own velocity and ramps, not those of what preceded."""
-    start, way = harness.image.position_command.copy(), harness.travel()
-    harness.move(harness.all, start + way, different_ramps(harness, 1.0, 0))
+    start, distance = harness.image.position_command.copy(), harness.travel()
+    harness.move(harness.all, start + distance, different_ramps(harness, 1.0, 0))
     harness.pass_time(EARLY_S)
     stop(harness.drivers.axes, harness.all)
     harness.rest()
     profiles = different_ramps(harness, AFTER_SPEED, 1)
     with harness.recording() as recording:
-        harness.move(harness.all, start + way, profiles)
+        harness.move(harness.all, start + distance, profiles)
         harness.rest()
     problems = ramp_problems(recording, profiles)
     top = np.abs(recording.velocity_command).max(0)
@@ -138,7 +138,9 @@ def test_a_stop_of_moving_and_idle_axes_stops_all_that_move(harness: Harness, st
         stop(harness.drivers.axes, harness.all)
         harness.rest()
         left = np.abs(harness.image.position - targets)[moving]
-        gone_on = [axis for axis, way in zip(moving, left, strict=True) if way < 5 * SETTLED_RAD]
+        gone_on = [
+            axis for axis, distance in zip(moving, left, strict=True) if distance < 5 * SETTLED_RAD
+        ]
         assert not gone_on, f"a stop of {harness.all} with axis {idle} idle did not stop {gone_on}"
         harness.move(harness.all, targets)
         harness.rest()

@@ -38,7 +38,7 @@ def stop_moving(
 
 @pytest.mark.clause("AxisDriver.stop/starts", "AxisDriver.response_s/response")
 @pytest.mark.short_period
-def test_a_stop_takes_the_time_and_way_of_its_ramp(harness: Harness) -> None:
+def test_a_stop_takes_the_time_and_distance_of_its_ramp(harness: Harness) -> None:
     speed, time_s, distance = stop_moving(harness, harness.robot.axes.stop)
     for axis in harness.all:
         ramp_s = speed[axis] / harness.profile(axis).deceleration
@@ -52,12 +52,12 @@ def test_a_stop_takes_the_time_and_way_of_its_ramp(harness: Harness) -> None:
 @pytest.mark.clause("AxisDriver.quick_stop/starts")
 def test_a_quick_stop_is_no_slower_than_a_stop(harness: Harness) -> None:
     start = harness.image.position_command.copy()
-    _, stop_s, stop_way = stop_moving(harness, harness.robot.axes.stop)
+    _, stop_s, stop_distance = stop_moving(harness, harness.robot.axes.stop)
     harness.move(harness.all, start)
     harness.rest()
-    speed, quick_s, quick_way = stop_moving(harness, harness.robot.axes.quick_stop)
+    speed, quick_s, quick_distance = stop_moving(harness, harness.robot.axes.quick_stop)
     assert (quick_s <= stop_s + REACTION_S).all()
-    assert (quick_way <= stop_way + REACTION_S * speed).all()
+    assert (quick_distance <= stop_distance + REACTION_S * speed).all()
 
 
 @pytest.mark.clause("AxisDriver.stop/all-axes", "AxisDriver.stop/starts")

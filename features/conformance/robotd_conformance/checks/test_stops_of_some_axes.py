@@ -84,8 +84,8 @@ def test_a_stop_reaches_each_named_axis_of_a_stream(streamed: Harness, stop: Sto
     start, speeds = streamed.image.position_command.copy(), streamed.speeds(SHARE)
 
     def setpoint(time_s: float) -> tuple[FloatArray, FloatArray]:
-        way_s, share = ramped(time_s, RAMP_S, BRAKE_S)
-        return start + way_s * speeds, share * speeds
+        distance_s, share = ramped(time_s, RAMP_S, BRAKE_S)
+        return start + distance_s * speeds, share * speeds
 
     stop_a_stream(streamed, stop, setpoint, speeds, CommandMode.POSITION)
 

@@ -29,8 +29,8 @@ class Ramp:
         self.operations: list[list[int]] = []
 
     def setpoint(self, time_s: float) -> tuple[FloatArray, FloatArray]:
-        way_s, share = ramped(max(0.0, time_s), RAMP_S, BRAKE_S)
-        return self._start + way_s * self._speeds, share * self._speeds
+        distance_s, share = ramped(max(0.0, time_s), RAMP_S, BRAKE_S)
+        return self._start + distance_s * self._speeds, share * self._speeds
 
     def __call__(self, image: ProcessImage) -> None:
         self.times_s.append((image.fresh_ns - self._began_ns) * 1e-9)

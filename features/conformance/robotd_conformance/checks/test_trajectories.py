@@ -18,7 +18,7 @@ MORE = 1.15  # what a value may be above its limit
 STANDS_AFTER_S, STANDS_S = 0.5, 0.05
 LEAP = 3.0  # times the fastest of the path; what is made good within a period is faster
 GENTLE_S = 4.0
-ENDING = 1.1  # acceleration at the end of the path there and back, times step² / way
+ENDING = 1.1  # acceleration at the end of the path out and back, times step² / travel
 STOP_MORE, STOP_REACTION_S = 2.0, 0.15  # a stop may brake more gently where its path turns
 MORE_IN_REAL_TIME = 1.5  # setpoints then come a fraction of a period early or late
 
@@ -51,13 +51,13 @@ def test_a_trajectory_arrives(harness: Harness, joints: list[int]) -> None:
 
 @pytest.mark.clause("AxisDriver.stream/position", "AxisDriver.follow/starts")
 def test_the_joints_are_on_the_path(harness: Harness, joints: list[int]) -> None:
-    way = harness.travel()[joints]
+    travel = harness.travel()[joints]
     accelerations = np.array([harness.robot.axes.limits[joint].acceleration for joint in joints])
-    step_s = max(0.25, float(np.sqrt(ENDING * np.abs(way) / accelerations).max()))
+    step_s = max(0.25, float(np.sqrt(ENDING * np.abs(travel) / accelerations).max()))
     phases = np.linspace(0.0, np.pi, 13)[1:]
-    rows = [way * np.sin(phase) for phase in phases]
+    rows = [travel * np.sin(phase) for phase in phases]
     times_s = [step_s * (index + 1) for index in range(len(rows))]
-    limits = SETTLED_RAD + 1.5 * LAG_S * np.abs(way) * np.pi / times_s[-1]
+    limits = SETTLED_RAD + 1.5 * LAG_S * np.abs(travel) * np.pi / times_s[-1]
     with harness.recording() as recording:
         execution = harness.follow(times_s, rows, velocities=True)
     assert execution.outcome is Outcome.SUCCEEDED, execution.message
@@ -70,7 +70,7 @@ def test_the_joints_are_on_the_path(harness: Harness, joints: list[int]) -> None
 def test_bare_axes_do_not_move_with_the_joints(harness: Harness, joints: list[int]) -> None:
     others = [axis for axis in harness.all if axis not in joints]
     if not others:
-        pytest.skip(f"the robot {harness.robot.descriptor.name} has no axis that is no joint")
+        pytest.skip(f"the robot {harness.robot.descriptor.name} has no axis that is not a joint")
     with harness.recording() as recording:
         harness.follow([0.8], [harness.travel()[joints]])
     start = recording.position[0, others]
@@ -134,10 +134,10 @@ def test_a_gentle_trajectory_is_stopped_as_fast_as_any_other(
 
 @pytest.mark.clause("AxisDriver.begin_stream/follows")
 def test_a_new_goal_takes_over_without_a_jump(harness: Harness, joints: list[int]) -> None:
-    way = harness.travel()[joints]
-    with harness.recording() as recording, harness.following([1.2], [way]) as first:
+    travel = harness.travel()[joints]
+    with harness.recording() as recording, harness.following([1.2], [travel]) as first:
         harness.pass_time(0.5)
-        with harness.following([1.0], [-0.3 * way]) as second:
+        with harness.following([1.0], [-0.3 * travel]) as second:
             harness.until(lambda: second.done, "the second trajectory ends")
     assert first.outcome is Outcome.PREEMPTED
     assert second.outcome is Outcome.SUCCEEDED, second.message
@@ -171,9 +171,9 @@ def test_no_joint_leaps_after_the_cycle_has_stood(harness: Harness, joints: list
 
 @pytest.mark.clause("AxisDriver.begin_stream/follows", "AxisDriver.follow/starts")
 def test_trajectories_may_follow_at_once_on_each_other(harness: Harness, joints: list[int]) -> None:
-    way = harness.travel(0.3)[joints]
+    travel = harness.travel(0.3)[joints]
     for sign in (1.0, -1.0, 1.0):
-        execution = harness.follow([0.5], [sign * way])
+        execution = harness.follow([0.5], [sign * travel])
         assert execution.outcome is Outcome.SUCCEEDED, execution.message
 
 

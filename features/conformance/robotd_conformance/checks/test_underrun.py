@@ -11,10 +11,10 @@ from robotd_conformance.checks.recorded_motion import judge, ramped, record_stre
 
 RAMP_S, CRUISE_S, GAP_S = 0.4, 0.1, 0.06
 MIN_GAP_PERIODS = 10
-SPEED_SHARE = 0.6  # for a way of at most ``TRAVEL_RAD``
+SPEED_SHARE = 0.6  # for a distance of at most ``TRAVEL_RAD``
 SETTLING_SHARE = 0.5  # of the gap: a device may continue for some periods before it holds
 TOLERANCE = 0.25  # of the streamed velocity
-WAY_TOLERANCE = 0.75  # periods, for the way without setpoints
+PERIODS_TOLERANCE = 0.75  # periods, for the distance without setpoints
 
 
 class InterruptedStream:
@@ -55,10 +55,10 @@ class InterruptedStream:
         return np.asarray((last - first) / (last_s - first_s))
 
     def periods(self) -> FloatArray:
-        """(n_axes,) way commanded after the last setpoint, in periods at its velocity."""
-        way_s, _ = ramped(self._last_s, RAMP_S, RAMP_S + CRUISE_S + self.gap_s)
-        way = self._stood - self._start - self.velocity * way_s
-        return np.asarray(way / (self.velocity * self._harness.period_s))
+        """(n_axes,) distance commanded after the last setpoint, in periods at its velocity."""
+        distance_s, _ = ramped(self._last_s, RAMP_S, RAMP_S + CRUISE_S + self.gap_s)
+        beyond = self._stood - self._start - self.velocity * distance_s
+        return np.asarray(beyond / (self.velocity * self._harness.period_s))
 
     def _setpoint(self, time_s: float) -> tuple[FloatArray, FloatArray] | None:
         """Position and velocity; None in the gap."""
@@ -66,13 +66,13 @@ class InterruptedStream:
         end_s = gap_at_s + self.gap_s
         if gap_at_s <= time_s < end_s:
             return None
-        way_s, share = ramped(time_s, RAMP_S, end_s)
+        distance_s, share = ramped(time_s, RAMP_S, end_s)
         if time_s < gap_at_s:
             self._last_s = time_s
         else:  # it has stopped in the gap
-            (way_s, _), share = ramped(self._last_s, RAMP_S, end_s), 0.0
-            way_s += self._further_s
-        return self._start + self.velocity * way_s, self.velocity * share
+            (distance_s, _), share = ramped(self._last_s, RAMP_S, end_s), 0.0
+            distance_s += self._further_s
+        return self._start + self.velocity * distance_s, self.velocity * share
 
 
 @pytest.mark.clause("AxisDriver.underrun/underrun")
@@ -83,16 +83,16 @@ def test_an_axis_without_setpoints_does_what_underrun_says(streamed: Harness) ->
     for sign in (1.0, -1.0):  # and back, in a second stream
         stream = InterruptedStream(streamed, sign)
         recording = record_stream(streamed, stream, stream.duration_s)
-        speeds, ways = stream.slopes(), stream.periods()
+        speeds, periods = stream.slopes(), stream.periods()
         problems = [
             f"axis {axis}: goes on with {speeds[axis]:.3g} rad/s without setpoints"
             for axis in streamed.all
             if abs(speeds[axis]) > TOLERANCE * abs(stream.velocity[axis])
         ]
         problems += [
-            f"axis {axis}: goes on for {ways[axis]:.2f} periods without setpoints, {underrun} means"
-            f" {wanted:g}"
+            f"axis {axis}: goes on for {periods[axis]:.2f} periods without setpoints, {underrun}"
+            f" means {wanted:g}"
             for axis in streamed.all
-            if abs(ways[axis] - wanted) > WAY_TOLERANCE
+            if abs(periods[axis] - wanted) > PERIODS_TOLERANCE
         ]
         judge(streamed, recording, problems)

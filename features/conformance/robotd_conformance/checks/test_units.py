@@ -96,18 +96,20 @@ def test_the_velocity_is_the_slope_of_the_position(harness: Harness, back: bool)
     judge(harness, recording, problems)
 
 
-def slope_problems(harness: Harness, recording: MotionSamples, way: str, speed: str) -> list[str]:
-    """Axes whose ``speed`` is not the rate of change of their ``way``."""
+def slope_problems(
+    harness: Harness, recording: MotionSamples, positions: str, speed: str
+) -> list[str]:
+    """Axes whose ``speed`` is not the rate of change of their ``positions``."""
     # Where values are slow they are often coarse, too: a few steps of an encoder show no speed.
     slow = harness.drivers.axes.feedback_period_s
-    times_s, slope = recording.slope(getattr(recording, way), max(SPAN_S, 4.0 * slow))
+    times_s, slope = recording.slope(getattr(recording, positions), max(SPAN_S, 4.0 * slow))
     lag_s = STEPPED_LAG_S if harness.stepped else LAG_S
     found = []
     for axis in harness.all:
         shown = np.interp(times_s, recording.time_s, getattr(recording, speed)[:, axis])
         profile, error = harness.profile(axis), np.abs(shown - slope[:, axis]).max()
         if error > 0.05 * profile.velocity + lag_s * profile.acceleration:
-            found.append(f"axis {axis}: {speed} {error:.3g} rad/s beside the slope of {way}")
+            found.append(f"axis {axis}: {speed} {error:.3g} rad/s off the slope of {positions}")
     return found
 
 
@@ -226,7 +228,7 @@ def stream_ramp(
 
     def setpoint(image: object) -> None:
         share = min((harness.due_ns - began_ns) * 1e-9 / seconds, 1.0)
-        way, slope = 3 * share**2 - 2 * share**3, 6 * (share - share**2) / seconds
-        harness.stream(start + way * (end - start), slope * (end - start))
+        share, slope = 3 * share**2 - 2 * share**3, 6 * (share - share**2) / seconds
+        harness.stream(start + share * (end - start), slope * (end - start))
 
     return record_stream(harness, setpoint, seconds + 0.1, axes)

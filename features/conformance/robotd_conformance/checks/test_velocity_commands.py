@@ -75,11 +75,11 @@ def test_a_slow_velocity_command_is_executed(fresh: Harness) -> None:
     began_ns = fresh.clock.now_ns()
     jog(fresh, speeds)
     fresh.pass_time(0.8)
-    way = speeds * (fresh.clock.now_ns() - began_ns) * 1e-9
+    expected = speeds * (fresh.clock.now_ns() - began_ns) * 1e-9
     moved = fresh.image.position - start
     jog(fresh, 0.0 * speeds)
     fresh.rest()
-    assert moved == pytest.approx(way, abs=SETTLED_RAD)
+    assert moved == pytest.approx(expected, abs=SETTLED_RAD)
 
 
 @pytest.mark.clause("AxisDriver.end_stream/velocity", "AxisDriver.stream/velocity")

@@ -35,9 +35,9 @@ def starved(streamed: Harness) -> Iterator[None]:
 
     def setpoint(image: object) -> None:
         time_s = (streamed.clock.now_ns() - began_ns) * 1e-9 + streamed.period_s
-        way_s, share = ramped(time_s, 0.2)
+        distance_s, share = ramped(time_s, 0.2)
         if time_s < 0.5:
-            streamed.stream(start + speeds * way_s, speeds * share)
+            streamed.stream(start + speeds * distance_s, speeds * share)
 
     claim = streamed.robot.axes.claimed("conformance", streamed.all)
     with claim, streamed.each_period(setpoint):
@@ -76,10 +76,14 @@ def test_axes_stop_when_their_process_is_killed(
     last = last_positions(target)
     time.sleep(GONE_S)
     harness.start(enable=False)
-    way = np.abs(harness.image.position - last)
+    distance = np.abs(harness.image.position - last)
     limit = killed_process.SPEED_RAD_S * WATCHDOG_S + SETTLED_RAD
-    certain = f": {CERTAIN}" if way.max() > 2.0 * limit else ""  # drives would stall for a second
-    assert way.max() <= limit, f"axes moved by {way} rad after their process was killed{certain}"
+    certain = (
+        f": {CERTAIN}" if distance.max() > 2.0 * limit else ""
+    )  # drives would stall for a second
+    assert distance.max() <= limit, (
+        f"axes moved by {distance} rad after their process was killed{certain}"
+    )
 
 
 def last_positions(target: KitTarget) -> list[float]:

@@ -27,7 +27,7 @@ STEPS_PERIOD_S = 0.01  # longest period in which a ramp shows intermediate veloc
 WAVE_HZ, WAVES, WAVE_SHARE = 2.0, 2, 0.05  # of a stream that curves; of the travel
 MOST_LAG = 8  # periods
 OUTLIER, BENT = 4.0, 0.5  # times the usual error; share of what a missing setpoint bends
-FAR_SHARE = 0.9  # of the way to a limit
+FAR_SHARE = 0.9  # of the distance to a limit
 LOST_S = 3.0
 STALE_S = 0.5  # of watching the other axes
 CODES = (0x07, 0x2310)
@@ -37,7 +37,7 @@ CODES = (0x07, 0x2310)
 @pytest.mark.clause("AxisDriver.jog/starts", "AxisDriver.read/commands", "AxisDriver.read/measured")
 @pytest.mark.short_period
 def test_a_velocity_command_is_met_and_shown_exactly(fresh: Harness) -> None:
-    """Once the ramps have ended: commanded, shown, and by the way that is gone."""
+    """Once the ramps have ended: commanded, measured, and by the distance."""
     fresh.set_velocity_mode()
     for share in JOG_SHARES:
         speeds = share * fresh.speeds(0.4)
@@ -109,8 +109,8 @@ class Stream:
 
     def __call__(self, image: ProcessImage) -> None:
         time_s = (self._harness.due_ns - self._began_ns) * 1e-9
-        way_s, share = ramped(max(0.0, time_s), RAMP_S, STOPPED_S + 0.02)
-        self._harness.stream(self._start + way_s * self._speeds, share * self._speeds)
+        distance_s, share = ramped(max(0.0, time_s), RAMP_S, STOPPED_S + 0.02)
+        self._harness.stream(self._start + distance_s * self._speeds, share * self._speeds)
 
 
 @pytest.mark.clause("AxisDriver.stop/stream", "AxisDriver.stop/ramp")
@@ -166,7 +166,7 @@ def test_no_setpoint_of_a_curved_stream_is_left_out(streamed: Harness) -> None:
         usual = float(np.median(error))
         wrong = np.flatnonzero(error > np.maximum(OUTLIER * usual, BENT * bend[axis]))
         assert usual > BENT * bend[axis] or not wrong.size, (
-            f"axis {axis} is {error[wrong[0]]:.2g} rad beside setpoint {wrong[0] + 2}, usually"
+            f"axis {axis} is {error[wrong[0]]:.2g} rad off setpoint {wrong[0] + 2}, usually"
             f" {usual:.2g} rad; {len(wrong)} of {len(error)} setpoints are left out"
         )
 
@@ -186,24 +186,28 @@ def test_every_kind_of_motion_is_right_far_from_zero(fresh: Harness) -> None:
     fresh.until(lambda: bool(fresh.image.motion_complete.all()), "the far positions", 60.0)
     fresh.rest()
     assert fresh.image.position == pytest.approx(far, abs=SETTLED_RAD)
-    way = -0.05 * np.sign(far - (fresh.pose.position if fresh.pose.position is not None else 0.0))
+    distance = -0.05 * np.sign(
+        far - (fresh.pose.position if fresh.pose.position is not None else 0.0)
+    )
     if not fresh.robot.axes.trajectories_on_device:
         began_ns = fresh.clock.now_ns()
 
         def send(image: ProcessImage) -> None:
             share = min((fresh.due_ns - began_ns) * 2e-9, 1.0)
-            fresh.stream(far + way * (3 * share**2 - 2 * share**3), 12.0 * way * (share - share**2))
+            fresh.stream(
+                far + distance * (3 * share**2 - 2 * share**3), 12.0 * distance * (share - share**2)
+            )
 
         record_stream(fresh, send, 0.6)
-        assert fresh.image.position == pytest.approx(far + way, abs=SETTLED_RAD)
+        assert fresh.image.position == pytest.approx(far + distance, abs=SETTLED_RAD)
     if fresh.can(Capability.VELOCITY_MODE):
         fresh.set_velocity_mode()
         begin = fresh.image.position.copy()
-        jog(fresh, np.sign(way) * 0.1)
+        jog(fresh, np.sign(distance) * 0.1)
         fresh.pass_time(0.5)
         fresh.drivers.axes.stop(fresh.all)
         fresh.rest()
-        gone = (fresh.image.position - begin) * np.sign(way)
+        gone = (fresh.image.position - begin) * np.sign(distance)
         wrong = np.flatnonzero(abs(gone - 0.05) > 0.015)
         assert not wrong.size, (
             f"axis {wrong[0]}: a jog of 0.1 rad/s for 0.5 s at {begin[wrong[0]]:.3g} rad has gone"
@@ -301,8 +305,8 @@ def test_a_stop_needs_no_fresh_values(fresh: Harness, quick: bool) -> None:
     injector.freeze(False)
     gone = np.abs(shafts - start) / np.abs(fresh.travel())
     wrong = [
-        f"axis {axis} has gone {gone[axis]:.0%} of its way, and {abs(later - shafts)[axis]:.3g} rad"
-        " more within 0.1 s, after a stop without fresh values"
+        f"axis {axis} has gone {gone[axis]:.0%} of its travel, and {abs(later - shafts)[axis]:.3g}"
+        " rad more within 0.1 s, after a stop without fresh values"
         for axis in fresh.all
         if gone[axis] > 0.9 or abs(later - shafts)[axis] > SETTLED_RAD
     ]

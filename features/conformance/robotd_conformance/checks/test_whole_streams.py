@@ -79,10 +79,10 @@ def test_setpoints_may_be_overwritten_after_the_call(streamed: Harness, mode: Co
         position, velocity = path.setpoint(np.inf)
     streamed.drivers.axes.end_stream(streamed.all)
     streamed.rest()
-    way = path.setpoint(np.inf)[0] - path.start
-    gone = (streamed.image.position - path.start) / way
+    travel = path.setpoint(np.inf)[0] - path.start
+    gone = (streamed.image.position - path.start) / travel
     problems = [
-        f"axis {axis} has gone {gone[axis]:.0%} of its way"
+        f"axis {axis} has gone {gone[axis]:.0%} of its travel"
         for axis in streamed.all
         if abs(gone[axis] - 1.0) > 0.15
     ]
@@ -93,13 +93,13 @@ def test_setpoints_may_be_overwritten_after_the_call(streamed: Harness, mode: Co
 def test_a_stream_that_rests_goes_on(streamed: Harness) -> None:
     """The same setpoint for longer than any time-out, and then others, back to the start.
 
-    From the start pose into the travel of the axes, and from the end of that way to the other side.
+    From the start pose into the travel of the axes, and from its end to the other side.
     """
     driver, speeds = streamed.drivers.axes, different_speeds(streamed)
-    way = path_end(streamed, speeds)
+    travel = path_end(streamed, speeds)
     for sign in (1.0, -1.0):
         if sign < 0.0:
-            streamed.move(streamed.all, streamed.image.position_command + way)
+            streamed.move(streamed.all, streamed.image.position_command + travel)
             streamed.rest()
         start = streamed.image.position_command.copy()
         path = Path(streamed, sign * speeds, brakes_s=CRUISE_S)
@@ -125,8 +125,8 @@ def test_a_stream_that_rests_goes_on(streamed: Harness) -> None:
 @pytest.mark.clause("backend/watchdog")
 @pytest.mark.short_period
 def test_axes_stop_each_time_that_setpoints_stay_away(streamed: Harness) -> None:
-    """Checks each mode, both ways and the next connection: between start and travel."""
-    connection, way = streamed.robot.connection, streamed.travel()
+    """Checks each mode, both directions and the next connection: between start and travel."""
+    connection, travel = streamed.robot.connection, streamed.travel()
     for turn in range(3):
         if turn == 2:
             connection.stop_communication()
@@ -136,7 +136,7 @@ def test_axes_stop_each_time_that_setpoints_stay_away(streamed: Harness) -> None
             streamed.enable()
             begin = streamed.pose.position
             assert begin is not None
-            streamed.move(streamed.all, begin if sign > 0.0 else begin + way)
+            streamed.move(streamed.all, begin if sign > 0.0 else begin + travel)
             streamed.rest()
             for axis in streamed.all:
                 streamed.robot.axes.set_command_mode(axis, mode)
@@ -147,7 +147,7 @@ def test_axes_stop_each_time_that_setpoints_stay_away(streamed: Harness) -> None
 
 
 def path_end(harness: Harness, speeds: FloatArray) -> FloatArray:
-    """Return (n_axes,) the way of a path that is slowed down at ``CRUISE_S``."""
+    """Return (n_axes,) the displacement of a path that is slowed down at ``CRUISE_S``."""
     return np.asarray(ramped(np.inf, RAMP_S, CRUISE_S)[0] * speeds)
 
 

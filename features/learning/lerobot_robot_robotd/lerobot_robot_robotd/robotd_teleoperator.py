@@ -15,7 +15,7 @@ from robotd import InvalidArgument, NotReady, Robot, open_robot
 from robotd.api import NANOSECONDS, wait_until
 from robotd.api.models import load_robot_descriptor
 
-STALE_S = 0.2  # age of the values at which they are no action
+STALE_S = 0.2  # age of the values at which they are not an action
 FIRST_VALUES_S = 5.0  # from the start to the first values
 
 

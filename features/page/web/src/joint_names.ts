@@ -2,7 +2,7 @@
 
 import { make } from "./dom";
 
-const SEPARATORS = /(?<=[_\-./ ])/; // a name breaks behind these, and a shared beginning ends there
+const SEPARATORS = /(?<=[_\-./ ])/; // a name breaks after these, and a shared start ends there
 
 // Return the element of each name. It breaks into lines where it is too long for its place.
 export function nameElements(names: string[]): HTMLElement[] {

@@ -223,7 +223,7 @@ export class Sample {
   }
 }
 
-// Samples of a binary message, one behind the other.
+// Samples of a binary message, one after the other.
 export function* samplesOf(data: ArrayBuffer, axes: number, groups: number): Generator<Sample> {
   const numbers = new Float64Array(data);
   const width = HEADER + groups + ROWS * axes;

@@ -130,7 +130,7 @@ export class ProgramPanel {
     });
   }
 
-  // A program is checked, by line and key, before it begins; a step behind others is not.
+  // A program is checked, by line and key, before it begins; a step after others is not.
   private start(single: boolean): void {
     const { name } = this;
     const seen = this.sender.seen();

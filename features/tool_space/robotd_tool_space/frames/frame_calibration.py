@@ -48,7 +48,7 @@ def tool_tip(links: Sequence[FloatArray]) -> ToolTip:
     poses = np.array(links)
     turns, places = poses[:, :3, :3], poses[:, :3, 3]
     # Without the point: each touch less the mean of all.
-    apart, way = turns - turns.mean(axis=0), places.mean(axis=0) - places
+    apart, offsets = turns - turns.mean(axis=0), places.mean(axis=0) - places
     rows = apart.reshape(-1, 3)
     sizes = np.linalg.svd(rows, compute_uv=False)
     known = float(sizes[-1] / np.sqrt(len(links)))
@@ -56,7 +56,7 @@ def tool_tip(links: Sequence[FloatArray]) -> ToolTip:
         raise InvalidArgument(
             "the poses are too alike: turn the tool by 30° and more about different axes"
         )
-    tip = np.linalg.lstsq(rows, way.reshape(-1), rcond=None)[0]
+    tip = np.linalg.lstsq(rows, offsets.reshape(-1), rcond=None)[0]
     touched = turns @ tip + places
     point = touched.mean(axis=0)
     return ToolTip(tip, point, np.linalg.norm(touched - point, axis=1), min(known, 1.0))

@@ -34,7 +34,7 @@ def calibrate(
 ) -> None:
     """Ask for the touches, compute the frame, and print it or write it into a robot's file.
 
-    Raises InvalidArgument: the touches make no frame; DescriptorError: the file is no robot.
+    Raises InvalidArgument: the touches make no frame; DescriptorError: the file is not a robot.
     """
     if is_frame:
         points = [_touch(client, group, f"Touch {what}")[1][:3, 3] for what in POINTS]
@@ -62,7 +62,7 @@ def calibrate(
 def write_frame(path: Path, section: str, name: str, settings: dict[str, list[float]]) -> None:
     """Write a frame into a robot's file, with its comments, whole or not at all.
 
-    Raises DescriptorError: the file is no robot, or would be none afterwards; it is as before.
+    Raises DescriptorError: the file is not a robot, or would be none afterwards; it is as before.
     """
     load_robot_descriptor(path)
     before = path.read_text(encoding="utf-8")

@@ -62,13 +62,13 @@ class Chain:
         moves the link.
         """
         known = {*names, *others}
-        way: list[UrdfJoint] = []
+        path: list[UrdfJoint] = []
         base = link
         while base != urdf.root:
             joint = urdf.parent_joint[base]
             if joint.moves and urdf.leader(joint, known)[0].name in others:
                 break
-            way.insert(0, joint)
+            path.insert(0, joint)
             base = joint.parent
         at = base
         while at != urdf.root:
@@ -78,7 +78,7 @@ class Chain:
                 text = f"joint {break_joint!r} of another group is between {joint.name!r} and"
                 raise DescriptorError(f"{text} the tool {link!r}")
             at = joint.parent
-        return cls._of_joints(urdf, tuple(names), base, link, way)
+        return cls._of_joints(urdf, tuple(names), base, link, path)
 
     @classmethod
     def _of_joints(
@@ -87,13 +87,13 @@ class Chain:
         names: tuple[str, ...],
         base: str,
         link: str,
-        way: Sequence[UrdfJoint],
+        path: Sequence[UrdfJoint],
     ) -> Chain:
         column = {name: index for index, name in enumerate(names)}
         before = np.eye(4)  # what is fixed since the last moving joint
         frames: list[tuple[FloatArray, FloatArray, FloatArray]] = []
         ratios, offsets, axes, slides, moving = [], [], [], [], []
-        for joint in way:
+        for joint in path:
             leader, ratio, offset = urdf.leader(joint, column)
             if not joint.moves or leader.name not in column:
                 before = before @ joint.transform(urdf.position(joint, {}))
@@ -153,8 +153,8 @@ class Chain:
     ) -> FloatArray:
         """Return speeds (..., m + p), m/s, of the links' origins and of ``points``, in the base.
 
-        As the way between positions ``SPEED_STEP_S`` apart: that is as fast as the Jacobian of a
-        single point.
+        From the displacement between positions ``SPEED_STEP_S`` apart: that is as fast as the
+        Jacobian of a single point.
 
         Args:
             positions, velocities: (..., n).
@@ -165,8 +165,8 @@ class Chain:
         last = frames[..., -1, :, :]
         fixed = points @ np.swapaxes(last[..., :3, :3], -1, -2) + last[..., None, :3, 3]
         places = np.concatenate([frames[..., :3, 3], fixed], axis=-2)
-        way = places[1] - places[0]
-        speeds: FloatArray = np.sqrt((way * way).sum(axis=-1)) / SPEED_STEP_S
+        path = places[1] - places[0]
+        speeds: FloatArray = np.sqrt((path * path).sum(axis=-1)) / SPEED_STEP_S
         return speeds
 
     def frames(self, positions: FloatArray) -> FloatArray:

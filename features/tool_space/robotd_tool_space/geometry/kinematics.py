@@ -23,7 +23,7 @@ from robotd_tool_space.geometry.chain import Chain
 from robotd_tool_space.geometry.pose_solver import PoseProblem, Task, pose_weights
 from robotd_tool_space.geometry.rotations import checked_pose, pose_differences
 
-RANDOM_STARTS = 16  # random ones beside the seed, solved at once
+RANDOM_STARTS = 16  # random ones in addition to the seed, solved at once
 MAX_ROUNDS = 12  # of random starts at most
 MANY_STARTS = 128  # for all solutions
 SAME_RAD = 1e-3  # distance of two positions that are one solution, rad or m
@@ -164,7 +164,7 @@ class Kinematics:
         They are those to which the search from ``seed`` leads, and otherwise the nearest of those
         found from random starts. The same arguments give the same result.
 
-        Raises Unreachable: with the reason; InvalidArgument: ``target`` is no pose, or ``seed``
+        Raises Unreachable: with the reason; InvalidArgument: ``target`` is not a pose, or ``seed``
         has a number that is not finite.
         """
         problem, seed = self._problem(target), self._checked_seed(seed)

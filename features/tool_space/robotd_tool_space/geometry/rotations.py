@@ -69,7 +69,7 @@ def _near_half_turn(matrix: FloatArray, sines: FloatArray, angle: float) -> Floa
 
 
 def pose_differences(poses: FloatArray, target: FloatArray) -> FloatArray:
-    """Return the ways from ``poses`` (..., 4, 4) to ``target``; shape (..., 6).
+    """Return the displacements from ``poses`` (..., 4, 4) to ``target``; shape (..., 6).
 
     Translation in m, then the rotation vector in rad, both in the frame of the poses.
     """
@@ -78,12 +78,12 @@ def pose_differences(poses: FloatArray, target: FloatArray) -> FloatArray:
     return np.concatenate([shift, rotation_vectors(turned)], axis=-1)
 
 
-def moved_pose(pose: FloatArray, way: FloatArray) -> FloatArray:
-    """Return ``pose`` moved by ``way`` (6,) along fixed axes: m, and a rotation vector in rad."""
+def moved_pose(pose: FloatArray, displacement: FloatArray) -> FloatArray:
+    """Return ``pose`` moved by ``displacement`` (6,) along fixed axes: m, and rotation vector."""
     result = pose.copy()
-    result[:3, 3] += way[:3]
-    if way[3:].any():
-        result[:3, :3] = rotation_matrices(way[3:]) @ pose[:3, :3]
+    result[:3, 3] += displacement[:3]
+    if displacement[3:].any():
+        result[:3, :3] = rotation_matrices(displacement[3:]) @ pose[:3, :3]
     return result
 
 
@@ -141,7 +141,7 @@ def quaternion_pose(position: Sequence[float], quaternion: Sequence[float]) -> F
 
 
 def checked_pose(pose: FloatArray, name: str = "pose") -> FloatArray:
-    """Return ``pose`` as an array; raises InvalidArgument: it is no pose, named ``name``."""
+    """Return ``pose`` as an array; raises InvalidArgument: it is not a pose, named ``name``."""
     matrix = np.asarray(pose, np.float64)
     if matrix.shape != (4, 4):
         raise InvalidArgument(f"{name} has shape {matrix.shape}, must be (4, 4)")

@@ -65,10 +65,10 @@ class TransformTree:
 
     def _way_up(self, frame: str) -> list[str]:
         """Return the frames from one to the root of its tree; a loop ends where it closes."""
-        way = [frame]
-        while (link := self._links.get(way[-1])) is not None and link.parent not in way:
-            way.append(link.parent)
-        return way
+        chain = [frame]
+        while (link := self._links.get(chain[-1])) is not None and link.parent not in chain:
+            chain.append(link.parent)
+        return chain
 
     def _pose(self, frames: list[str]) -> FloatArray:
         """Return the pose of the first frame in the parent of the last one."""
@@ -90,5 +90,5 @@ class TransformTree:
         return f"no transform between both frames: {below}"
 
 
-def _before(way: list[str], frame: str) -> list[str]:
-    return way[: way.index(frame)]
+def _before(chain: list[str], frame: str) -> list[str]:
+    return chain[: chain.index(frame)]

@@ -142,7 +142,7 @@ def _follow(
         return None
     poses = path.poses(at_s)
     for stride in STRIDES:
-        with np.errstate(all="ignore"):  # what diverges is judged behind it
+        with np.errstate(all="ignore"):  # what diverges is judged after it
             found = _solve_between(kinematics, poses, start, stride)
             if _is_followed(kinematics, at_s, poses, found):
                 return found
@@ -158,7 +158,7 @@ def _solve_between(
         end = correct(kinematics, before[None], poses[last][None], iterations=2 * MAX_TRIES)[0]
         parts = np.arange(1, stride + 1)[:, None] / stride
         guess[first + 1 : last + 1] = before + parts * (end - before)
-        guess[last + 1 :] = end  # near enough for what is left behind the last of them
+        guess[last + 1 :] = end  # near enough for what is left after the last of them
     positions = correct(kinematics, guess, poses, iterations=MAX_TRIES)
     positions[0] = start
     return positions
@@ -207,10 +207,10 @@ def slopes(
     # One-sided at both ends and never across a corner that is a stop: the piece decides.
     piece = np.clip(np.searchsorted(edges, at_s, "right") - 1, 0, len(path.pieces) - 1)
     before = np.maximum(at_s - half_s, edges[piece])
-    behind = np.minimum(at_s + half_s, edges[piece + 1])
-    poses = path.poses(np.concatenate([before, behind]))
+    after = np.minimum(at_s + half_s, edges[piece + 1])
+    poses = path.poses(np.concatenate([before, after]))
     difference = pose_differences(poses[: len(at_s)], poses[len(at_s) :])
-    twist = difference / np.maximum(behind - before, 1e-12)[:, None] * weights
+    twist = difference / np.maximum(after - before, 1e-12)[:, None] * weights
     pose, jacobian = kinematics.chain.forward_and_jacobian(positions)
     rows = kinematics.task.rows(jacobian * weights[:, None], pose)
     wanted = twist @ kinematics.task.chosen.T

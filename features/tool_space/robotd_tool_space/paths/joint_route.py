@@ -1,6 +1,6 @@
 """Route of the joints of an arm: moves of the joints and paths of the tool as one curve.
 
-Between a joint move and whatever is beside it the corner is rounded in the space of the joints.
+Between a joint move and its neighbour the corner is rounded in the space of the joints.
 Between two curves of the tool that is done in space, see ``tool_path``.
 """
 
@@ -21,7 +21,7 @@ from robotd_tool_space.paths.joint_path import MAX_SAMPLES, MIN_SAMPLES, STEP_M,
 from robotd_tool_space.paths.tool_curves import ToolSpeed, corner_places
 from robotd_tool_space.paths.tool_path import NO_LENGTH_S, Blend
 
-RATE_SAMPLES = 100  # of a way of the joints, for its highest rates
+RATE_SAMPLES = 100  # of a motion of the joints, for its highest rates
 MAX_TRIES = 20
 SHRINK = 0.9  # of a corner that is too wide, beside the ratio to its bound
 MIN_RATE = 0.1  # of the full speed of the tool, where it is to keep one speed
@@ -67,16 +67,16 @@ class JointCurve(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class JointLine:
-    """Straight way of all joints together.
+    """Straight motion of all joints together.
 
     Attributes:
         start: (n,) rad or m.
-        way: (n,) to the end.
+        displacement: (n,) to the end.
     """
 
     kinematics: Kinematics
     start: FloatArray
-    way: FloatArray
+    displacement: FloatArray
     length_s: float
     at_s: FloatArray
     rests: tuple[int, ...] = ()
@@ -90,25 +90,29 @@ class JointLine:
         velocity: FloatArray,
         speed: ToolSpeed,
     ) -> JointLine:
-        """Return the way between two positions (n,); its length is 0 where they are the same.
+        """Return the motion between two positions (n,); its length is 0 where they are the same.
 
         ``velocity``: (n,) of the joints at full speed, which the tool at ``speed`` may lower.
         """
-        way = end - start
-        poses = kinematics.forward(start + np.linspace(0.0, 1.0, RATE_SAMPLES + 1)[:, None] * way)
+        displacement = end - start
+        poses = kinematics.forward(
+            start + np.linspace(0.0, 1.0, RATE_SAMPLES + 1)[:, None] * displacement
+        )
         steps = pose_differences(poses[:-1], poses[1:]).reshape(-1, 2, 3)
         linear, angular = RATE_SAMPLES * np.linalg.norm(steps, axis=2).max(axis=0)
-        length_s = max(speed.time_s(linear, angular), float((np.abs(way) / velocity).max()))
-        needed = max(linear / STEP_M, angular / STEP_RAD, np.abs(way).max() / STEP_RAD)
+        length_s = max(
+            speed.time_s(linear, angular), float((np.abs(displacement) / velocity).max())
+        )
+        needed = max(linear / STEP_M, angular / STEP_RAD, np.abs(displacement).max() / STEP_RAD)
         count = int(np.clip(np.ceil(needed), MIN_SAMPLES, MAX_SAMPLES))
-        return cls(kinematics, start, way, length_s, np.linspace(0.0, length_s, count + 1))
+        return cls(kinematics, start, displacement, length_s, np.linspace(0.0, length_s, count + 1))
 
     @property
     def ends_s(self) -> tuple[float]:
         return (self.length_s,)
 
     def exact(self, at_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        slope = self.way / self.length_s
+        slope = self.displacement / self.length_s
         return self.start + at_s[:, None] * slope, np.tile(slope, (len(at_s), 1))
 
     @cached_property
@@ -183,7 +187,7 @@ class Route:
 
     Attributes:
         at_s: (k,) samples, increasing.
-        positions, slopes: (k, n), derivatives by s; at a stop those behind it.
+        positions, slopes: (k, n), derivatives by s; at a stop those after it.
         rests: inner samples at which the joints rest.
         ends_s: s at the end of each segment: in the middle of its corner.
     """
@@ -214,13 +218,13 @@ class Route:
         stops = []
         for number, curve in enumerate(curves):
             before = corners[number - 1] if number else None
-            behind = corners[number] if number < len(corners) else None
+            following = corners[number] if number < len(corners) else None
             begin_s = before.reach_s if before else 0.0
-            end_s = float(curve.at_s[-1]) - (behind.reach_s if behind else 0.0)
+            end_s = float(curve.at_s[-1]) - (following.reach_s if following else 0.0)
             if end_s - begin_s > NO_LENGTH_S:
                 spans.append((curve, begin_s, end_s))
-            if behind:
-                spans.append((behind, 0.0, 2.0 * behind.reach_s))
+            if following:
+                spans.append((following, 0.0, 2.0 * following.reach_s))
             elif number < len(corners):
                 stops.append(len(spans) - 1)
         return cls._joined(spans, stops, _ends_s(curves))
@@ -290,11 +294,11 @@ class Route:
 
 @dataclass(frozen=True, eq=False)
 class EvenRoute:
-    """Route whose parameter passes as the way of the tool does: one speed at constant rate.
+    """Route whose parameter passes as the distance of the tool does: one speed at constant rate.
 
     Attributes:
         route: what it leads along.
-        at_s: (k,) parameters of the samples of ``route``: the way divided by the speed.
+        at_s: (k,) parameters of the samples of ``route``: the distance divided by the speed.
         stretch: (k,) derivatives of the parameter of ``route`` by that.
     """
 
@@ -306,7 +310,7 @@ class EvenRoute:
     def of(cls, route: Route, kinematics: Kinematics, velocity: float) -> EvenRoute:
         """Return the route for a tool at ``velocity``, m/s.
 
-        Raises InvalidArgument: somewhere the tool turns, or turns back, and goes no way.
+        Raises InvalidArgument: somewhere the tool turns, or turns back, and does not advance.
         """
         _, jacobian = kinematics.chain.forward_and_jacobian(route.positions)
         rates = np.linalg.norm((jacobian[:, :3] @ route.slopes[..., None])[..., 0], axis=1)
@@ -317,8 +321,8 @@ class EvenRoute:
                 f"at {place:.0f} % the tool cannot keep a constant speed: it turns back there, or"
                 " turns in place"
             )
-        ways = np.diff(route.at_s) * 0.5 * (rates[1:] + rates[:-1])
-        at_s = np.concatenate([[0.0], np.cumsum(ways)]) / velocity
+        distances = np.diff(route.at_s) * 0.5 * (rates[1:] + rates[:-1])
+        at_s = np.concatenate([[0.0], np.cumsum(distances)]) / velocity
         return cls(route, at_s, velocity / rates)
 
     @property

@@ -20,7 +20,7 @@ class PathOutput:
     Attributes:
         byte, bit: of the image of outputs; ``robot.io.outputs`` has those that have names.
         on: level.
-        at_m: way of the tool along its path from there, below 0 before it.
+        at_m: distance of the tool along its path from there, below 0 before it.
         at_s: time of the motion from that place, below 0 before it, at a speed of 100 %.
     """
 
@@ -57,11 +57,11 @@ class OutputSetter:
             self._io.set_output_bit(output.byte, output.bit, output.on)
 
     def exchange(self, after_s: float, outputs: tuple[TimedOutput, ...]) -> None:
-        """Replace those behind ``after_s`` of the motion by those of a longer one."""
+        """Replace those after ``after_s`` of the motion by those of a longer one."""
         with self._lock:
             before = [timed for timed in self._left if timed.time_s <= after_s]
-            behind = (timed for timed in outputs if timed.time_s > after_s)
-            self._left = before + sorted(behind, key=lambda timed: timed.time_s)
+            after = (timed for timed in outputs if timed.time_s > after_s)
+            self._left = before + sorted(after, key=lambda timed: timed.time_s)
 
     def _due(self, time_s: float) -> PathOutput | None:
         with self._lock:

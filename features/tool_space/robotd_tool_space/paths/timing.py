@@ -144,7 +144,7 @@ def time_curve(
     """Return the fastest timing of a curve of the joints that starts and ends at rest.
 
     Args:
-        curve: equidistant samples nearly; its slopes at a stop are those behind it.
+        curve: equidistant samples nearly; its slopes at a stop are those after it.
         stops: inner samples at which it rests, increasing.
         velocity, acceleration: (n,) limits of the joints.
         caps: (k,) highest speeds of the parameter.
@@ -195,7 +195,7 @@ def _widened(at_s: FloatArray, highest: FloatArray, smooth_s: float) -> FloatArr
 def _curvatures(at_s: FloatArray, slopes: FloatArray, rests: IntArray) -> FloatArray:
     """Return the second derivatives (k, n) of the positions by the parameter.
 
-    The slope at a stop is that behind it: it does not count for the part before.
+    The slope at a stop is that after it: it does not count for the part before.
     """
     bends = np.empty_like(slopes)
     edges = rests.copy()

@@ -78,7 +78,7 @@ class ToolSpeed:
         return ToolSpeed(self.velocity * speed, self.angular_velocity * speed, self.acceleration)
 
     def time_s(self, linear: float, angular: float) -> float:
-        """Return the time of a way of m and rad at full speed."""
+        """Return the time of a distance of m and rad at full speed."""
         return max(linear / self.velocity, angular / self.angular_velocity)
 
 
@@ -88,28 +88,28 @@ class LineCurve:
 
     Attributes:
         start: (4, 4) first pose.
-        way: (6,) translation and rotation vector, in the base.
+        displacement: (6,) translation and rotation vector, in the base.
     """
 
     start: FloatArray
-    way: FloatArray
+    displacement: FloatArray
     length_s: float
 
     @classmethod
     def to(cls, start: FloatArray, end: FloatArray, speed: ToolSpeed) -> LineCurve:
         """Return the line between two poses; its length is 0 where they are the same."""
-        way = pose_differences(start, end)
-        linear, angular = np.linalg.norm(way[:3]), np.linalg.norm(way[3:])
-        return cls(start, way, speed.time_s(float(linear), float(angular)))
+        displacement = pose_differences(start, end)
+        linear, angular = np.linalg.norm(displacement[:3]), np.linalg.norm(displacement[3:])
+        return cls(start, displacement, speed.time_s(float(linear), float(angular)))
 
     @property
     def rates(self) -> FloatArray:
-        return np.linalg.norm(self.way.reshape(2, 3), axis=1) / self.length_s
+        return np.linalg.norm(self.displacement.reshape(2, 3), axis=1) / self.length_s
 
     def poses(self, at_s: FloatArray) -> FloatArray:
         part = (at_s / self.length_s)[:, None]
-        place = self.start[:3, 3] + part * self.way[:3]
-        return _poses(place, rotation_matrices(part * self.way[3:]) @ self.start[:3, :3])
+        place = self.start[:3, 3] + part * self.displacement[:3]
+        return _poses(place, rotation_matrices(part * self.displacement[3:]) @ self.start[:3, :3])
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +121,7 @@ class ArcCurve:
         spoke: (3,) from the centre to the first position.
         axis: (3,) unit vector that the arc turns about.
         angle: of the arc, rad; above 0.
-        turn: (3,) rotation vector of the tool on the whole way.
+        turn: (3,) rotation vector of the tool on the whole arc.
     """
 
     start: FloatArray
@@ -140,11 +140,11 @@ class ArcCurve:
         Raises InvalidArgument: two are at the same place, or the three are on a line.
         """
         first, second, third = start[:3, 3], via[:3, 3], end[:3, 3]
-        ways = np.array([second - first, third - second, first - third])
-        lengths = np.linalg.norm(ways, axis=1)
+        sides = np.array([second - first, third - second, first - third])
+        lengths = np.linalg.norm(sides, axis=1)
         if lengths.min() < SAME_M:
             raise InvalidArgument("an arc needs three different places: start, `via` and `to`")
-        axis = np.cross(ways[0], ways[1])
+        axis = np.cross(sides[0], sides[1])
         size = float(np.linalg.norm(axis))
         if size < STRAIGHT * lengths[0] * lengths[1]:
             raise InvalidArgument("start, `via` and `to` of the arc are on a straight line")
@@ -190,15 +190,15 @@ class ArcCurve:
 
     @property
     def rates(self) -> FloatArray:
-        way = np.array([np.linalg.norm(self.spoke) * self.angle, np.linalg.norm(self.turn)])
-        return way / self.length_s
+        distances = np.array([np.linalg.norm(self.spoke) * self.angle, np.linalg.norm(self.turn)])
+        return distances / self.length_s
 
     def poses(self, at_s: FloatArray) -> FloatArray:
         part = (at_s / self.length_s)[:, None]
         angle, across = part * self.angle, np.cross(self.axis, self.spoke)
-        way = (np.cos(angle) - 1.0) * self.spoke + np.sin(angle) * across
+        displacement = (np.cos(angle) - 1.0) * self.spoke + np.sin(angle) * across
         turned = rotation_matrices(part * self.turn) @ self.start[:3, :3]
-        return _poses(self.start[:3, 3] + way, turned)
+        return _poses(self.start[:3, 3] + displacement, turned)
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,19 +255,19 @@ class SplineCurve:
         knots = self.knots_s
         index = np.clip(np.searchsorted(knots, at_s, "right") - 1, 0, len(knots) - 2)
         width = (knots[index + 1] - knots[index])[:, None]
-        behind = (at_s - knots[index])[:, None] / width
-        before = 1.0 - behind
-        way = before * self.points[index] + behind * self.points[index + 1]
-        way += (
+        passed = (at_s - knots[index])[:, None] / width
+        before = 1.0 - passed
+        displacement = before * self.points[index] + passed * self.points[index + 1]
+        displacement += (
             width**2
             / 6.0
             * (
                 (before**3 - before) * self.bends[index]
-                + (behind**3 - behind) * self.bends[index + 1]
+                + (passed**3 - passed) * self.bends[index + 1]
             )
         )
-        turned = rotation_matrices(way[:, 3:]) @ self.start[:3, :3]
-        return _poses(self.start[:3, 3] + way[:, :3], turned)
+        turned = rotation_matrices(displacement[:, 3:]) @ self.start[:3, :3]
+        return _poses(self.start[:3, 3] + displacement[:, :3], turned)
 
 
 def _natural_second_derivatives(knots_s: FloatArray, points: FloatArray) -> FloatArray:
@@ -318,7 +318,7 @@ class CornerCurve:
 def corner_places(
     at_s: FloatArray, length_s: float, reach_s: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return where a corner is on the curve before it, of ``length_s``, and on the one behind."""
+    """Return where a corner is on the curve before it, of ``length_s``, and on the one after it."""
     part = at_s / (2.0 * reach_s)
     return length_s - reach_s * (1.0 - part) ** 2, reach_s * part**2
 

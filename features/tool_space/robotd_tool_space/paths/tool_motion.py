@@ -118,7 +118,7 @@ def plan_fast_motion(
 
 
 def _shortest_s(limits: JointLimits, start: FloatArray, goal: FloatArray, part: float) -> float:
-    """Return the shortest duration of a way of the joints; 0: they are there."""
+    """Return the shortest duration of a motion of the joints; 0: they are there."""
     distance = np.abs(goal - start)
     if distance.max() < 1e-9:
         return 0.0
@@ -134,19 +134,22 @@ def _shortest_s(limits: JointLimits, start: FloatArray, goal: FloatArray, part: 
 def _in_time(
     limits: JointLimits, start: FloatArray, goal: FloatArray, duration_s: float
 ) -> ToolMotion:
-    way = goal - start
+    displacement = goal - start
     count = int(np.clip(np.ceil(duration_s / KNOT_S), 2, MAX_KNOTS))
     parts = np.linspace(0.0, 1.0, count + 1)
     place = _quintic(parts)
     rate = 30.0 * parts**2 * (1.0 - parts) ** 2 / duration_s
     motion = ToolMotion(
-        duration_s * parts, start + place[:, None] * way, rate[:, None] * way, path_s=duration_s
+        duration_s * parts,
+        start + place[:, None] * displacement,
+        rate[:, None] * displacement,
+        path_s=duration_s,
     )
     return within_limits(motion, limits)
 
 
 def _quintic(parts: FloatArray) -> FloatArray:
-    """Return shares of the way at shares of the time, from rest to rest."""
+    """Return shares of the displacement at shares of the time, from rest to rest."""
     place: FloatArray = parts**3 * (10.0 + parts * (6.0 * parts - 15.0))
     return place
 
@@ -196,7 +199,7 @@ def rest_of(motion: ToolMotion, limits: JointLimits, time_s: float) -> ToolMotio
     if not len(later):
         positions[-1] = motion.positions[-1]
     velocities[-1] = 0.0
-    # The inverse of ``passed_s``: a parabola, and behind it the time plus that of the ramp.
+    # The inverse of ``passed_s``: a parabola, and after it the time plus that of the ramp.
     outputs = tuple(
         TimedOutput(
             2.0 * float(np.sqrt(ramp_s * left_s)) if left_s < ramp_s else left_s + ramp_s, output
@@ -258,7 +261,7 @@ def knots(joints: Curve, timing: Timing, knot_s: float) -> ToolMotion:
 
 def knot_times(timing: Timing, knot_s: float) -> FloatArray:
     """Return times of points, at most ``knot_s`` apart, with one at each rest."""
-    # A point at each stop: a cubic from before it to behind it would cut the corner.
+    # A point at each stop: a cubic from before it to after it would cut the corner.
     parts_s = []
     for begin_s, end_s in pairwise(timing.rests_s):
         count = max(int(np.ceil((end_s - begin_s) / knot_s)), 2)

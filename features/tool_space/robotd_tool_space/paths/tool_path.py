@@ -56,7 +56,7 @@ class ToolPath:
 
     Attributes:
         pieces: one after the other.
-        stops: pieces behind which the tool stands still, by index; the last one is not named.
+        stops: pieces after which the tool is at rest, by index; the last one is not named.
         ends_s: s at the end of each curve: in the middle of its corner.
     """
 

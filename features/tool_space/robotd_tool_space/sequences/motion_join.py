@@ -91,7 +91,7 @@ class _Begin(NamedTuple):
 
 
 def _begin(running: ToolMotion, longer: ToolMotion, at_s: float) -> _Begin | None:
-    """Return how a change at ``at_s`` begins; None: the two are not on the same way there."""
+    """Return how a change at ``at_s`` begins; None: the two are not on the same path there."""
     position, velocity, acceleration = _state(running, at_s)
     if np.abs(velocity).max() < MIN_VELOCITY:
         return None
@@ -111,8 +111,8 @@ def _begin(running: ToolMotion, longer: ToolMotion, at_s: float) -> _Begin | Non
     slope = float((acceleration - rate**2 * bend) @ along / (along @ along))
     same_place = np.abs(position - there).max() <= SAME_PATH
     off = np.abs(velocity - rate * along).max()
-    same_way = off <= SAME_DIRECTION * np.abs(velocity).max()
-    if not (same_place and same_way and LOWEST_RATE <= rate <= HIGHEST_RATE):
+    same_direction = off <= SAME_DIRECTION * np.abs(velocity).max()
+    if not (same_place and same_direction and LOWEST_RATE <= rate <= HIGHEST_RATE):
         return None
     return _Begin(at_s, place_s, rate, slope)
 
@@ -136,7 +136,7 @@ def _changed(
     at = np.array([begin.at_s])
     positions[:1], velocities[:1] = sampled(running, at)
     before = running.times_s < begin.at_s - DIFFERENCE_S
-    behind = longer.times_s > passed_s[-1] + FINEST_KNOT_S / 2.0
+    after = longer.times_s > passed_s[-1] + FINEST_KNOT_S / 2.0
     shift_s = begin.at_s + fade_s - float(passed_s[-1])
 
     def moved(time_s: float) -> float:
@@ -155,10 +155,10 @@ def _changed(
     return replace(
         longer,
         times_s=np.concatenate(
-            [running.times_s[before], begin.at_s + since_s, longer.times_s[behind] + shift_s]
+            [running.times_s[before], begin.at_s + since_s, longer.times_s[after] + shift_s]
         ),
-        positions=np.vstack([running.positions[before], positions, longer.positions[behind]]),
-        velocities=np.vstack([running.velocities[before], velocities, longer.velocities[behind]]),
+        positions=np.vstack([running.positions[before], positions, longer.positions[after]]),
+        velocities=np.vstack([running.velocities[before], velocities, longer.velocities[after]]),
         ends_s=(*kept, *later),
         outputs=outputs,
     )

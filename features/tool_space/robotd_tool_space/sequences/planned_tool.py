@@ -89,7 +89,7 @@ class PlannedTool(ToolFrames):
     def plan_behind(
         self, start: FloatArray, first: int, steps: Sequence[SequenceStep]
     ) -> list[SequencePart]:
-        """Return the parts of ``steps`` from rest at ``start`` (n,), behind ``first`` others.
+        """Return the parts of ``steps`` from rest at ``start`` (n,), after ``first`` others.
 
         Errors: see ``plan_sequence``.
         """
@@ -99,7 +99,7 @@ class PlannedTool(ToolFrames):
     def plan_further(
         self, last: SequenceMotion, steps: Sequence[SequenceStep]
     ) -> list[SequencePart]:
-        """Return the parts of a motion with ``steps`` behind it. Errors: see ``plan_sequence``."""
+        """Return the parts of a motion with ``steps`` after it. Errors: see ``plan_sequence``."""
         in_base = [*last.segments, *(step.in_base(self.fixed_work_frame) for step in steps)]
         plan = self._planner(constant_speed=False)
         return plan_parts(in_base, last.motion.positions[0], plan, last.first)

@@ -168,10 +168,10 @@ class _RouteBuilder:
             self._solve_path()
             goal = segment.goal(kinematics, self._here)
             velocity = segment.speed * self._velocity
-            way = JointLine.to(kinematics, self._here, goal, velocity, speed)
-            if way.length_s <= NO_LENGTH_S:
+            line = JointLine.to(kinematics, self._here, goal, velocity, speed)
+            if line.length_s <= NO_LENGTH_S:
                 return
-            self._append(way, self._blend)
+            self._append(line, self._blend)
             self._here, self._pose = goal, kinematics.forward(goal)
         self._numbers.append(number)
         self._blend = segment.blend(self._speed)
@@ -206,8 +206,8 @@ class _RouteBuilder:
     def _solve_path(self) -> None:
         if not self._path:
             return
-        curves = [behind.curve for behind in self._path]
-        path = ToolPath.of(curves, [behind.blend for behind in self._path[1:]])
+        curves = [piece.curve for piece in self._path]
+        path = ToolPath.of(curves, [piece.blend for piece in self._path[1:]])
         try:
             solved = solve_at_once(self._kinematics, path, self._here)
         except Unreachable as error:
@@ -294,14 +294,16 @@ def _outputs(
         return
     times_s, tool = tool_poses(kinematics, motion)
     steps = np.linalg.norm(np.diff(tool[:, :3, 3], axis=0), axis=1)
-    ways = np.concatenate([[0.0], np.cumsum(steps)])
+    distances = np.concatenate([[0.0], np.cumsum(steps)])
     for name, segment, end_s in zip(names, segments, motion.ends_s, strict=True):
         for output in segment.outputs:
-            way, time_s = float(np.interp(end_s, times_s, ways)) + output.at_m, end_s
+            distance, time_s = float(np.interp(end_s, times_s, distances)) + output.at_m, end_s
             if output.at_m:
-                time_s = float(np.interp(way, ways, times_s))
+                time_s = float(np.interp(distance, distances, times_s))
             time_s += output.at_s
-            if not (0.0 <= time_s <= motion.duration_s and -SAME_M <= way <= ways[-1] + SAME_M):
+            if not (
+                0.0 <= time_s <= motion.duration_s and -SAME_M <= distance <= distances[-1] + SAME_M
+            ):
                 raise InvalidArgument(
                     f"{name}: output {output.byte}.{output.bit} at"
                     f" {output.at_m:g} m and {output.at_s:g} s from its end is not on the path"

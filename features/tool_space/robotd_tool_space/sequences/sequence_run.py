@@ -141,12 +141,12 @@ class SequenceRun:
 
     def _join(self, last: SequenceMotion, parts: Sequence[SequencePart]) -> bool:
         """Replace the last part by longer ones; False: that would need a stop, or a jump."""
-        longer, *behind = parts
-        self._check(behind, is_first=False)
+        longer, *rest = parts
+        self._check(rest, is_first=False)
         if not isinstance(longer, SequenceMotion):
             return False
         if self._present is last:
-            return self._join_present(last, longer, behind)
+            return self._join_present(last, longer, rest)
         self._check([longer], is_first=False)
         with self._lock:
             if not (self._left and self._left[-1] is last):  # it has begun meanwhile
@@ -156,7 +156,7 @@ class SequenceRun:
             return True
 
     def _join_present(
-        self, last: SequenceMotion, longer: SequenceMotion, behind: Sequence[SequencePart]
+        self, last: SequenceMotion, longer: SequenceMotion, rest: Sequence[SequencePart]
     ) -> bool:
         """Continue the motion under way on a longer one; False: it is too late."""
         for lead_s in LEADS_S:
@@ -171,8 +171,8 @@ class SequenceRun:
                 outputs.exchange(joined.same_s, joined.motion.outputs)
                 with self._lock:
                     self._present = longer._replace(motion=joined.motion)
-                    self._left += behind
-                    self._end = _end([longer, *behind], self._end)
+                    self._left += rest
+                    self._end = _end([longer, *rest], self._end)
                 return True
         return False
 

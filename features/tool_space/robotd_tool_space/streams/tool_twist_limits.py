@@ -59,7 +59,7 @@ class RampState(NamedTuple):
     Attributes:
         twist, acceleration: as those of the ramp.
         target: that it leads to.
-        plan, seconds: way to the target, and the time that has passed on it.
+        plan, seconds: change to the target, and the time that has passed on it.
     """
 
     twist: FloatArray
@@ -122,11 +122,11 @@ class TwistRamp:
         if (share * np.abs(self.twist) > HARDER * planned).any():
             self._begin(self._target, strongest)
 
-    def stop_way(self, strongest: float) -> FloatArray:
-        """Return the way (6,), m and rad, of a stop from here; ``strongest`` as in ``go``."""
+    def stop_displacement(self, strongest: float) -> FloatArray:
+        """Return the displacement (6,), m and rad, of a stop now; ``strongest`` as in ``go``."""
         stop = self._plan_to(np.zeros(6), strongest)
-        way, _, _ = stop.at_time(stop.duration)
-        return np.array(way)
+        displacement, _, _ = stop.at_time(stop.duration)
+        return np.array(displacement)
 
     @property
     def state(self) -> RampState:
@@ -227,7 +227,7 @@ class FactorRamp:
         return self.factor
 
     def _calculate(self, strongest: float) -> None:
-        """Plan the way to the limit. Raises RuckigError: none was found."""
+        """Plan the change to the limit. Raises RuckigError: none was found."""
         # While it brakes it is exactly as far away as its brakes need, where rounding decides: once
         # in about 50 000 periods ruckig finds no plan for that.
         for share in STRONGEST_SHARES[:-1]:

@@ -39,7 +39,7 @@ from robotd_tool_space.streams.tool_twist_limits import FactorRamp, ToolTwistLim
 SLOW_AT, STOP_AT = 0.25, 0.07  # singular values at which the tool slows down, and stops
 HALT_TIME_S = 0.02  # s below which the tool is at rest
 MAX_MISSING_SHARE = 0.02  # share of a twist that the arm cannot give; above it the tool stops
-LOOK_S, LOOK_RAD = 0.01, 0.02  # way ahead on which changes are measured, at most
+LOOK_S, LOOK_RAD = 0.01, 0.02  # distance ahead on which changes are measured, at most
 VELOCITY_SHARE = 0.85  # of the limits; the drift takes the rest of what can be tracked
 SPEED_SHARE = 0.97  # of a limit of the arm's speed, likewise
 RAMP_SHARE, PATH_SHARE, TOTAL_SHARE = 0.3, 0.4, 0.6  # of the acceleration limits
@@ -47,7 +47,7 @@ STOP_SHARE = 0.5  # of them, with the path's share, while the tool slows to rest
 FACTOR_JERK_SHARE = 0.6  # of the jerk limits
 BRAKE_SHARE, BRAKE_S = 0.4, 0.06  # of the acceleration, at position limits; time of the last part
 STOP_STEPS = 2  # of Newton's iteration, to the joints where a stop ends
-STOP_WAY_SHARE = 1.1  # of its way as planned with the present s, which may rise on it
+STOP_DISTANCE_SHARE = 1.1  # of its distance as planned with the present s, which may rise on it
 MARGIN_RAD = 1e-3  # to the position limits, rad or m
 STANDING_RAD_S = 1e-5  # below it, a joint is not moved: the margin lasts for more than a minute
 LEAST_RATE, MAX_RATE, LEAST_CHANGE, MAX_CHANGE = 0.2, 20.0, 60.0, 200.0  # of s: 1/s, 1/s²
@@ -218,7 +218,7 @@ class TwistStage:
         ``velocity`` and its ``change`` (n,) in a second are those of s = 1.
         """
         s, speed = self._factor.factor, np.maximum(np.abs(velocity), 1e-9)
-        # What the way itself takes from a joint's speed counts; what it adds ends with the stop.
+        # What the motion itself takes from a joint's speed counts; what it adds ends with the stop.
         slows = np.minimum(np.sign(velocity) * s * s * change, 0.0)
         left = np.maximum(STOP_SHARE * self._joints.acceleration + slows, 0.0)
         return _lowest(left / np.maximum(s * speed, 1e-9))[0]
@@ -272,7 +272,7 @@ class TwistStage:
         return factor
 
     def _meets_obstacle(self, at: FloatArray, rates: Rates, factor: float) -> bool:
-        """Return True, and note the obstacle, where the way of a stop of the command meets one.
+        """Return True, and note the obstacle, where the path of a stop of the command meets one.
 
         ``at`` (n,) are the positions at the start of the period, at ``self.pose``.
         """
@@ -281,8 +281,10 @@ class TwistStage:
             return False  # it stops anyway
         twist = self._ramp.twist
         velocity = factor * np.abs(rates.inverse @ self._twist_in_base(twist))
-        way = self._ramp.stop_way(self._strongest(velocity)) + self._period_s * twist
-        in_base = STOP_WAY_SHARE * factor * self._twist_in_base(way)
+        displacement = (
+            self._ramp.stop_displacement(self._strongest(velocity)) + self._period_s * twist
+        )
+        in_base = STOP_DISTANCE_SHARE * factor * self._twist_in_base(displacement)
         # The joints bend while the tool goes straight: steps of Newton's from where they lead.
         stopped = at + rates.inverse @ in_base
         pose = moved_pose(self.pose, self._curved(in_base))
@@ -302,9 +304,9 @@ class TwistStage:
         Infinite for joints that stand: rounding gives them a velocity, perhaps to a limit that
         they are at.
         """
-        way = np.where(velocity > 0.0, self._upper - at, at - self._lower)
+        distance = np.where(velocity > 0.0, self._upper - at, at - self._lower)
         strong = BRAKE_SHARE * self._joints.acceleration
-        speeds = _braking_speed(np.maximum(way, 0.0), strong, BRAKE_S)
+        speeds = _braking_speed(np.maximum(distance, 0.0), strong, BRAKE_S)
         return np.where(np.abs(velocity) > STANDING_RAD_S, speeds, np.inf)
 
     def _status(
@@ -372,26 +374,31 @@ class TwistStage:
 
     def _towards(self, target: FloatArray) -> FloatArray:
         """Return the twist to a pose: linear and angular part arrive together."""
-        way = pose_differences(self.pose, target)
+        displacement = pose_differences(self.pose, target)
         limits = self._limits
-        linear, angular = float(np.linalg.norm(way[:3])), float(np.linalg.norm(way[3:]))
+        linear, angular = (
+            float(np.linalg.norm(displacement[:3])),
+            float(np.linalg.norm(displacement[3:])),
+        )
         if linear < ARRIVED_M and angular < ARRIVED_RAD:
             return np.zeros(6)
         rates = [
             _pose_rate(linear, limits.linear_m_s, limits.linear_m_s2),
             _pose_rate(angular, limits.angular_rad_s, limits.angular_rad_s2),
         ]
-        toward: FloatArray = way * min(rates)
+        toward: FloatArray = displacement * min(rates)
         return toward
 
     def _twist_in_base(self, twist: FloatArray) -> FloatArray:
         return turned_twist(self.pose[:3, :3], twist) if self._in_tool else twist
 
-    def _curved(self, way: FloatArray) -> FloatArray:
-        """Return the way (6,) of a twist in force, which turns with the tool in its own axes."""
-        if not (self._in_tool and way[3:].any()):
-            return way
-        return np.concatenate([rotation_matrices(0.5 * way[3:]) @ way[:3], way[3:]])
+    def _curved(self, displacement: FloatArray) -> FloatArray:
+        """Return the displacement (6,) of the present twist, which turns with the tool's axes."""
+        if not (self._in_tool and displacement[3:].any()):
+            return displacement
+        return np.concatenate(
+            [rotation_matrices(0.5 * displacement[3:]) @ displacement[:3], displacement[3:]]
+        )
 
     def _change_frame(self, in_tool: bool) -> None:
         """Express the present twist in the other frame."""
@@ -403,13 +410,13 @@ class TwistStage:
         self._in_tool = in_tool
 
 
-def _braking_speed(way: FloatArray, strong: FloatArray, seconds: float) -> FloatArray:
-    """Return the speeds that end on ``way``: √(2·a·way), and way / seconds near it.
+def _braking_speed(distance: FloatArray, strong: FloatArray, seconds: float) -> FloatArray:
+    """Return the speeds that stop within ``distance`` d: √(2·a·d), and d / seconds near its end.
 
     The deceleration is at most ``strong`` and fades before the end, so that its jerk is limited.
     """
     first = strong * seconds
-    speeds: FloatArray = first * (np.sqrt(1.0 + 2.0 * way / (first * seconds)) - 1.0)
+    speeds: FloatArray = first * (np.sqrt(1.0 + 2.0 * distance / (first * seconds)) - 1.0)
     return speeds
 
 

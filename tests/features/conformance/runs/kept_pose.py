@@ -56,7 +56,7 @@ class Astray(Hardware):
 
 
 class AstrayAxes(ArmAxes):
-    """Three times the way from where the joints were at first."""
+    """Three times the distance from where the joints were at first."""
 
     def send_targets(self, positions: FloatArray) -> None:
         super().send_targets(3.0 * positions)

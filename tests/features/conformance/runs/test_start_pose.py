@@ -34,7 +34,7 @@ def test_hardware_is_left_at_its_start_pose(
     monkeypatch.setattr("robotd_conformance.checks.test_stopping.MORE", allowed)
     if not allowed:
         monkeypatch.setattr("robotd_conformance.checks.test_stopping.REACTION_S", 0.0)
-    ramp = "test_stopping.py::test_a_stop_takes_the_time_and_way_of_its_ramp"
+    ramp = "test_stopping.py::test_a_stop_takes_the_time_and_distance_of_its_ramp"
     own_device = "test_process.py::test_a_forked_process_does_not_disturb_the_device"
     outcome = run_kit(install_plugin("Hardware"), ramp, own_device)
     unfit = outcome.failed | outcome.inconclusive  # a busy computer shares the blame

@@ -117,7 +117,7 @@ def choose(page: Page, name: str) -> None:
 def test_a_pose_is_saved_shown_gone_to_renamed_and_deleted(served: Served, page: Page) -> None:
     page.locator("#pose-name").fill("9 lives")
     page.locator("#pose-save").click()
-    says(page, "'9 lives' is no name of a pose")
+    says(page, "'9 lives' is not a valid name of a pose")
     page.locator("#pose-name").fill("above")
     page.locator("#pose-save").click()
     expect(taught(page, "pose", "above")).to_contain_text("joint1 +0.300")

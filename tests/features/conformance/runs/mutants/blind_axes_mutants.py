@@ -35,8 +35,8 @@ class FartherTargetsIgnored(Mutant):
     class Axes(SimAxes):
         def move(self, axis: int, target: float, profile: Profile) -> None:
             servo, running = self._simulation.servo, self._states.operation[axis]
-            way = target - float(servo.command[axis])
-            same = way * float(servo.command_velocity[axis]) > 0.0
+            displacement = target - float(servo.command[axis])
+            same = displacement * float(servo.command_velocity[axis]) > 0.0
             if not (running == Operation.POSITION and same):
                 super().move(axis, target, profile)
 

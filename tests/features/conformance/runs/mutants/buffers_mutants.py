@@ -46,7 +46,7 @@ class DryForOnePeriod(Mutant):
 
     breaks = ("AxisDriver.stream_ran_dry/dry", "late")
     found_by = "test_dry_buffers.py::test_buffers_that_ran_dry_in_motion_are_reported"
-    says = "no underrun"
+    says = "not an underrun"
 
     class Axes(BufferedAxes):
         def ignores(self, due_ns: int) -> bool:

@@ -156,7 +156,7 @@ class CountersFromTheLastReset(Mutant):
 class RejectedMovesRaiseNumbers(Mutant):
     breaks = ("drivers/errors", "raises")
     found_by = "test_enable.py::test_a_disabled_axis_refuses_to_move"
-    says = "no error of robotd"
+    says = "not an error of robotd"
 
     class Axes(SimAxes):
         def move(self, axis: int, target: float, profile: Profile) -> None:

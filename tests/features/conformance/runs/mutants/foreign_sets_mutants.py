@@ -77,7 +77,7 @@ class ShortOutagesAreFresh(Mutant):
 
 class NearTheHomeIsHome(Mutant):
     breaks = ("AxisDriver.home/zero", "small")
-    found_by = "test_scale_and_home.py::test_homing_makes_a_small_way_zero_too"
+    found_by = "test_scale_and_home.py::test_homing_makes_a_small_offset_zero_too"
     says = "mrad from the home before"
 
     class Axes(SimAxes):
@@ -89,7 +89,7 @@ class NearTheHomeIsHome(Mutant):
 
 class HomeOfATurnedAxisDoubles(Mutant):
     breaks = ("AxisDriver.home/zero", "wrong value")
-    found_by = "test_scale_and_home.py::test_homing_makes_a_small_way_zero_too"
+    found_by = "test_scale_and_home.py::test_homing_makes_a_small_offset_zero_too"
     says = "mrad from the home before"
 
     class Axes(SimAxes):

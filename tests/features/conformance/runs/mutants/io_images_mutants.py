@@ -42,7 +42,7 @@ class SixteenBytesAtMost(Mutant):
 
 
 class FirstChangedInputOnly(Mutant):
-    """Of inputs that change together, those behind the first are shown when they change again."""
+    """Of inputs that change together, those after the first are shown when they change again."""
 
     breaks = ("IoDriver.read_inputs/bytes", "stale")
     found_by = "test_io_images.py::test_inputs_that_change_together_are_all_shown"

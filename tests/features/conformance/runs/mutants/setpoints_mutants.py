@@ -117,7 +117,7 @@ class VelocityChangesWhenDue(Mutant):
 
 
 class VelocityChangesAtOnce(Mutant):
-    """The way is ahead of that of an even change."""
+    """The travel is ahead of that of an even change."""
 
     breaks = ("AxisDriver.stream/velocity", "one direction")
     found_by = "test_setpoints.py::test_a_streamed_velocity_changes_evenly"
@@ -226,7 +226,7 @@ class SetpointsAreReadLater(Mutant):
 
     breaks = ("AxisDriver.stream/arrays", "wrong value")
     found_by = "test_whole_streams.py::test_setpoints_may_be_overwritten_after_the_call"
-    says = "of its way"
+    says = "of its travel"
 
     class Axes(SimAxes):
         def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:

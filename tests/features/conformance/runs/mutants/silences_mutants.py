@@ -46,7 +46,7 @@ class DeafAxes(SimAxes):
         super().stream(position, velocity, due_ns)
 
     def _change(self, position: FloatArray, velocity: FloatArray) -> None:
-        """Replace what the deaf axes do not get; afterwards they get the way in one period."""
+        """Replace what the deaf axes do not get; afterwards they get the travel in one period."""
         if self.is_silent:
             held = self.__dict__.setdefault("held", np.array(self._simulation.servo.command))
             position[self.deaf], velocity[self.deaf] = held[self.deaf], 0.0

@@ -18,7 +18,7 @@ from robotd_sim import SimAxes
 
 class StopThatDoesNotStop(Mutant):
     breaks = ("AxisDriver.stop/starts", "ignored")
-    found_by = "test_stopping.py::test_a_stop_takes_the_time_and_way_of_its_ramp"
+    found_by = "test_stopping.py::test_a_stop_takes_the_time_and_distance_of_its_ramp"
     says = "ramp_s"
 
     class Axes(SimAxes):
@@ -260,7 +260,7 @@ class StopRebounds(Mutant):
 
 class StopsLate(Mutant):
     breaks = ("AxisDriver.stop/starts", "late")
-    found_by = "test_stopping.py::test_a_stop_takes_the_time_and_way_of_its_ramp"
+    found_by = "test_stopping.py::test_a_stop_takes_the_time_and_distance_of_its_ramp"
 
     class Axes(SimAxes):
         def stop(self, axes: Sequence[int]) -> None:
