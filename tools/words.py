@@ -54,6 +54,17 @@ RULES = (
     Rule("heard", r"\bheard\b", "received"),
     Rule("whoever", r"\bwhoever\b", "the actor: client, worker, caller"),
     Rule("meant so", r"\bmeant so\b", "by design"),
+    Rule(
+        "way",
+        r"\b(?:way to rest|(?:long|longer|longest|short|shorter|straight|whole) way\b(?! round\b)"
+        r"|way of (?:the|a|its) (?:axis|joint|motion|stop|tool)\b)",
+        "distance, displacement, travel, path",
+    ),
+    Rule(
+        "behind",
+        r"\bbehind (?:the|its|a) (?:first|last|next) (?:joint|point|setpoint|step)\b",
+        "after, beyond",
+    ),
     Rule("for each in", r"\bfor each in\b", "a noun as the variable of the loop"),
 )
 

@@ -48,7 +48,7 @@ class CdrWriter:
         return offset
 
     def string(self, text: str) -> None:
-        # A name of a file may have bytes that are no text: Python keeps each as half a character.
+        # A name of a file may have bytes that are not text: Python keeps each as half a character.
         data = text.encode(errors="backslashreplace") + b"\0"
         self.number("I", len(data))
         self._data += data

@@ -66,7 +66,7 @@ def value_of(parameter: Any) -> Any:
     try:
         return parameter_value_to_python(parameter.value)
     except RuntimeError as error:
-        undefined = f"{parameter.name}: {parameter.value.type} is no type of a parameter"
+        undefined = f"{parameter.name}: {parameter.value.type} is not a type of a parameter"
         raise InvalidArgument(undefined) from error
 
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from robotd.robot import Robot
     from robotd_ros.host import RosHost
 
-OPERATOR_NODE = "robotd"  # made beside the others of every robot
+OPERATOR_NODE = "robotd"  # made in addition to the others of every robot
 WORLD_NODE = "robotd_world"  # made for a robot whose backend has a world
 STOP_ALL = f"/{OPERATOR_NODE}/stop_all"  # std_msgs/Empty: stops every robot of the ROS domain
 IDENTITY = f"{OPERATOR_NODE}/robot"  # std_msgs/String: which robot answers, as JSON

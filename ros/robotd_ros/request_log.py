@@ -38,7 +38,7 @@ class RequestLog:
         own_log: FilteringBoundLogger = log,
         **fields: Any,
     ) -> None:
-        """Log a rejection; of an exception that is no RobotdError with its traceback.
+        """Log a rejection; of an exception that is not a RobotdError with its traceback.
 
         Args:
             header: of the request, from rclpy; None: its client is not known.

@@ -115,7 +115,7 @@ def served_nodes(robot: Robot, registry: NodeRegistry | None = None) -> NodeRegi
 
 
 def own_nodes() -> set[str]:
-    """Return the names of nodes that are made beside those of the robot."""
+    """Return the names of nodes that are made besides those of the robot."""
     features = (feature.node_names for feature in installed_features().values())
     return {OPERATOR_NODE, WORLD_NODE}.union(*features)
 

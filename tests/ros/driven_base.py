@@ -1,4 +1,4 @@
-"""A base that is driven over its topics, and its way by the wheels."""
+"""A base that is driven over its topics, and the distance by its wheels."""
 
 from __future__ import annotations
 
@@ -156,13 +156,13 @@ class Base:
 
 
 def along(steps: Iterable[tuple[float, float]]) -> tuple[float, float, float, float]:
-    """x, y, heading and way after steps of (length, turn)."""
-    x = y = heading = way = 0.0
+    """x, y, heading and distance after steps of (length, turn)."""
+    x = y = heading = distance = 0.0
     for length, turn in steps:
         x += length * math.cos(heading + turn / 2)
         y += length * math.sin(heading + turn / 2)
-        heading, way = heading + turn, way + abs(length)
-    return x, y, heading, way
+        heading, distance = heading + turn, distance + abs(length)
+    return x, y, heading, distance
 
 
 def wheels_say(states: list[Any]) -> Iterator[tuple[float, float]]:

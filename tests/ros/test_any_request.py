@@ -152,9 +152,9 @@ def test_a_parameter_file_that_is_none(robot: RobotUnderTest, tmp_path: Path) ->
     os.truncate(large, 10_000_000_000)
     full.write_text(f"<Parameters>{'<AxisPolarity/>' * 140_000}</Parameters>")
     for path, reason in (
-        (pipe, "is no file"),
-        (Path("/dev/zero"), "is no file"),
-        (tmp_path, "is no file"),
+        (pipe, "is not a file"),
+        (Path("/dev/zero"), "is not a file"),
+        (tmp_path, "is not a file"),
         (large, "larger than the limit of 4_000_000 bytes"),
         (full, "and 950 more problems"),
     ):

@@ -111,11 +111,13 @@ def test_a_trajectory_arrives_within_2_mrad_and_without_steps(
     succeed(client, 1, 0.4)
     assert client.next(joints).position[:6] == pytest.approx([0.4] * 6, abs=2e-3)
     seen = joints[start:]
-    way = np.array([message.position[:6] for message in seen])
+    positions = np.array([message.position[:6] for message in seen])
     times_s = np.array([stamp_s(message) for message in seen])
-    assert len(way) > 100
+    assert len(positions) > 100
     # Over some periods: a computer that is late for one of them sends two in the next.
-    speeds = np.abs(way[SPAN:] - way[:-SPAN]).max(1) / (times_s[SPAN:] - times_s[:-SPAN])
+    speeds = np.abs(positions[SPAN:] - positions[:-SPAN]).max(1) / (
+        times_s[SPAN:] - times_s[:-SPAN]
+    )
     assert 0.5 < speeds.max() < 0.9, "from rest to rest the fastest is 1.5 to 1.875 of 0.4 rad/s"
 
 

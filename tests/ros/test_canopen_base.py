@@ -38,13 +38,13 @@ def test_it_drives_tells_where_it_is_and_stops_without_commands(tmp_path: Path) 
 
             def has_speed() -> bool:
                 moving = odometry[-1].twist.twist
-                has_way = RADIUS_M * sum(turned(first, axes[-1])) / 2 > 0.4
-                return has_way and (moving.linear.x, moving.angular.z) == pytest.approx(
+                has_moved = RADIUS_M * sum(turned(first, axes[-1])) / 2 > 0.4
+                return has_moved and (moving.linear.x, moving.angular.z) == pytest.approx(
                     (0.4, 0.5), abs=0.02
                 )
 
-            way = "the speed of the command, on a way of 0.4 m"
-            command_until(lambda: publisher.publish(twist), has_speed, way)
+            condition = "the speed of the command, over 0.4 m"
+            command_until(lambda: publisher.publish(twist), has_speed, condition)
             start = client.next(axes)
             base.wait_output("no command in time")
             wait_until(lambda: abs(odometry[-1].twist.twist.linear.x) < 1e-3, "standstill")

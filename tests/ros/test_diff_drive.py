@@ -119,12 +119,12 @@ def test_a_square_of_ten_metres(base: Base) -> None:
     for _ in range(4):
         for linear, angular, seconds in ((1.0, 0.0, 2.5), (0.0, math.pi / 2, 1.0)):
             leg = base.drive_and_rest(linear, angular, seconds)
-            _, _, heading, way = along(wheels_say(leg.states))
-            speed, driven = (angular, heading) if angular else (linear, way)
+            _, _, heading, distance = along(wheels_say(leg.states))
+            speed, driven = (angular, heading) if angular else (linear, distance)
             took_s = driven / speed  # ramps up and down cancel out
             # What comes too late at the wheels ends by the time-out of the command.
             assert leg.least_s - SLACK_S < took_s < leg.most_s + leg.stood_s + TIMEOUT_S + SLACK_S
-            assert way < 0.01 or not angular, "it turned on the spot"
+            assert distance < 0.01 or not angular, "it turned on the spot"
             assert abs(heading) < 0.01 or not linear, "it drove straight on"
     x, y, heading, _ = along(wheels_say(base.axes[start:]))
     assert math.hypot(base.pose[0] - x, base.pose[1] - y) < 1e-3

@@ -88,7 +88,7 @@ def test_an_input_reduces_the_speed(hand: Hand) -> None:
         assert status == GoalStatus.STATUS_SUCCEEDED, result.error_string
         states = hand.states[began:]
         places = kinematics.forward(np.array([state.position[:6] for state in states]))[:, :3, 3]
-        ways = np.linalg.norm(np.diff(places, axis=0), axis=1)
-        highest[on] = float((ways / np.diff([stamp_s(state) for state in states])).max())
+        distances = np.linalg.norm(np.diff(places, axis=0), axis=1)
+        highest[on] = float((distances / np.diff([stamp_s(state) for state in states])).max())
     assert highest[True] < 0.27
     assert highest[False] > 0.35

@@ -258,7 +258,7 @@ def test_a_parameter_of_an_undefined_type_is_rejected_by_an_answer(
     server.declare_parameter("gain", 1.0)
     defined = Parameter("gain", value=2.0).to_parameter_msg()
     undefined = ParameterMessage(name="gain", value=ParameterValue(type=77))
-    reason = "gain: 77 is no type of a parameter"
+    reason = "gain: 77 is not a type of a parameter"
     with capture_logs() as logs:
         together = SetParametersAtomically.Request(parameters=[defined, undefined])
         result = caller.call(

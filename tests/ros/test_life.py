@@ -182,8 +182,8 @@ def steepest(joints: list[Any]) -> float:
         if stamp_s(later) - stamp_s(message) > STALL_S:
             break
         if message.velocity[0] > 0.5:
-            way = max(at_rest - message.position[0], 1e-6)
-            steepest = max(steepest, message.velocity[0] ** 2 / (2.0 * way))
+            distance = max(at_rest - message.position[0], 1e-6)
+            steepest = max(steepest, message.velocity[0] ** 2 / (2.0 * distance))
         later = message
     return steepest
 

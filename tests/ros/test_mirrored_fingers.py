@@ -120,8 +120,8 @@ def test_topics_tf_and_action_agree_about_the_ends(client: Client) -> None:
     _, result = result_of(wait_for(actions.send_goal_async(goal)))
     assert (result.position, result.reached_goal) == (CLOSED_M, True)
     closed = moved(CLOSED_M)
-    way = [getattr(closed, axis) - getattr(opened, axis) for axis in "xyz"]
-    assert sum(part**2 for part in way) ** 0.5 == pytest.approx(OPEN_M - CLOSED_M, abs=1e-6)
+    travel = [getattr(closed, axis) - getattr(opened, axis) for axis in "xyz"]
+    assert sum(part**2 for part in travel) ** 0.5 == pytest.approx(OPEN_M - CLOSED_M, abs=1e-6)
 
 
 def test_a_goal_that_is_canceled_on_the_way_says_where_the_fingers_are(client: Client) -> None:

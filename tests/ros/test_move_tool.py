@@ -35,7 +35,7 @@ def action(client: Client) -> GoalClient:
     return GoalClient(client.node, MoveTool, "/robotd/move_tool")
 
 
-def way(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Pose:
+def displacement(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Pose:
     return Pose(position=Point(x=x, y=y, z=z))
 
 
@@ -72,7 +72,7 @@ def place_at_rest(client: Client) -> Point:
 
 def test_a_line_is_driven_and_reported(client: Client, action: GoalClient) -> None:
     before = place(client)
-    status, result, feedback = send(action, poses=[way(y=0.1, z=0.05)], line=True)
+    status, result, feedback = send(action, poses=[displacement(y=0.1, z=0.05)], line=True)
     assert status == GoalStatus.STATUS_SUCCEEDED
     assert result.success, result.message
     assert result.deviation_m < 1e-4
@@ -89,17 +89,17 @@ def test_a_line_is_driven_and_reported(client: Client, action: GoalClient) -> No
 
 def test_what_cannot_be_is_aborted_with_the_place(client: Client, action: GoalClient) -> None:
     before = place_at_rest(client)
-    status, result, _ = send(action, poses=[way(z=0.6)], line=True)
+    status, result, _ = send(action, poses=[displacement(z=0.6)], line=True)
     assert status == GoalStatus.STATUS_ABORTED
     assert result.message == "at 28 % joint3 cannot follow the line: the arm is singular"
     assert place(client) == before
-    status, result, _ = send(action, poses=[way(z=0.01)], line=True, plan_only=True)
+    status, result, _ = send(action, poses=[displacement(z=0.01)], line=True, plan_only=True)
     assert status == GoalStatus.STATUS_SUCCEEDED
     assert "nothing moved" in result.message
     assert place(client) == before
-    status, result, _ = send(action, poses=[way(z=float("nan"))], line=True)
+    status, result, _ = send(action, poses=[displacement(z=float("nan"))], line=True)
     assert "not finite" in result.message
-    status, result, _ = send(action, poses=[way(z=0.01)], line=True, speed=2.0)
+    status, result, _ = send(action, poses=[displacement(z=0.01)], line=True, speed=2.0)
     assert result.message.startswith("speed is 2, must be 0.01 to 1")
 
 
@@ -116,7 +116,9 @@ def test_kinematics_as_services(client: Client) -> None:
     assert solved.success, solved.message
     (solution,) = solved.solutions
     assert solution.position[0] == pytest.approx(0.5, abs=1e-3)
-    far = client.call(ComputeIk, "/robotd/compute_ik", pose_stamped=PoseStamped(pose=way(x=3.0)))
+    far = client.call(
+        ComputeIk, "/robotd/compute_ik", pose_stamped=PoseStamped(pose=displacement(x=3.0))
+    )
     assert not far.success
     assert far.message.startswith("out of reach: the tool comes within")
 

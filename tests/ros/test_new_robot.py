@@ -129,8 +129,8 @@ def test_a_mobile_manipulator_moves_arm_and_base_at_once(tmp_path: Path) -> None
         def has_driven() -> bool:
             return bool(odometry) and odometry[-1].pose.pose.position.x > 0.05
 
-        way = "the base has driven 50 mm while the arm moves"
-        command_until(lambda: commands.publish(twist), has_driven, way)
+        condition = "the base has driven 50 mm while the arm moves"
+        command_until(lambda: commands.publish(twist), has_driven, condition)
         assert odometry[-1].child_frame_id == "base_footprint"
         _, result = motion.result()
         assert result.error_string.startswith("goal reached")

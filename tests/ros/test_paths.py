@@ -117,7 +117,7 @@ def test_what_cannot_be_is_named(arm: RobotProcess, wipe: None) -> None:
         (("play", "wip"), "unknown path 'wip'; did you mean 'wipe'?"),
         (("record", "wipe"), "there is a path 'wipe' already"),
         (("end",), "no path is being recorded"),
-        (("rename", "wipe", "a b"), "'a b' is no name of a path"),
+        (("rename", "wipe", "a b"), "'a b' is not a valid name of a path"),
         (("delete", "none"), "unknown path 'none'"),
     ):
         code, _, error = robotd(arm.domain, "path", *words)

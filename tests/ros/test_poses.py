@@ -72,7 +72,7 @@ def test_what_cannot_be_is_named(arm: RobotProcess) -> None:
     for words, reason in (
         (("go", "rust"), "unknown pose 'rust'; did you mean 'rest'?"),
         (("save", "rest"), "there is a pose 'rest' already"),
-        (("save", "a b"), "'a b' is no name of a pose"),
+        (("save", "a b"), "'a b' is not a valid name of a pose"),
         (("delete", "none"), "unknown pose 'none'"),
         (("save", "all", "--group", "legs"), "unknown joint group 'legs'"),
     ):
@@ -90,10 +90,10 @@ def test_what_cannot_be_is_named(arm: RobotProcess) -> None:
 @pytest.mark.parametrize(
     ("service", "name", "values", "reason"),
     [
-        (SavePose, "save", {}, "'' is no name of a pose"),
+        (SavePose, "save", {}, "'' is not a valid name of a pose"),
         (PlanPose, "plan", {"name": "rest", "speed": 2.0}, "speed is 2, must be 0.01 to 1"),
         (PlanPose, "plan", {"name": "rest", "speed": float("nan")}, "speed is nan, must be"),
-        (RenamePose, "rename", {"name": "rest"}, "'' is no name of a pose"),
+        (RenamePose, "rename", {"name": "rest"}, "'' is not a valid name of a pose"),
         (DeletePose, "delete", {}, "unknown pose ''"),
     ],
 )

@@ -91,7 +91,7 @@ class R2Client:
         )
 
 
-def way(**components: float) -> RobotCartesianPose:
+def displacement(**components: float) -> RobotCartesianPose:
     return RobotCartesianPose(**components)
 
 
@@ -136,12 +136,16 @@ def test_joints_move_to_angles_and_by_angles(robot: R2Client) -> None:
 
 def test_the_tool_goes_to_a_pose_and_along_lines(robot: R2Client) -> None:
     before = robot.status.tool_pose_cmd
-    robot.move(**RELATIVE, **TO_POSE, target_pose=way(x=-30.0, z=40.0, w=15.0))
+    robot.move(**RELATIVE, **TO_POSE, target_pose=displacement(x=-30.0, z=40.0, w=15.0))
     moved = robot.status.tool_pose_cmd
-    assert place(moved) == pytest.approx(place(before) + place(way(x=-30.0, z=40.0)), abs=0.01)
+    assert place(moved) == pytest.approx(
+        place(before) + place(displacement(x=-30.0, z=40.0)), abs=0.01
+    )
     turn = rotation(moved) * rotation(before).inv()
     assert turn.as_euler("ZYX", degrees=True) == pytest.approx([15.0, 0.0, 0.0], abs=0.01)
-    status = robot.move(**RELATIVE, **ON_A_LINE, **IN_TOOL, target_pose=way(z=-50.0, u=10.0))
+    status = robot.move(
+        **RELATIVE, **ON_A_LINE, **IN_TOOL, target_pose=displacement(z=-50.0, u=10.0)
+    )
     along = rotation(moved).apply([0.0, 0.0, -50.0])
     assert place(status.tool_pose_cmd) == pytest.approx(place(moved) + along, abs=0.01)
     turn = rotation(moved).inv() * rotation(status.tool_pose_cmd)
@@ -169,7 +173,7 @@ def test_the_running_motion_is_slowed_down_and_no_later_one(robot: R2Client) -> 
 
 def test_a_stop_ends_the_motion_and_its_target(robot: R2Client) -> None:
     before = robot.status.tool_pose_cmd
-    robot.start(**RELATIVE, **ON_A_LINE, target_pose=way(y=-200.0))
+    robot.start(**RELATIVE, **ON_A_LINE, target_pose=displacement(y=-200.0))
     wait_until(lambda: robot.status.tool_pose_cmd.y < before.y - 5.0, "it moves")
     assert robot.status.motion_state == LINE
     robot.do("stop_motion")
@@ -220,10 +224,10 @@ def test_the_stop_of_the_operator_is_not_the_clients_to_release(robot: R2Client)
             {"path": 1, "target_joint": READY},
             "a line (path 1) needs a pose (target_type 1), not joints",
         ),
-        ({**TO_POSE, "target_pose": way(v=float("inf"))}, "v of the pose is inf"),
-        ({**TO_POSE, "target_pose": way(x=5000.0)}, "out of reach"),
+        ({**TO_POSE, "target_pose": displacement(v=float("inf"))}, "v of the pose is inf"),
+        ({**TO_POSE, "target_pose": displacement(x=5000.0)}, "out of reach"),
         ({**TO_POSE, "s": -1}, "s is -1, must be 0"),
-        ({**ON_A_LINE, **RELATIVE, "target_pose": way(z=5000.0)}, "at "),
+        ({**ON_A_LINE, **RELATIVE, "target_pose": displacement(z=5000.0)}, "at "),
     ],
 )
 def test_what_is_wrong_is_answered_and_moves_nothing(
@@ -248,14 +252,14 @@ def test_a_motion_that_runs_is_not_replaced(robot: R2Client) -> None:
 
 
 def test_the_frame_of_the_tool(robot: R2Client) -> None:
-    frame = way(x=10.0, z=120.0, u=90.0)
+    frame = displacement(x=10.0, z=120.0, u=90.0)
     bare = robot.status.tool_pose_cmd
     assert robot.ask(RobotSetCoordinate, "set_tool_coordinate", pose=frame).success
     answer = robot.ask(RobotGetCoordinate, "get_tool_coordinate")
     assert numbers(answer.pose) == pytest.approx(numbers(frame))
     wanted = place(bare) + rotation(bare).apply(place(frame))
     assert place(robot.status.tool_pose_cmd) == pytest.approx(wanted)
-    assert robot.ask(RobotSetCoordinate, "set_tool_coordinate", pose=way()).success
+    assert robot.ask(RobotSetCoordinate, "set_tool_coordinate", pose=displacement()).success
     assert numbers(robot.status.tool_pose_cmd) == pytest.approx(numbers(bare))
 
 

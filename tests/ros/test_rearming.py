@@ -107,10 +107,10 @@ class Arm:
         return [problem.reason for problem in found if problem.kind is ProblemKind.SOURCE]
 
     def since(self, first: int) -> tuple[float, float]:
-        """Return the largest way and velocity of joint1 since the state ``first``."""
+        """Return the largest travel and velocity of joint1 since the state ``first``."""
         seen = self.states[first:]
-        way = max(abs(state.actual_pos[0] - seen[0].actual_pos[0]) for state in seen)
-        return way, max(abs(state.actual_velocity[0]) for state in seen)
+        travel = max(abs(state.actual_pos[0] - seen[0].actual_pos[0]) for state in seen)
+        return travel, max(abs(state.actual_velocity[0]) for state in seen)
 
     def pass_time(self, seconds: float) -> None:
         """Wait until as much time has passed by the robot's own stamps."""

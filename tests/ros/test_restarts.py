@@ -164,7 +164,7 @@ class Restarted:
         return [problem.reason for problem in found if problem.kind is ProblemKind.SOURCE]
 
     @property
-    def way(self) -> float:
+    def travel(self) -> float:
         """Largest distance of an axis from where it was first, rad; NaN is none."""
         positions = np.array([state.actual_pos for state in tuple(self.states)])
         return float(np.nanmax(np.nanmax(positions, axis=0) - np.nanmin(positions, axis=0)))
@@ -208,7 +208,7 @@ def assert_all_rejected(commanders: Commanders, seen: Restarted) -> None:
     rounds = commanders.rounds
     wait_until(lambda: commanders.rounds > rounds + RATE_HZ / 2, "further commands")
     wait_until(lambda: seen.states, "states of the axes")
-    assert seen.way < STANDSTILL
+    assert seen.travel < STANDSTILL
 
 
 def assert_released(commanders: Commanders, seen: Restarted, *, silence_s: float) -> None:
@@ -216,9 +216,9 @@ def assert_released(commanders: Commanders, seen: Restarted, *, silence_s: float
     commanders.on = False
     seen.pass_time(silence_s + 0.2)
     wait_until(lambda: not seen.problems, "no problem")
-    assert seen.way < STANDSTILL
+    assert seen.travel < STANDSTILL
     commanders.on = True
-    wait_until(lambda: seen.way > 0.1, "motion")
+    wait_until(lambda: seen.travel > 0.1, "motion")
 
 
 def test_every_stream_of_an_arm() -> None:
@@ -249,7 +249,7 @@ def test_a_client_that_is_new_after_the_restart_moves_the_arm_at_once() -> None:
 
         def moves() -> bool:
             publisher.publish(JointJog(joint_names=["joint1"], velocities=[SPEED]))
-            return seen.way > 0.1
+            return seen.travel > 0.1
 
         wait_until(moves, "motion")
         assert not seen.problems

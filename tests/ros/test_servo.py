@@ -25,7 +25,7 @@ NAMES = [f"joint{number}" for number in range(1, 7)]
 TOPIC = "/movensys_manipulator_arm_controller/joint_trajectory"
 SPEED = 0.3
 REST_S = 0.5
-OLD_S = 0.1  # at ``SPEED``, the way of this time in one period is close to the velocity limit
+OLD_S = 0.1  # at ``SPEED``, the travel of this time in one period is close to the velocity limit
 
 
 def time_of(seconds: float, made: Any) -> Any:

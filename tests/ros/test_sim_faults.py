@@ -1,7 +1,7 @@
 """Simulated faults, injected in three ways: effect on clients, and recovery.
 
 The ways: a scenario file, ``robotd sim inject``, and the service. Each test begins with a robot
-in order at its start. Its fault comes at a place: half of the way of a goal that turns joint 6.
+in order at its start. Its fault comes at a place: half of the travel of a goal that turns joint 6.
 """
 
 from __future__ import annotations

@@ -80,10 +80,10 @@ def touch(arm: RobotProcess, process: subprocess.Popen[str], joints: FloatArray)
     process.stdin.flush()
 
 
-def posture(turn: Rotation, way: Sequence[float] = (0.0, 0.0, 0.0)) -> FloatArray:
+def posture(turn: Rotation, offset: Sequence[float] = (0.0, 0.0, 0.0)) -> FloatArray:
     """Joint positions that turn the tool about its tip, from ``START``, and move it."""
     pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = turn.as_matrix() @ FIRST[:3, :3], POINT + way
+    pose[:3, :3], pose[:3, 3] = turn.as_matrix() @ FIRST[:3, :3], POINT + offset
     return KINEMATICS.inverse(pose, START)
 
 
@@ -107,8 +107,8 @@ def test_a_tip_is_found_and_is_in_the_file(arm: RobotProcess, file: Path) -> Non
 def test_a_frame_is_found_with_the_tool_that_is_chosen(arm: RobotProcess) -> None:
     assert robotd(arm.domain, "tool", "set", "pen")[0] == 0
     with calibrating(arm, "table", "--frame") as process:
-        for way in ([0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.02, 0.08, 0.0]):
-            touch(arm, process, posture(Rotation.identity(), way))
+        for offset in ([0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.02, 0.08, 0.0]):
+            touch(arm, process, posture(Rotation.identity(), offset))
         output, _ = process.communicate(timeout=WAIT_S)
     assert process.returncode == 0, output
     assert output.startswith("tool_space:\n  work_frames:\n    table: {xyz_m: [")

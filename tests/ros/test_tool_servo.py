@@ -120,7 +120,7 @@ def test_a_twist_moves_the_tool_along_its_axis_while_messages_come(hand: Hand) -
     assert hand.codes[-1].data == 0
     hand.command = None
     hand.wait_at_rest()
-    way = (hand.pose - before)[:3, 3]
+    displacement = (hand.pose - before)[:3, 3]
     # A stall of this computer takes the joints off the line; the unit tests judge the line itself.
-    assert np.linalg.norm(way - (way @ axis) * axis) < 0.2 * (way @ axis)
+    assert np.linalg.norm(displacement - (displacement @ axis) * axis) < 0.2 * (displacement @ axis)
     assert np.abs(hand.pose[:3, :3] - before[:3, :3]).max() < 5e-2

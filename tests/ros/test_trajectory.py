@@ -129,15 +129,15 @@ def dense(start: list[float], end: list[float], seconds: float, step_s: float = 
     """A smooth path at rest at both ends, with its first point at time 0."""
     times_s = np.append(np.arange(0.0, seconds - step_s / 2, step_s), seconds)
     share = (times_s / seconds)[:, None]
-    way = np.subtract(end, start)
+    displacement = np.subtract(end, start)
     message = goal(
         *zip(
             times_s.tolist(),
-            (start + way * share**3 * (10 - 15 * share + 6 * share**2)).tolist(),
+            (start + displacement * share**3 * (10 - 15 * share + 6 * share**2)).tolist(),
             strict=True,
         )
     )
-    velocities = way * 30 * share**2 * (1 - share) ** 2 / seconds
+    velocities = displacement * 30 * share**2 * (1 - share) ** 2 / seconds
     for point, row in zip(message.trajectory.points, velocities.tolist(), strict=True):
         point.velocities = row
     return message
@@ -172,8 +172,8 @@ def test_replanning_in_motion_with_a_first_point_at_time_zero(
     def replan(target: float) -> Goal | None:
         old = client.next(joints)
         client.next(joints, lambda message: stamp_s(message) > stamp_s(old) + 0.05)
-        way = abs(target - old.position[0])
-        plan = dense(list(old.position[:6]), pose(target), max(1.0, 1.875 * way / rad_s))
+        displacement = abs(target - old.position[0])
+        plan = dense(list(old.position[:6]), pose(target), max(1.0, 1.875 * displacement / rad_s))
         sent = client.send_goal(plan)
         wait_until(lambda: goals[-1].done or sent.done, "the end of the goal before or of this one")
         return sent if goals[-1].done else None

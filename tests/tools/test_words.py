@@ -26,6 +26,8 @@ SENTENCES = {
     "whoever": "whoever asked",
     "meant so": "it is meant so",
     "begin": "at the begin of the path",
+    "way": "its way to rest",
+    "behind": "it brakes behind the last point",
 }
 
 

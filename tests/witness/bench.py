@@ -67,7 +67,7 @@ class Bench:
 
     Attributes:
         judges: of each axis.
-        joints: number of the first axes, which are joints; behind them are the wheels of a base.
+        joints: number of the first axes, which are joints; after them are the wheels of a base.
         is_cut: no command gets to a device that does not switch off by itself.
         has_hands: joints can be moved by hand while they have no torque.
         middle: of the ranges in which joints are moved, rad; none: 0.
@@ -184,8 +184,8 @@ class Bench:
     def refuse(self, axis: int) -> None:
         """Let a drive answer "busy" to the next objects that are written or read."""
 
-    def push(self, axis: int, way: float) -> None:
-        """Let a hand move a joint by ``way`` rad, while its servo has little torque."""
+    def push(self, axis: int, displacement: float) -> None:
+        """Let a hand move a joint by ``displacement`` rad, while its servo has little torque."""
 
     def heal(self) -> None:
         """End all faults."""

@@ -46,7 +46,7 @@ class CanopenBench(Bench):
     Args:
         engine, section: further keys of ``engine`` and ``backends.canopen``.
         keeps: the adapter cannot discard frames that wait to be sent.
-        base: there are wheels behind the joints.
+        base: there are wheels after the joints.
         mode_by_sdo: no PDO of the drives holds the mode or its display.
     """
 

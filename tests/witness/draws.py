@@ -25,7 +25,7 @@ FAULTS = {"silence": 6, "block": 2, "delay": 1, "reset": 1, "trip": 1, "refuse":
 
 
 def fault(joints: int, faults: Mapping[str, float] = FAULTS) -> Any:
-    """Return what draws a fault: its name, its axes (all: none), periods, way, and delay."""
+    """Return what draws a fault: its name, axes (all: none), periods, displacement, and delay."""
 
     def draw(random: Random) -> tuple[str, list[int], int, str, int]:
         [name] = random.choices(tuple(faults), tuple(faults.values()))
@@ -42,7 +42,7 @@ def commands(
 ) -> Commands:
     """Return the commands of a robot of ``joints``; faults come in the midst of what follows.
 
-    Those of its ``axes`` that are no joints are the wheels of a base. ``hands``: joints are moved
+    Those of its ``axes`` that are not joints are the wheels of a base. ``hands``: joints are moved
     by hand, too.
     """
     known = dict(arm_commands(joints, positions(joints)))
@@ -84,25 +84,25 @@ def wheel_commands(wheels: Sequence[int], disturbance: Draw) -> Commands:
 
 def hand_commands(joints: int, disturbance: Draw) -> Commands:
     """Return what is done with the hands, with a fault in the midst of some of it."""
-    axis, ways = one_of(*range(joints)), one_of(-0.6, -0.1, 0.1, 0.6)
+    axis, displacements = one_of(*range(joints)), one_of(-0.6, -0.1, 0.1, 0.6)
     seconds = one_of(0.0, 0.1, 0.3, 0.6)
     return {
-        "push": (4, (axis, ways)),
-        "moved_off": (8, (axis, ways, seconds, PERIODS)),
-        "guide": (8, (axis, ways, disturbance, seconds, PERIODS)),
+        "push": (4, (axis, displacements)),
+        "moved_off": (8, (axis, displacements, seconds, PERIODS)),
+        "guide": (8, (axis, displacements, disturbance, seconds, PERIODS)),
     }
 
 
 def tool_commands(disturbance: Draw) -> Commands:
     """Return the commands of an arm whose tool is known: half of all are of it."""
 
-    def ways(random: Random) -> list[list[float]]:
+    def displacements(random: Random) -> list[list[float]]:
         return [[random.uniform(-0.12, 0.12) for _ in "xyz"] for _ in range(3)]
 
     seconds, end = one_of(0.1, 0.3, 0.6), one_of("", "", "stop", "cancel", "pause", "slow")
     part = one_of(0.1, 0.3, 0.5, 0.7, 0.9)
     return {
-        "sequence": (30, (ways, part, end, one_of(True, False), disturbance, seconds)),
+        "sequence": (30, (displacements, part, end, one_of(True, False), disturbance, seconds)),
         "payload": (5, (one_of(0.0, 0.5, 1.0),)),
     }
 

@@ -172,8 +172,8 @@ class FrankaBench(Bench):
         """Let the arm reject the next command."""
         self.arm.busy = True
 
-    def push(self, axis: int, way: float) -> None:
-        end = float(self.arm.position[axis]) + way
+    def push(self, axis: int, displacement: float) -> None:
+        end = float(self.arm.position[axis]) + displacement
         middle = MIDDLE[axis]
         self._hand = axis, max(middle - 1.2, min(middle + 1.2, end))
 
@@ -184,11 +184,11 @@ class FrankaBench(Bench):
         if self._hand is None:
             return
         axis, end = self._hand
-        way = end - float(arm.position[axis])
-        if not arm.follows or arm.stiffness[axis] >= SOFT or abs(way) < 0.01:
+        displacement = end - float(arm.position[axis])
+        if not arm.follows or arm.stiffness[axis] >= SOFT or abs(displacement) < 0.01:
             self._hand = None
         else:
-            arm.hand[axis] = HAND_NM * np.clip(10.0 * way, -1.0, 1.0)
+            arm.hand[axis] = HAND_NM * np.clip(10.0 * displacement, -1.0, 1.0)
 
     def heal(self) -> None:
         arm = self.arm

@@ -16,7 +16,7 @@ KNOWN_PERIODS = 3.5  # after an answer that was lost, until which a drive may be
 UNDER_WAY = 2.4  # periods of a ramp in one: two are sent before the first answer is missing
 SILENT_PERIODS = 1.5  # between two commands: more is a silence
 MAX_PULL_RAD = 0.2  # the load of a joint sinks by 0.15 before it has torque, and on meanwhile
-MAX_SEED_RAD = 0.07  # 0.05 that a joint may move unnoticed, and the way of a hand in a period
+MAX_SEED_RAD = 0.07  # 0.05 that a joint may move unnoticed, and the travel of a hand in a period
 REST_RAD_S = 0.05  # what may remain of a motion after a stop
 ROUNDING = 3e-6  # rad: counts of most encoders here, and floats
 
@@ -137,17 +137,17 @@ class Judge:
         if self.must_rest and abs(speed) > REST_RAD_S:
             self._find(time_s, f"moves by itself with {speed:+.2f} rad/s after a stop")
 
-    def pull(self, time_s: float, way: float) -> None:
-        """Judge the way to the target of a drive that gets torque, or more of it."""
-        if abs(way) > MAX_PULL_RAD:
-            self._find(time_s, f"gets torque {way:+.2f} rad away from its target")
+    def pull(self, time_s: float, displacement: float) -> None:
+        """Judge the distance to the target of a drive that gets torque, or more of it."""
+        if abs(displacement) > MAX_PULL_RAD:
+            self._find(time_s, f"gets torque {displacement:+.2f} rad away from its target")
 
     def seed(self, command: Command) -> None:
         """Judge a goal that a drive is given so that it holds its joint at ``place``."""
         assert command.place is not None
-        way = command.target - command.place
-        if abs(way) > MAX_SEED_RAD:
-            self._find(command.time_s, f"is to hold {way:+.2f} rad away from where it is")
+        displacement = command.target - command.place
+        if abs(displacement) > MAX_SEED_RAD:
+            self._find(command.time_s, f"is to hold {displacement:+.2f} rad away from where it is")
         self._last, self._rate = command, None
 
     def bounds(self, time_s: float, position: float, before: float) -> None:

@@ -38,9 +38,9 @@ JOG_ENDS_S = 2.0  # by the gentlest deceleration of a ``profile``
 SENT_PERIODS = 3  # between two commands of a stream
 
 
-def time_of(way: float, judge: Judge) -> float:
+def time_of(distance: float, judge: Judge) -> float:
     """Return the time for a goal of one point, with a margin."""
-    return 2.0 * max(way / judge.velocity, math.sqrt(2.0 * way / judge.acceleration))
+    return 2.0 * max(distance / judge.velocity, math.sqrt(2.0 * distance / judge.acceleration))
 
 
 class Observer:
@@ -172,9 +172,11 @@ class WitnessPlay(ArmPlay):
         after = round(s * 100) + drawn[2] + 30
         match motion:
             case "path":
-                way = self.robot.image.position_command[list(self._joints)] - self._middle - ends
-                way = float(np.nan_to_num(np.abs(way).max()))
-                seconds = self.bench.seconds_per_rad * max(way, *map(abs, ends)) + 0.3
+                distance = (
+                    self.robot.image.position_command[list(self._joints)] - self._middle - ends
+                )
+                distance = float(np.nan_to_num(np.abs(distance).max()))
+                seconds = self.bench.seconds_per_rad * max(distance, *map(abs, ends)) + 0.3
                 self._goal([(seconds, ends), (2 * seconds, [-end for end in ends])], after)
             case "jog":
                 for axis in self._joints:
@@ -282,19 +284,19 @@ class WitnessPlay(ArmPlay):
 
     # Hands
 
-    def _push(self, axis: int, way: float) -> None:
-        self.bench.push(axis, way)
+    def _push(self, axis: int, displacement: float) -> None:
+        self.bench.push(axis, displacement)
 
-    def _moved_off(self, axis: int, way: float, seconds: float, periods: int) -> None:
+    def _moved_off(self, axis: int, displacement: float, seconds: float, periods: int) -> None:
         """Switch off, move by hand, and switch on, whether the hand has let go or not."""
         self._servo(axis, False)
-        self.bench.push(axis, way)
+        self.bench.push(axis, displacement)
         self.bench.run(seconds)
         self._servo(axis, True)
         self._step(periods)
 
     def _guide(
-        self, axis: int, way: float, drawn: tuple[str, list[int], int, str, int], s: float,
+        self, axis: int, displacement: float, drawn: tuple[str, list[int], int, str, int], s: float,
         periods: int,
     ) -> None:  # fmt: skip
         """Guide a joint by hand, perhaps with a fault in the midst; the end is a stop."""
@@ -302,7 +304,7 @@ class WitnessPlay(ArmPlay):
         self.release()
         self.bench.judges[axis].may_catch = True
         self.robot.axes.begin_guiding([axis])
-        self.bench.push(axis, way)
+        self.bench.push(axis, displacement)
         if s:
             self._disturb(drawn, s)
         self._step(periods)
@@ -324,16 +326,16 @@ class WitnessPlay(ArmPlay):
         self.bench.heal()
 
     def _window(self, ends: list[float], periods: int) -> None:
-        """Send a window of points along a straight way from where the joints are."""
+        """Send a window of points along a straight line from where the joints are."""
         ends = self._at(ends)
         period_ns = self.robot.control_loop.period_ns
         for stream in self.streams[-1:]:
             columns = [self.robot.joint_names.index(name) for name in stream.joints]
             start = self.robot.image.position_command[columns]
-            way = np.clip(np.array(ends[: len(columns)]) - start, -0.3, 0.3)
+            displacement = np.clip(np.array(ends[: len(columns)]) - start, -0.3, 0.3)
             now_ns = self.bench.clock.now_ns()
             times_ns = [now_ns + period_ns * 10 * n for n in range(1, 5)]
-            stream.send_points(times_ns, [list(start + way * n / 4) for n in range(1, 5)])
+            stream.send_points(times_ns, [list(start + displacement * n / 4) for n in range(1, 5)])
             self._step(periods)
 
     def _torque(self, torques: list[float], periods: int) -> None:
@@ -408,8 +410,8 @@ class WitnessPlay(ArmPlay):
         place = self.robot.image.position_command[list(self._joints)]
         target = self._middle + np.where(place > self._middle, -0.2, 0.2)
         judges = [self.bench.judges[axis] for axis in self._joints]
-        ways = zip(np.abs(target - place).tolist(), judges, strict=True)
-        seconds = max([2.0, *(time_of(way, judge) for way, judge in ways)])
+        distances = zip(np.abs(target - place).tolist(), judges, strict=True)
+        seconds = max([2.0, *(time_of(distance, judge) for distance, judge in distances)])
         request = TrajectoryRequest.from_rows(self.robot.joint_names, [seconds], [target.tolist()])
         goal = ExitStack()
         with goal:

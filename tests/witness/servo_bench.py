@@ -234,8 +234,8 @@ class ServoBench(Bench):
             setattr(servo.faults, name, DAMAGED)
         self._until(NOISY_S, lambda: [self._clear([servo], name) for name in names] and None)
 
-    def push(self, axis: int, way: float) -> None:
-        self.taps[axis].push(way)
+    def push(self, axis: int, displacement: float) -> None:
+        self.taps[axis].push(displacement)
 
     def heal(self) -> None:
         self.line.unplugged_s = self.line.blocked_s = self._quiet_s = 0.0

@@ -16,7 +16,7 @@ from tests.witness.ethercat_bench import EthercatBench
 from robotd.errors import RobotdError
 from robotd.motion import TrajectoryRequest
 
-WAY_RAD = 2.4
+TRAVEL_RAD = 2.4
 SILENCES_S = (0.006, 0.014, 0.025, 0.065, 0.205, 0.4)
 SPEEDS_RAD_S = (1.0, 3.0)
 PATIENT = {"stale_after_s": 1.0}
@@ -30,17 +30,17 @@ def silence_in_a_path(
     Returns outcome and message of the path.
     """
     request = TrajectoryRequest.from_rows(
-        bench.robot.joint_names, [1.5 * WAY_RAD / speed], [[WAY_RAD / 2, -WAY_RAD / 2]]
+        bench.robot.joint_names, [1.5 * TRAVEL_RAD / speed], [[TRAVEL_RAD / 2, -TRAVEL_RAD / 2]]
     )
     with bench.requested():
         bench.robot.start()
     start = TrajectoryRequest.from_rows(
-        bench.robot.joint_names, [1.0], [[-WAY_RAD / 2, WAY_RAD / 2]]
+        bench.robot.joint_names, [1.0], [[-TRAVEL_RAD / 2, TRAVEL_RAD / 2]]
     )
     finish(bench, start)
     for judge in bench.judges:
         judge.peaks.velocity = judge.peaks.acceleration = 0.0
-    elapsed_s = 0.6 * WAY_RAD / speed
+    elapsed_s = 0.6 * TRAVEL_RAD / speed
     outcome = finish(bench, request, elapsed_s, lambda: bench.silence(seconds, axes, how))
     bench.run(1.0)
     bench.robot.shutdown()

@@ -55,9 +55,9 @@ class ServoTap:
     def is_on(self) -> bool:
         return self.servo.answering and self.servo.output_on
 
-    def push(self, way: float) -> None:
-        """Let a hand move the joint by ``way`` rad, while the servo has little torque."""
-        angle = self.servo.joint.angle + way
+    def push(self, displacement: float) -> None:
+        """Let a hand move the joint by ``displacement`` rad, while the servo has little torque."""
+        angle = self.servo.joint.angle + displacement
         self._hand = max(-2.5, min(2.5, angle))
 
     def write(self, address: int, data: bytes) -> Any:
@@ -76,14 +76,14 @@ class ServoTap:
         return answer
 
     def take_stock(self) -> None:
-        """Report the power stage, and the way to the goal where there is more torque."""
+        """Report the power stage, and the distance to the goal where there is more torque."""
         servo, torque = self.servo, 0.0
         if self.is_on:
             torque = servo.get(self._torque_register) / self._full_torque
         self.judge.power(self._now_s(), self.is_on)
         if torque > self._torque:
-            way = self.angle(servo.get("goal_position")) - self.angle(servo.reported())
-            self.judge.pull(self._now_s(), way)
+            displacement = self.angle(servo.get("goal_position")) - self.angle(servo.reported())
+            self.judge.pull(self._now_s(), displacement)
         self._torque = torque
 
     def drive(self, dt: float) -> None:

@@ -75,12 +75,12 @@ FAILED = [
     # A killed robotd had left motion and servos on: the next one could not load parameters.
     ("wmx", 12),
     ("wmx", 17),
-    # A stop that began a part of a period late got the way of all of it in its first period.
+    # A stop that began a part of a period late got the travel of all of it in its first period.
     ("arm", 46),
     ("sim", 46),
     # The bench's killed bus thread was still in a job that was ended.
     ("feetech", 95),
-    # An engine that had stood still went on behind the path's new start: 0.14 rad off the path.
+    # An engine that had stood still went on after the path's new start: 0.14 rad off the path.
     ("wmx", 38),
     # A stop was over by what had been sent, while the cable was cut: the rest of its ramp followed.
     ("dobot", 2477),
@@ -103,7 +103,7 @@ FAILED = [
     ("feetech", 2),
     # The hand of the bench led the joint on while the arm was to recover.
     ("dynamixel", 40),
-    # A stop behind a missing period, which the buffer had bridged, began a period late.
+    # A stop after a missing period, which the buffer had bridged, began a period late.
     ("wmx", 23),
     ("wmx", 70),
     # A guided joint went on with its velocity where it was caught, to the end of its range.
@@ -134,7 +134,7 @@ FAILED = [
     ("wmx", 200),
     # A stop was over while the servo was still behind its command.
     ("feetech", 232),
-    # The bus thread was busy for 70 ms: a jog went on meanwhile, and its way came in two periods.
+    # The bus thread was busy for 70 ms: a jog went on, and its travel came in two periods.
     ("dynamixel", 206),
     # The engine's buffer was emptied 1 % faster, all at once: half as much acceleration again.
     ("wmx-base", 338),

@@ -298,8 +298,8 @@ def test_a_guided_joint_that_is_not_braked_where_it_is_caught(
     franka.robot.axes.stop([0])
     caught = float(franka.robot.image.position[0])
     franka.run(0.5)
-    way = abs(franka.robot.image.position[0] - caught)
-    assert (way < 0.05) == brakes, way
+    travel = abs(franka.robot.image.position[0] - caught)
+    assert (travel < 0.05) == brakes, travel
     assert any("is led on" in finding for finding in franka.findings) != brakes
 
 

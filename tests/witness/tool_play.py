@@ -35,7 +35,7 @@ class ToolPlay(WitnessPlay):
         self.joined = 0
 
     def _sequence(
-        self, ways: list[list[float]], part: float, end: str, struck: bool,
+        self, displacements: list[list[float]], part: float, end: str, struck: bool,
         drawn: tuple[str, list[int], int, str, int], s: float,
     ) -> None:  # fmt: skip
         """Move along lines with corners rounded; all but the first are appended on the way."""
@@ -44,7 +44,7 @@ class ToolPlay(WitnessPlay):
         self.robot.set_speed(1.0)
         tool = self.robot.feature(ToolGroups).only
         tool.execute(tool.plan_joints(np.array(self.bench.bent)))
-        places = np.cumsum(ways, axis=0).tolist()
+        places = np.cumsum(displacements, axis=0).tolist()
         lines = [Line(tool.pose_relative(x=x, y=y, z=z), blend_m=BLEND_M) for x, y, z in places]
         run = tool.sequence(tool.plan_parts(lines[:1]), tool.arrive())
         further, ends = lines[1:], [self.bench.now_s + s] if end else []

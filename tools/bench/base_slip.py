@@ -36,15 +36,16 @@ def main(out: Path) -> None:
     """
     mpl.rcParams["svg.hashsalt"] = "robotd"  # the same file from the same paths
     figure, panels = plt.subplots(len(FRICTIONS), len(COURSES), figsize=(10, 7))
-    print("| base | friction | way m | error m | error of the heading ° |")
+    print("| base | friction | distance m | error m | error of the heading ° |")
     print("|---|---:|---:|---:|---:|")
     for row, friction in enumerate(FRICTIONS):
         for column, (robot, course) in enumerate(COURSES.items()):
             path = _drive(robot, course, friction)
             distance, angle = errors(*path[-1])
-            way = _length([truth for _, truth in path])
+            driven = _length([truth for _, truth in path])
             print(
-                f"| {robot} | {friction} | {way:.2f} | {distance:.3f} | {math.degrees(angle):.1f} |"
+                f"| {robot} | {friction} | {driven:.2f} | {distance:.3f}"
+                f" | {math.degrees(angle):.1f} |"
             )
             _draw(panels[row][column], path, f"{robot}, friction {friction}")
     panels[0][0].legend(fontsize=8)

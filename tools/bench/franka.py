@@ -19,8 +19,8 @@ from robotd.api import FloatArray
 from robotd.api.robots import TrajectoryRequest
 
 REST_S = 3.0
-WAY_RAD = np.array([0.3, 0.2, -0.2, 0.2, 0.3, -0.2, 0.3])
-WAY_S = 2.0
+TRAVEL_RAD = np.array([0.3, 0.2, -0.2, 0.2, 0.3, -0.2, 0.3])
+TRAVEL_S = 2.0
 NOTICEABLE_RAD = 0.0005
 
 
@@ -40,7 +40,7 @@ def measure(robot: Robot) -> dict[str, str]:
     rows["period of the control loop at rest"] = spread(periods[1:])
     start = robot.image.copy().position
     followed: list[FloatArray] = []
-    for target in (start + WAY_RAD, start):
+    for target in (start + TRAVEL_RAD, start):
         began, errors = follow(robot, target)
         followed.append(errors)
         rows["time from the first target to motion"] = f"{began * 1e3:.0f} ms"
@@ -54,12 +54,12 @@ def measure(robot: Robot) -> dict[str, str]:
 def follow(robot: Robot, target: FloatArray) -> tuple[float, FloatArray]:
     """Follow a goal; return the delay of the motion, s, and the largest error of each joint."""
     names = robot.joint_names
-    request = TrajectoryRequest.from_rows(names, [WAY_S], [target.tolist()])
+    request = TrajectoryRequest.from_rows(names, [TRAVEL_S], [target.tolist()])
     start = robot.image.copy()
     commanded_ns = moved_ns = 0
     errors = np.zeros(len(names))
     with robot.follower.follow(request) as execution:
-        ends_s = time.perf_counter() + WAY_S
+        ends_s = time.perf_counter() + TRAVEL_S
         while time.perf_counter() < ends_s:
             image = robot.image.copy()
             errors = np.maximum(errors, np.abs(image.position - image.position_command))

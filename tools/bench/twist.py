@@ -93,8 +93,8 @@ def _measure(
     differences = pose_differences(reached, np.array(path))
     off = 1e6 * np.linalg.norm(differences[:, :3], axis=1).max()
     turned = 1e3 * np.linalg.norm(differences[:, 3:], axis=1).max()
-    way = reached[:, :3, 3] - arm.forward(reference[:, 0])[:, :3, 3]
-    behind = 1e6 * np.linalg.norm(way, axis=1).max()
+    deviation = reached[:, :3, 3] - arm.forward(reference[:, 0])[:, :3, 3]
+    behind = 1e6 * np.linalg.norm(deviation, axis=1).max()
     fast = np.abs(reference[:, 1] / limits.velocity).max()
     strong = np.abs(reference[:, 2] / limits.acceleration).max()
     p50, p99 = np.percentile(cost, [50, 99])

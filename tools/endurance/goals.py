@@ -86,7 +86,7 @@ def random_goal(joints: list[str], seconds: float, chance: random.Random) -> Any
     """A goal of 1 to ``MOST_POINTS`` points, to a target at random in ``seconds``."""
     count = chance.choice((1, 2, 10, MOST_POINTS))
     start, end = ([chance.uniform(-REACH_RAD, REACH_RAD) for _ in joints] for _ in range(2))
-    # The first half is for the way from wherever the arm is.
+    # The first half is for the motion from wherever the arm is.
     points = [(seconds / 2.0, start)]
     for number in range(1, count):
         part = number / (count - 1)

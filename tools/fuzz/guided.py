@@ -1,6 +1,6 @@
 """The same inputs, guided by the lines that they reach: ``python -m tools.fuzz.guided robot``.
 
-Needs ``pip install atheris``, which is no dependency. Options of libFuzzer follow the reader's
+Needs ``pip install atheris``, which is not a dependency. Options of libFuzzer follow the reader's
 name, for instance ``-max_total_time=300``. The first finding ends it, and is kept as a file.
 """
 

@@ -68,7 +68,7 @@ def overlaid(tree: YamlNode, variant: str | None, problems: list[DescriptorError
     """Return ``tree`` with the values of its variant; what that cannot change: in ``problems``."""
     overlay = tree.find(["variants", variant]) if variant is not None else None
     if overlay is None or not isinstance(overlay.value, dict):
-        return tree  # a variant that is no mapping is found by the model
+        return tree  # a variant that is not a mapping is found by the model
     for key in FIXED_KEYS:
         if key in overlay.value:
             node = overlay.value[key]

@@ -257,10 +257,11 @@ class SteeringFollower:
             self.angle, self.rate = self._target, 0.0
 
 
-def _stopping(way: float, step: float) -> float:
-    """Return the highest rate that stops within ``way``, rad per period, by ``step`` a period.
+def _stopping(distance: float, step: float) -> float:
+    """Return the highest rate that stops within ``distance``, rad per period, by ``step`` a period.
 
-    From rates of (whole and fraction) ``count`` steps, ``way`` is the sum of the rates until rest.
+    From rates of (whole and fraction) ``count`` steps, ``distance`` is the sum of the rates until
+    rest.
     """
-    count = math.floor((math.sqrt(1.0 + 8.0 * way / step) - 1.0) / 2)
-    return way / (count + 1) + step * count / 2
+    count = math.floor((math.sqrt(1.0 + 8.0 * distance / step) - 1.0) / 2)
+    return distance / (count + 1) + step * count / 2

@@ -55,7 +55,7 @@ def ask(options: DobotOptions) -> str:
 
 
 def checks(context: MachineContext) -> Iterator[Finding]:
-    """Yield findings about the way to the controllers that are named; only asked, it connects."""
+    """Yield findings about the route to the controllers that are named; only asked, it connects."""
     named = [found for robot in context.robots if (found := _options(robot))]
     if address := context.options.get("address"):
         named.append(DobotOptions(address=address))
@@ -63,7 +63,7 @@ def checks(context: MachineContext) -> Iterator[Finding]:
         advice = f"name it: --set {SECTION}.address=192.168.5.1"
         yield Finding("warning", "no controller is named", advice)
     for options in named:
-        yield _way(options.address)
+        yield _route(options.address)
         if context.asks_devices:
             yield _answer(options)
 
@@ -74,15 +74,15 @@ def _options(robot: RobotDescriptor) -> DobotOptions | None:
     return None
 
 
-def _way(address: str) -> Finding:
+def _route(address: str) -> Finding:
     """Say from which address a controller is reached; nothing is sent for that."""
     try:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as way:
-            way.connect((address, 9))
-            own, there = way.getsockname()[0], way.getpeername()[0]
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+            sock.connect((address, 9))
+            own, there = sock.getsockname()[0], sock.getpeername()[0]
     except OSError as error:
         advice = "connect the cable, and give its interface an address such as 192.168.5.100/24"
-        return Finding("failed", f"no way to {address}: {error}", advice)
+        return Finding("failed", f"no route to {address}: {error}", advice)
     near = ipaddress.ip_network(f"{there}/{NEAR_BITS}", strict=False)
     if ipaddress.ip_address(own) in near:
         return Finding("ok", f"{address} is reached from {own}")

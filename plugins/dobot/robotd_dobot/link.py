@@ -27,7 +27,7 @@ from robotd_dobot.protocol import DIALECTS, MODELS, TAKES_TARGETS, V3, V4, Diale
 TIMEOUT_S = 2.0  # to connect, and for a reply
 SILENT_S = 0.1  # without a packet is a fault
 SWITCH_OFF = "DisableRobot"
-MAX_ANGLE_DEG = 1080.0  # of any joint; more is no position
+MAX_ANGLE_DEG = 1080.0  # of any joint; more is not a position
 NOT_IN_TCP_MODE = (
     "the controller is not in TCP mode and does not change to it now: switch the arm off, and"
     " choose TCP/IP secondary development in the maker's software"
@@ -226,7 +226,7 @@ class ControllerLink:
         time_ns = self._clock.now_ns()
         fields = np.frombuffer(packet, protocol.FEEDBACK)[0]
         if fields["size"] != len(packet) or fields["test_value"] != protocol.TEST_VALUE:
-            raise OperationError("the bytes are no packet of this protocol")
+            raise OperationError("the bytes are not a packet of this protocol")
         position, velocity = fields["position"], fields["velocity"]
         if not (np.abs(position) <= MAX_ANGLE_DEG).all() or not np.isfinite(velocity).all():
             self._implausible = f"positions that no joint has: {position.tolist()}°"

@@ -78,7 +78,7 @@ def write(servo: int, address: int, data: bytes) -> bytes:
 def parse(line: bytes, size: int) -> Parsed:
     """Find status packets with ``size`` bytes of data, or none, in ``line``; others are damaged.
 
-    What is damaged is skipped byte by byte, so that the replies behind it are found.
+    What is damaged is skipped byte by byte, so that the replies after it are found.
     """
     replies, corrupt, start = [], 0, 0
     longest = (size + 4) * 4 // 3  # with stuffing

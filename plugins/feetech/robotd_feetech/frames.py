@@ -31,7 +31,7 @@ def sync_write(address: int, size: int, values: dict[int, bytes]) -> bytes:
 def parse(line: bytes, size: int) -> Parsed:
     """Find the replies with ``size`` bytes of data in ``line``; others are damaged, and counted.
 
-    What is damaged is skipped byte by byte, so that the replies behind it are found. The error byte
+    What is damaged is skipped byte by byte, so that the replies after it are found. The error byte
     of a reply is the servo's status; its data is valid also with a fault.
     """
     replies, corrupt, start = [], 0, 0

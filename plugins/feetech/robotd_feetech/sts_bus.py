@@ -110,7 +110,7 @@ class StsBus(RequestBus):
         self._write(servo, registers.ACCELERATION, data, compare=GOAL_HEAD.size)
 
     def _goal(self, servo: int, goal: Goal) -> bytes:
-        # A speed of 0 would be no limit.
+        # A speed of 0 would not be a limit.
         speed = max(1, goal.speed // self._speed_units.get(servo, 1))
         position = unsigned(goal.position, registers.SIGN)
         return SYNC_GOAL.pack(registers.FASTEST_RAMP, position, 0, speed)

@@ -379,8 +379,8 @@ class Physics:
         closed = self.outputs[gripper.output_byte] >> gripper.output_bit & 1
         end = gripper.closed_m if closed else gripper.open_m
         travel_s = gripper.travel_time_s or FINGER_TRAVEL_S
-        way = steps * self.options.step_s / travel_s * abs(gripper.closed_m - gripper.open_m)
-        self._gripper_m += min(max(end - self._gripper_m, -way), way)
+        distance = steps * self.options.step_s / travel_s * abs(gripper.closed_m - gripper.open_m)
+        self._gripper_m += min(max(end - self._gripper_m, -distance), distance)
         for finger in self.robot_model.fingers:
             self.data.ctrl[finger.motor] = finger.factor * self._gripper_m
 
@@ -426,7 +426,7 @@ class Physics:
         quaternion = pose[[6, 3, 4, 5]]
         size = float(np.linalg.norm(quaternion))
         if not (np.isfinite(pose).all() and size > 1e-6):
-            raise InvalidArgument(f"{name}: {pose.tolist()} is no pose")
+            raise InvalidArgument(f"{name}: {pose.tolist()} is not a pose")
         root = self.robot_model.root_body
         at = self.data.xpos[root] + self.data.xmat[root].reshape(3, 3) @ pose[:3]
         turn = np.empty(4)

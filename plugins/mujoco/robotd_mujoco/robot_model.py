@@ -54,7 +54,7 @@ from robotd_mujoco.urdf_import import import_urdf
 
 INERTIA_POSES = 64
 FAR = 1e3  # rad or m; exporters write 1e308 for "no limit"
-ROTOR_KG, ROTOR_KG_M2 = 1.0, 0.1  # of an axis that is no joint of the URDF
+ROTOR_KG, ROTOR_KG_M2 = 1.0, 0.1  # of an axis that is not a joint of the URDF
 BRAKE_SHARE = 1.5  # torque of a brake per torque of its drive
 BRAKE_NM = 200.0  # of one without a torque limit
 UNLIMITED = 1e6  # N·m or N
@@ -97,7 +97,7 @@ class RobotModel:
         root_body: of that frame.
         is_free: the root can move: a base on a floor.
         rollers: of mecanum wheels; None without them.
-        wrists: links behind the last joint of each arm, with a force/torque sensor.
+        wrists: links after the last joint of each arm, with a force/torque sensor.
         sensors: address of the first value of each one: force and torque.
         payload: body whose weight the drives expect at the last link; -1: there is not one arm.
     """
@@ -292,7 +292,7 @@ def _add_lock(spec: mujoco.MjSpec, joint: str, options: MujocoOptions) -> None:
 
 
 def _add_wrists(spec: mujoco.MjSpec, robot: RobotDescriptor) -> list[str]:
-    """Add a force/torque sensor behind the last joint of each arm; return its link.
+    """Add a force/torque sensor after the last joint of each arm; return its link.
 
     It measures what the link and all beyond it exert on the arm, in the frame of the link.
     """
@@ -311,7 +311,7 @@ def _add_wrists(spec: mujoco.MjSpec, robot: RobotDescriptor) -> list[str]:
 
 
 def _last_links(spec: mujoco.MjSpec, joints: Sequence[str]) -> list[str]:
-    """Return the links that those of ``joints`` move behind which there is none of them."""
+    """Return the links that those of ``joints`` move after which there is none of them."""
     names = [name for name in joints if spec.joint(name) is not None]
     inner = set()
     for name in names:

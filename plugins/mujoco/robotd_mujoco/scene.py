@@ -171,7 +171,7 @@ def describe_cameras(cameras: tuple[SceneCamera, ...]) -> list[WorldCamera]:
 
 
 def describe_objects(spec: mujoco.MjSpec, links: Sequence[str]) -> list[WorldObject]:
-    """Return the objects: bodies that are no links, by their first geometry."""
+    """Return the objects: bodies that are not links, by their first geometry."""
     shapes: dict[Any, tuple[Shape, Callable[[FloatArray], tuple[float, ...]]]] = {
         mujoco.mjtGeom.mjGEOM_BOX: (Shape.BOX, lambda size: tuple(2.0 * size)),
         mujoco.mjtGeom.mjGEOM_CYLINDER: (Shape.CYLINDER, lambda size: (size[0], 2.0 * size[1])),

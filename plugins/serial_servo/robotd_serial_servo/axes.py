@@ -88,7 +88,7 @@ class ServoAxes(ProfiledAxes):
         image.position[:] = feedback.position
         image.velocity[:] = feedback.velocity
         image.servo_on[:] = feedback.torque
-        # What a servo that comes on, or is back, holds may be beside its position. A bus thread
+        # What a servo that comes on, or is back, holds may differ from its position. A bus thread
         # that is late has not sent the last targets.
         waited_s = (self.clock.now_ns() - feedback.ended_ns) / NANOSECONDS
         late = waited_s > LATE_PERIODS * self._plan.options.exchange_period_s

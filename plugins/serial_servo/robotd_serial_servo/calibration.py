@@ -29,7 +29,7 @@ class JointCalibration(BaseModel):
         id: of the servo.
         drive_mode: 1 mirrors LeRobot's percentages; angles are not mirrored by it.
         homing_offset: ticks, stored in the servo.
-        range_min, range_max: ends of the joint's travel, ticks behind the offset.
+        range_min, range_max: ends of the joint's travel, ticks from the offset.
     """
 
     model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
@@ -78,7 +78,7 @@ def read_calibration(path: Path) -> Mapping[str, JointCalibration]:
     try:
         content = json.loads(read_limited(path, MAX_BYTES))
     except ValueError as error:  # JSON, or not UTF-8
-        raise DescriptorError(f"is no calibration: {error}", path=path) from None
+        raise DescriptorError(f"is not a calibration: {error}", path=path) from None
     if isinstance(content, dict) and OLD_KEYS & content.keys():
         text = "is a calibration of LeRobot before 0.2, in lists: calibrate again"
         raise DescriptorError(text, path=path)
@@ -87,7 +87,7 @@ def read_calibration(path: Path) -> Mapping[str, JointCalibration]:
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(map(str, first["loc"])) or None
-        raise DescriptorError(f"is no calibration: {first['msg']}", path=path, key=key) from None
+        raise DescriptorError(f"is not a calibration: {first['msg']}", path=path, key=key) from None
     for name, joint in joints.items():
         if not joint.range_min < joint.range_max:
             text = f"range_min {joint.range_min} is not below range_max {joint.range_max}"
@@ -108,7 +108,7 @@ def half_turn_offset(reported: int, offset: int, sign: int = 1) -> int:
     """Return the offset that makes the present position the middle, as LeRobot computes it.
 
     Args:
-        reported: present position, ticks behind ``offset``.
+        reported: present position, ticks from ``offset``.
         offset: that the servo has now.
         sign: of the family, ``ServoBus.offset_sign``.
     """

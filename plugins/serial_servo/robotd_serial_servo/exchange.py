@@ -223,7 +223,7 @@ class Exchange:
         )
         absent = [record.servo for record in self.records if record.offline]
         if absent and self._round % SEARCH_PERIODS == 0:
-            # All by turns with one alone: behind one that is missing, those of a sync read may wait
+            # All by turns with one alone: after one that is missing, those of a sync read may wait
             # for it, yet after a loss of the supply all are back, and an arm is to be so at once.
             turn, one = divmod(self._round // SEARCH_PERIODS, 2)
             states |= self.bus.read([absent[turn % len(absent)]] if one else absent)

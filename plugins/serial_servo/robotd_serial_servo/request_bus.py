@@ -129,7 +129,7 @@ class RequestBus(ServoBus):
             part = port.receive(deadline)
             if not part:
                 port.expect_late_bytes()
-                self.corrupt += seen and not found  # bytes that are no reply
+                self.corrupt += seen and not found  # bytes that are not a reply
                 break
             seen = True
             replies, line, corrupt = self._parse(line + part, size)

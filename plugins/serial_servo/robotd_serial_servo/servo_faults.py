@@ -1,4 +1,4 @@
-"""Faults that the exchange finds beside those that a servo reports, as alarm codes."""
+"""Faults that the exchange finds in addition to those that a servo reports, as alarm codes."""
 
 from __future__ import annotations
 

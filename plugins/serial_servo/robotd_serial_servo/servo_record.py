@@ -14,7 +14,9 @@ FASTEST_TICKS_S = 10.0 / RAD_PER_TICK  # no servo turns faster; a hand rarely do
 STEP_TICKS = 40  # beyond that, between two replies
 CONSISTENT = 3  # replies at a place where a position has jumped to, until it is believed
 LIMIT_STEP = 0.002  # resolution of a torque limit
-LOST_REPLIES = 3  # in a row: one that is lost just after a stall of this program is no lost servo
+LOST_REPLIES = (
+    3  # in a row: one that is lost just after a stall of this program is not a lost servo
+)
 MAX_SPEED_REGISTER = 32767
 
 

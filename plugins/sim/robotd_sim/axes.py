@@ -121,14 +121,14 @@ class SimAxes(AxisDriver):
         with self._world.lock:
             self._world.advance()
             self._require_free(axis, CommandMode.POSITION)
-            self._require_way(axis, target - float(self._simulation.servo.command[axis]))
+            self._require_free_direction(axis, target - float(self._simulation.servo.command[axis]))
             self._motion.move(axis, target, profile)
 
     def jog(self, axis: int, profile: Profile) -> None:
         with self._world.lock:
             self._world.advance()
             self._require_free(axis)
-            self._require_way(axis, profile.velocity)
+            self._require_free_direction(axis, profile.velocity)
             self._motion.jog(axis, profile)
 
     def begin_guiding(self, axes: Sequence[int], timeout_s: float) -> None:
@@ -202,7 +202,7 @@ class SimAxes(AxisDriver):
         if operation not in _OVERRIDABLE and not (streaming and operation is Operation.STREAM):
             raise NotReady(f"takes no command while it is {operation.name.lower()}", axis=axis)
 
-    def _require_way(self, axis: int, direction: float) -> None:
+    def _require_free_direction(self, axis: int, direction: float) -> None:
         reason = self._simulation.guards.blocked(axis, float(np.sign(direction)))
         if direction and reason:
             raise OperationError(f"{reason}", axis=axis)

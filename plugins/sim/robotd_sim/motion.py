@@ -312,9 +312,9 @@ class Stream:
             start, speed, end = starts[axis], speeds[axis], ends[axis]
             if held and not by_velocity:
                 start, speed = self.position[axis], 0.0
-            way = (speed + end) / 2 * time_s if by_velocity else targets[axis] - start
-            self.position[axis], self.velocity[axis] = start + way, end
-            mean = way / time_s
+            displacement = (speed + end) / 2 * time_s if by_velocity else targets[axis] - start
+            self.position[axis], self.velocity[axis] = start + displacement, end
+            mean = displacement / time_s
             acceleration = 2 * (3 * mean - 2 * speed - end) / time_s
             jerk = 6 * (speed + end - 2 * mean) / time_s**2
             servo.follow(axis, tick, start, speed, acceleration, jerk)

@@ -131,7 +131,7 @@ void PositionStream::begin(const std::vector<int> &axes) {
     for (int axis : axes) states_[axis] = STREAMING;
 }
 
-// Longest time between two setpoints that is no underrun, here and in the control loop.
+// Longest time between two setpoints that is not an underrun, here and in the control loop.
 double PositionStream::bridged_s() const {
     return GAP_PERIODS * settings_.period_s + settings_.buffer_s;
 }
@@ -276,8 +276,8 @@ unsigned int PositionStream::overfull() const {
 bool PositionStream::begins(const std::vector<int> &axes, const Setpoint &setpoint) const {
     const double square = settings_.period_s * settings_.period_s;
     return std::all_of(axes.begin(), axes.end(), [&](int axis) {
-        const double way = std::fabs(setpoint.position[axis] - axes_[axis].position);
-        return way <= settings_.limits[axis].acceleration * square;
+        const double distance = std::fabs(setpoint.position[axis] - axes_[axis].position);
+        return distance <= settings_.limits[axis].acceleration * square;
     });
 }
 

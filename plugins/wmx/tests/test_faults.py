@@ -240,9 +240,9 @@ def test_the_engine_stops_the_axes_when_the_daemon_dies(tmp_path: Path) -> None:
         daemon.kill()
         killed_s, start = time.monotonic(), position()
     eventually(lambda: "engine 0" in port("show"))
-    took_s, way = time.monotonic() - killed_s, position() - start
-    print(f"killed at {speed_rad_s} rad/s: at rest within {took_s:.3f} s and {way:.3f} rad")
-    assert way <= speed_rad_s * min(took_s, 2 * watchdog_s)
+    took_s, distance = time.monotonic() - killed_s, position() - start
+    print(f"killed at {speed_rad_s} rad/s: at rest within {took_s:.3f} s and {distance:.3f} rad")
+    assert distance <= speed_rad_s * min(took_s, 2 * watchdog_s)
     rest = position()
     time.sleep(0.05)
     assert position() == rest

@@ -9,7 +9,7 @@ from robotd.device.state import Operation
 from robots import eventually, goal, running
 from standin_port import port
 
-CRUISE_RAD_S = 0.24  # of a way of 2 rad in 8 s
+CRUISE_RAD_S = 0.24  # of a travel of 2 rad in 8 s
 FROZEN_S = 1.0
 MOST_OF_THE_PAST_RAD = 0.12  # 66 ms at 0.3 rad/s and a ramp are 0.03; all that came is 0.3
 
@@ -25,5 +25,5 @@ def test_an_engine_that_stood_still_executes_little_of_the_past(tmp_path: Path) 
         port("freeze", 0)
         eventually(lambda: robot.image.position_command[0] > before[0])
         eventually(lambda: bool((robot.image.operation == Operation.IDLE).all()))
-        way = robot.image.position_command - before
-    assert way.max() < MOST_OF_THE_PAST_RAD
+        displacement = robot.image.position_command - before
+    assert displacement.max() < MOST_OF_THE_PAST_RAD

@@ -157,7 +157,7 @@ def test_an_emptied_buffer_holds_and_continues_from_there(
 def test_a_setpoint_that_comes_after_the_buffer_has_run_dry_makes_no_leap(
     trace: Trace, device: Device, stream: PositionStream
 ) -> None:
-    """The process was stopped between a setpoint and its way to the engine."""
+    """The process was stopped between a setpoint and its transfer to the engine."""
     tries, late = [], 0.0
     for _ in range(TRIES):  # a busy computer lets the buffer run dry in the midst
         begin_ns = time.monotonic_ns()

@@ -83,7 +83,7 @@ def _library(folder: Path, name: str) -> Finding:
 
 
 def _library_problem(path: Path) -> str:
-    """Return why a file is no library for this machine, or ""."""
+    """Return why a file is not a library for this machine, or ""."""
     with path.open("rb") as file:
         head = file.read(20)
     if head.startswith(ARCHIVE):

@@ -45,8 +45,8 @@ def move_tool(
     Args:
         is_canceled: asked all the time; once it is true, the robot is asked to stop.
         on_progress: called with 0 to 1, and the measured pose.
-        frame: "" for poses in the work frame or the base; "base" or "tool" for ways along the
-            axes of that or of the tool.
+        frame: "" for poses in the work frame or the base; "base" or "tool" for displacements
+            along the axes of that or of the tool.
         group, line, blend_m, speed, plan_only: fields of the goal.
 
     Raises DeviceTimeout: no answer or no feedback in time.

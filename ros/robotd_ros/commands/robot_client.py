@@ -137,7 +137,7 @@ def _require_one(client: RosClient, namespace: str, *, prints: bool) -> bool:
 def asks_robot(ask: Command) -> Command:
     """Make a command of a function that asks the running robot.
 
-    The function gets a client of the robot beside its arguments, and the command has the options
+    The function gets a client of the robot besides its arguments, and the command has the options
     of ``client_options``. What the function returns is printed, unless it is None; an ``ExitCode``
     is the exit status. The command names the robot that it asks, and asks no one of several that
     share a namespace.

@@ -69,7 +69,7 @@ def move_tool(
 
     Args:
         components: x, y, z in m, roll, pitch, yaw in rad; others stay, or are 0 if ``relative``.
-        relative: they are a way along the axes of ``frame_name``, "base" or "tool".
+        relative: they are a displacement along the axes of ``frame_name``, "base" or "tool".
         goal: further fields of the goal.
 
     Ctrl-C, SIGTERM and the loss of the terminal cancel the goal: INTERRUPTED. Raises Rejected with

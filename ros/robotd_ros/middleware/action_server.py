@@ -153,7 +153,7 @@ def _check_internals() -> None:
 class WorkerActionServer(ActionServer):
     """Action server that leaves accepted goals to ``accepted``; ``notify_execute`` ends them.
 
-    A coroutine that awaits a worker would be the ordinary way, but the EventsExecutor spins for
+    A coroutine that awaits a worker would be the usual solution, but the EventsExecutor spins for
     as long as one waits: half a core while the robot moves.
 
     Args:

@@ -115,7 +115,7 @@ class MessageEncoder(CdrWriter):
         self._add(message, "")
 
     def is_in(self, data: bytes) -> bool:
-        """Return True where ``data`` is the same message; there may be bytes behind it."""
+        """Return True where ``data`` is the same message; there may be bytes after it."""
         own, other = bytearray(self.payload()), bytearray(data[: len(self.payload())])
         for offset in self.padding:  # not initialized by the middleware
             own[offset : offset + 1] = other[offset : offset + 1]

@@ -46,7 +46,7 @@ def request_id_of(header: Any) -> RequestId | None:
     request = getattr(header, "request_id", header)
     if type(request).__basicsize__ != _HEADER_BYTES:
         return None
-    # pybind11 keeps the address of the C++ object behind the head of the Python object.
+    # pybind11 keeps the address of the C++ object after the header of the Python object.
     address = ctypes.c_void_p.from_address(id(request) + object.__basicsize__).value
     if not address:
         return None

@@ -9,7 +9,7 @@ in one place only: in the call of ``Service.send_response``.
 Measured: the look-up takes 27 us, once for each client of the service (x86_64).
 Upstream: https://github.com/ros2/rmw_fastrtps/pull/390 introduced the wait,
 https://github.com/ros2/ros2/issues/1253 asks for another solution (closed).
-Ends with: no version yet; since rclpy 5.0.1 the time-out is no error.
+Ends with: no version yet; since rclpy 5.0.1 the time-out is not an error.
 Shown by: tests/ros/test_service_responses.py.
 """
 
@@ -114,7 +114,7 @@ class ServiceResponses:
             for response in ready:
                 try:
                     self._send(response)
-                except Exception:  # of one response, such as a text that is no UTF-8
+                except Exception:  # of one response, such as a text that is not UTF-8
                     log.exception("response not sent", service=self._name)
 
     def _send(self, waiting: _Waiting) -> None:

@@ -168,7 +168,7 @@ def read_constraints(parameters: ParameterReader, descriptor: RobotDescriptor) -
     values[END_VELOCITY] = parameters.settable_flag(
         END_VELOCITY,
         descriptor.trajectory.allow_nonzero_velocity_at_trajectory_end,
-        "pass a last point with a velocity, and brake behind it",
+        "pass a last point with a velocity, and brake after it",
     )
     return values
 

@@ -190,7 +190,7 @@ class TrajectoryAction(WorkerAction):
             notes = (*execution.trajectory.notes, *tolerances.notes)
             result.error_string = "; ".join([text, *notes])
             if not execution.done:
-                # Joints that move on behind the last point are released after the result: the next
+                # Joints that move on after the last point are released after the result: the next
                 # goal of the client may take over.
                 after.push(joints.pop_all())
         return outcome, result.error_string

@@ -1,4 +1,4 @@
-"""robotd: the node of the operator, beside the others of every robot."""
+"""robotd: the operator's node, one of every robot."""
 
 from __future__ import annotations
 

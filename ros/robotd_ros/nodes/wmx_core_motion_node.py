@@ -30,7 +30,7 @@ from robotd_ros.qos import STREAM
 from robotd_ros.services import ServiceHandler, add_service
 
 DEPTH = 10
-COMMAND_DEPTH = 100  # of topics that are no streams: commands of one axis replace none of another
+COMMAND_DEPTH = 100  # of topics that are not streams: commands of one axis replace none of another
 RATE_HZ = 100.0  # of the state
 FRAME = "base_link"
 MAX_PATH = 4096  # characters, as Linux has it; a longer one is not worth a line of log

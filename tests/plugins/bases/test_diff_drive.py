@@ -19,14 +19,14 @@ lengths = st.floats(0.01, 2.0)
 factors = st.floats(0.5, 2.0)
 
 
-def integrated(way: PlanarTwist, steps: int = 20_000) -> Pose:
-    """The pose after ``way`` by the midpoint rule, whose error is below 1e-8 of the way here."""
-    headings = (np.arange(steps) + 0.5) / steps * way.angular
+def integrated(displacement: PlanarTwist, steps: int = 20_000) -> Pose:
+    """The pose after ``displacement`` by the midpoint rule, whose error is below 1e-8 here."""
+    headings = (np.arange(steps) + 0.5) / steps * displacement.angular
     cosine, sine = float(np.cos(headings).mean()), float(np.sin(headings).mean())
     return Pose(
-        way.linear * cosine - way.lateral * sine,
-        way.linear * sine + way.lateral * cosine,
-        way.angular,
+        displacement.linear * cosine - displacement.lateral * sine,
+        displacement.linear * sine + displacement.lateral * cosine,
+        displacement.angular,
     )
 
 
@@ -60,9 +60,9 @@ def test_all_wheels_of_a_side_turn_alike_and_count_by_their_mean() -> None:
 def test_an_arc_is_what_numerical_integration_approaches(
     length: float, angle: float, aside: float
 ) -> None:
-    way = PlanarTwist(length, angle, aside)
-    end = along_arc(ORIGIN, way)
-    assert end[:2] == pytest.approx(integrated(way)[:2], abs=1e-7)
+    displacement = PlanarTwist(length, angle, aside)
+    end = along_arc(ORIGIN, displacement)
+    assert end[:2] == pytest.approx(integrated(displacement)[:2], abs=1e-7)
     assert math.remainder(end.heading - angle, 2 * math.pi) == pytest.approx(0.0, abs=1e-12)
 
 
@@ -74,11 +74,13 @@ def test_an_almost_straight_arc_loses_no_digits(angle: float) -> None:
 
 
 @given(twists, st.integers(1, 50))
-def test_steps_along_an_arc_are_the_whole_arc(way: PlanarTwist, steps: int) -> None:
+def test_steps_along_an_arc_are_the_whole_arc(displacement: PlanarTwist, steps: int) -> None:
     pose = ORIGIN
     for _ in range(steps):
-        pose = along_arc(pose, PlanarTwist(way.linear / steps, way.angular / steps))
-    whole = along_arc(ORIGIN, way)
+        pose = along_arc(
+            pose, PlanarTwist(displacement.linear / steps, displacement.angular / steps)
+        )
+    whole = along_arc(ORIGIN, displacement)
     assert pose[:2] == pytest.approx(whole[:2], abs=1e-10)
     assert math.remainder(pose.heading - whole.heading, 2 * math.pi) == pytest.approx(0, abs=1e-10)
 

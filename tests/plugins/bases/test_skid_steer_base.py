@@ -43,8 +43,8 @@ def test_odometry_is_the_mean_of_each_side(harness: BaseHarness) -> None:
         for turns in np.split(np.array([harness.wheel(axis) for axis in range(4)]) - start, 2)
     )
     assert harness.base.pose.heading == pytest.approx((right - left) / TRACK_M, abs=1e-4)
-    way = math.hypot(*harness.base.pose[:2])
-    assert way == pytest.approx((left + right) / 2, rel=1e-3)
+    driven = math.hypot(*harness.base.pose[:2])
+    assert driven == pytest.approx((left + right) / 2, rel=1e-3)
 
 
 def test_all_wheels_are_claimed_and_named(harness: BaseHarness) -> None:

@@ -96,8 +96,8 @@ def follow(follower: SteeringFollower, twist: PlanarTwist, seconds: float) -> li
         assert abs(follower.angle - angle) <= VELOCITY * PERIOD_S * (1 + 1e-9)
         assert abs(follower.rate - rate) <= ACCELERATION * PERIOD_S * 1.01
         # A drive that passes through angle and rate keeps to the acceleration between them, too.
-        way = (rate + follower.rate) / 2 * PERIOD_S
-        assert follower.angle - angle == pytest.approx(way, abs=2e-9)
+        turned = (rate + follower.rate) / 2 * PERIOD_S
+        assert follower.angle - angle == pytest.approx(turned, abs=2e-9)
         assert abs(follower.speed - speed) <= WHEEL_ACCELERATION * PERIOD_S * (1 + 1e-9)
         found.append(follower.twist)
     return found

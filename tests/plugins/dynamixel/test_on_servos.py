@@ -175,7 +175,7 @@ def test_it_switches_on_in_place_moves_and_switches_off(bus: DxlBus, tmp_path: P
         servo.set("goal_position", 100)  # as of a program before
     with served(bus, tmp_path) as robot:
         assert robot.image.copy().servo_on.all()
-        assert np.isnan(robot.image.copy().torque).all()  # a load is no torque
+        assert np.isnan(robot.image.copy().torque).all()  # a load is not a torque
         assert bus.arm[1].angle == pytest.approx(ANGLES[1], abs=0.01)
         for fault in ("drop", "corrupt", "truncate", "wrong_id", "noise"):
             bus[1].faults.force(fault, 2)

@@ -30,7 +30,7 @@ class FakeServo:
     silent: bool = False
     deaf: bool = False
     held: bool = False  # a hand or an obstacle keeps it
-    jumps: list[int] = field(default_factory=list)  # ways that it moved at once, ticks
+    jumps: list[int] = field(default_factory=list)  # distances that it moved at once, ticks
 
     def settle(self) -> None:
         if self.torque and self.limit > 0.0 and not self.held and self.goal != self.position:

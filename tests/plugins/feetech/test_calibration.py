@@ -95,7 +95,7 @@ def test_the_offset_of_the_middle_is_that_of_lerobot() -> None:
     [
         ('{"homing_offset": [1], "start_pos": [2], "calib_mode": ["DEGREE"]}', "before 0.2"),
         ('{"gripper": {"id": 6}}', "gripper"),
-        ("[]", "is no calibration"),
+        ("[]", "is not a calibration"),
         (
             '{"gripper": {"id": 6, "homing_offset": 0, "range_min": 9, "range_max": 9}}',
             "range_min 9 is not below",

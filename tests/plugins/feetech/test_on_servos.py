@@ -112,7 +112,7 @@ def arrived(robot: Robot, axis: int, target: float) -> bool:
 def test_it_switches_on_in_place_moves_and_switches_off(bus: StsBus, tmp_path: Path) -> None:
     with served(bus, tmp_path) as robot:
         assert robot.image.copy().servo_on.all()
-        assert np.isnan(robot.image.copy().torque).all()  # a load is no torque
+        assert np.isnan(robot.image.copy().torque).all()  # a load is not a torque
         assert bus.arm[1].angle == pytest.approx(ANGLES[1], abs=0.01)
         move(robot, 0, 0.2)
         until(lambda: arrived(robot, 0, 0.2), "the move arrives")
@@ -312,8 +312,8 @@ def test_a_calibration_by_hand_is_in_servos_and_file(bus: StsBus, tmp_path: Path
         terminal.expect("middle of its range, then press Enter")
         terminal.answer("")
         terminal.expect("end to the other, then press Enter")
-        for way, ticks in ((-0.8, 2047 - 522), (1.1, 2047 + 717)):
-            bus.arm.move({number: angle + way for number, angle in ANGLES.items()})
+        for turn, ticks in ((-0.8, 2047 - 522), (1.1, 2047 + 717)):
+            bus.arm.move({number: angle + turn for number, angle in ANGLES.items()})
             for joint in ("joint1", "joint2"):
                 terminal.expect_row(joint, ticks)
         terminal.answer("")

@@ -48,7 +48,7 @@ def test_a_way_without_a_contact_stops_the_program(arm: Cell) -> None:
         programs.run(up)
     there = arm.robot.image.position.copy()
     with pytest.raises(OperationError, match="no contact"):
-        programs.resume()  # it is at the end of its way, and stays there
+        programs.resume()  # it is at the end of its path, and stays there
     assert arm.robot.image.position == pytest.approx(there, abs=1e-3)
     assert arm.robot.gripper is not None
     assert arm.robot.gripper.position_m == pytest.approx(CLOSED_M, abs=5e-3)

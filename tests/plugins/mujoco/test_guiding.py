@@ -40,16 +40,16 @@ def test_a_guided_arm_in_motion_comes_to_rest_and_does_not_return() -> None:
         data.qfrc_applied[0] = 0.0
         pushed = float(robot.image.position[0])
         robot.axes.stop(joints)
-        way = []
+        positions = []
         for _ in range(500):
             robot.step(1)
-            way.append(float(robot.image.position[0]))
+            positions.append(float(robot.image.position[0]))
         assert (robot.image.operation[joints] == int(Operation.IDLE)).all()
         assert robot.image.servo_on[joints].all()
-        assert pushed <= max(way) < pushed + 0.2
-        assert max(way) - way[-1] < 0.005  # it does not spring back
-        assert np.ptp(way[-100:]) < 1e-4
-        assert robot.image.position_command[0] == pytest.approx(way[-1], abs=0.005)
+        assert pushed <= max(positions) < pushed + 0.2
+        assert max(positions) - positions[-1] < 0.005  # it does not spring back
+        assert np.ptp(positions[-100:]) < 1e-4
+        assert robot.image.position_command[0] == pytest.approx(positions[-1], abs=0.005)
 
 
 def test_an_arm_that_is_pushed_on_is_held_after_a_time() -> None:

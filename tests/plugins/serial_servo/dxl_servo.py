@@ -383,7 +383,7 @@ class Servo(SimulatedServo):
         if mode == VELOCITY_MODE:
             ramp = values["profile_acceleration"] * ACCELERATION_UNIT or math.inf
             self.profile.follow_velocity(values["goal_velocity"] * VELOCITY_UNIT, ramp, dt)
-            # A blocked motor does not store up way.
+            # A blocked motor does not store up travel.
             self.profile.position = max(measured - 300, min(measured + 300, self.profile.position))
         else:
             self.profile.step(command.goal, command.speed, command.acceleration, dt)

@@ -53,7 +53,7 @@ NOT_APPLICABLE = "|".join(
         "takes no drive in again",
         "no confirmations are kept",
         r"stream_buffer_s is 0",
-        "has no axis that is no joint",
+        "has no axis that is not a joint",
         "each axis is guided alone",
         # Of any device in real time and in this process.
         "judged in simulated time",

@@ -90,7 +90,7 @@ class SerialLine(ABC):
 
     @abstractmethod
     def next_frame(self, received: bytearray) -> bytes | None:
-        """Remove what is no frame and return the next request; None: incomplete."""
+        """Remove what is not a frame and return the next request; None: incomplete."""
 
     @abstractmethod
     def execute(self, frame: bytes, end: float) -> None:

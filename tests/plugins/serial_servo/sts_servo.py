@@ -343,7 +343,7 @@ class Servo(SimulatedServo):
         speed = command.speed * unit
         if mode == VELOCITY:
             self.profile.follow_velocity(max(-fastest, min(fastest, speed)), acceleration, dt)
-            # A blocked motor does not store up way.
+            # A blocked motor does not store up travel.
             self.profile.position = max(measured - 300, min(measured + 300, self.profile.position))
         else:
             if not speed and values["phase"] & ZERO_SPEED_IS_FASTEST:

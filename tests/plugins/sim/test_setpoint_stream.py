@@ -210,8 +210,8 @@ def test_in_velocity_mode_an_axis_changes_evenly_to_the_velocity_of_its_setpoint
     middles = np.convolve([0.0, *speeds], [0.5, 0.5], "valid")
     expected = np.column_stack([middles, speeds]).ravel()
     assert seen == pytest.approx(expected, abs=1e-12)
-    way = float(np.sum(middles) * PERIOD_S)
-    assert made.simulation.servo.command[0] == pytest.approx(way, abs=1e-12)
+    travel = float(np.sum(middles) * PERIOD_S)
+    assert made.simulation.servo.command[0] == pytest.approx(travel, abs=1e-12)
 
 
 def test_in_velocity_mode_the_end_of_a_stream_slows_to_rest() -> None:

@@ -170,11 +170,14 @@ def test_a_state_publisher_that_cannot_publish(robot: str, frequency: float, rea
     [
         ({"base_frame_id": "odom"}, "base_frame_id: 'odom' is the frame of the odometry"),
         ({"odom_frame_id": "base_link"}, "base_frame_id: 'base_link' is the frame of the odometry"),
-        ({"base_frame_id": ""}, "base_frame_id: '' is no name of a frame: it is empty"),
-        ({"odom_frame_id": "/odom"}, "odom_frame_id: '/odom' is no name of a frame: tf allows no"),
+        ({"base_frame_id": ""}, "base_frame_id: '' is not a valid name of a frame: it is empty"),
+        (
+            {"odom_frame_id": "/odom"},
+            "odom_frame_id: '/odom' is not a valid name of a frame: tf allows no",
+        ),
         (
             {"base_frame_id": "base link"},
-            "base_frame_id: 'base link' is no name of a frame: it has",
+            "base_frame_id: 'base link' is not a valid name of a frame: it has",
         ),
         ({"frame_prefix": "/left/"}, "frame_prefix: '/left/' cannot begin a frame: tf allows no"),
     ],

@@ -1,4 +1,4 @@
-"""Results of goals whose motion goes on behind the last point."""
+"""Results of goals whose motion goes on after the last point."""
 
 from __future__ import annotations
 

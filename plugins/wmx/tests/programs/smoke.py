@@ -45,7 +45,7 @@ if native.CYCLIC_BUFFER:
         time.sleep(max(0.0, (due_ns - time.monotonic_ns()) * 1e-9))
     stream.stop([0])
     until(lambda: not stream.active(0))
-    # Less than the whole way where setpoints came late: then the stream has braked.
+    # Less than the whole travel where setpoints came late: then the stream has braked.
     assert 2.0 < native.Snapshot(device).position_command(0) <= 2.05, stream.fault
     assert native.Snapshot(device).idle(0)
     stream.close()

@@ -15,7 +15,7 @@ from robotd.errors import NotReady, OperationError
 from robotd.motion.profile import Profile
 from robotd_cia402.simulated.mode_motion import Mode
 
-EDGE_RAD = 3e-3  # a period at creeping speed, and the way to rest
+EDGE_RAD = 3e-3  # a period at creeping speed, and the stopping distance
 SWITCHES = {"negative_limit_rad": -0.3, "positive_limit_rad": 0.4, "home_rad": 0.2}
 ENDS, LEFT, RIGHT = (-0.3, 0.4), 0.19, 0.21
 
