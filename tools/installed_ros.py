@@ -2,9 +2,9 @@
 
 The installed ROS is a stand-in: a prefix like ``/opt/ros/jazzy``, made of the ROS wheels, with the
 variables of its ``setup.bash``, and colcon. It does not model ``ros2``, ``launch`` and the Python
-of a distribution; control_msgs and tf2_msgs are the subsets of this repository. In it the workspace
-with the interfaces is built by colcon and robotd installed by pip, as ``docs/how-to/install.md``
-and ``docs/how-to/launch.md`` say; then a robot is served.
+of a distribution; control_msgs, tf2_msgs and moveit_msgs are the subsets of this repository. In it
+the workspace with the interfaces is built by colcon and robotd installed by pip, as
+``docs/how-to/install.md`` and ``docs/how-to/launch.md`` say; then a robot is served.
 """
 
 from __future__ import annotations
@@ -97,8 +97,8 @@ def main() -> None:
             clean_variables() | {"ROS_DOMAIN_ID": str(domain)}, folder / "ros" / "setup.bash"
         )
         interfaces = shutil.copytree(ROOT / "interfaces", folder / "ws" / "src" / "interfaces")
-        for subset in ("control_msgs", "tf2_msgs"):
-            (interfaces / subset / "COLCON_IGNORE").unlink()
+        for mark in interfaces.glob("*_msgs/COLCON_IGNORE"):
+            mark.unlink()
         built = Environment(folder / "ws", variables).run("colcon", "build")
         print(built.strip().splitlines()[-1], flush=True)
         variables = sourced(variables, folder / "ws" / "install" / "setup.bash")

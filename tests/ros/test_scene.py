@@ -94,6 +94,12 @@ def test_objects_are_added_carried_and_removed(client: Client, topic: list[Any])
     wait_until(lambda: names(topic) == ["floor"], "it is gone")
 
 
+def test_the_planning_scene_is_received_on_request_only(client: Client, topic: list[Any]) -> None:
+    types = [kind for _, kinds in client.node.get_topic_names_and_types() for kind in kinds]
+    assert "robotd_msgs/msg/Scene" in types
+    assert "moveit_msgs/msg/PlanningScene" not in types
+
+
 @pytest.mark.parametrize(
     ("operation", "fields", "text"),
     [

@@ -321,6 +321,14 @@ from launch import LaunchDescription
 from launch_ros.actions import Node
 from moveit_configs_utils import MoveItConfigsBuilder
 
+# The topic monitored_planning_scene, which RViz and robotd subscribe to.
+MONITORED_SCENE = {{
+    "publish_planning_scene": True,
+    "publish_geometry_updates": True,
+    "publish_state_updates": True,
+    "publish_transforms_updates": True,
+}}
+
 
 def generate_launch_description():
     builder = MoveItConfigsBuilder("{name}", package_name="{package_name(name)}")
@@ -330,7 +338,7 @@ def generate_launch_description():
             package="moveit_ros_move_group",
             executable="move_group",
             output="screen",
-            parameters=[moveit.to_dict()],
+            parameters=[moveit.to_dict(), MONITORED_SCENE],
         ),
     ])
 '''

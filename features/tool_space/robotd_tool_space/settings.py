@@ -96,6 +96,12 @@ class CollisionSettings(Section):
     boxes: dict[Name, BoxSettings] = Field({}, description="Boxes by name.")
     cylinders: dict[Name, CylinderSettings] = Field({}, description="Cylinders by name.")
     spheres: dict[Name, SphereSettings] = Field({}, description="Balls by name.")
+    planning_scene_topic: str | None = Field(
+        None,
+        pattern=r"^/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*$",
+        description="Topic of MoveIt's planning scene, whose objects count as well, such as"
+        " `monitored_planning_scene`; null: none.",
+    )
 
     def leaves_out(self, first: str, second: str) -> bool:
         """Return True where two links are a pair of ``not_checked``."""

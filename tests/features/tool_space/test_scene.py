@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -240,6 +241,31 @@ def test_names_that_are_not_there_are_errors(arm: Arm) -> None:
         arm.scene.add(item(f"ball{number}", "sphere", (0.1,), 3.0))
     with pytest.raises(InvalidArgument, match=f"the scene has {MAX_OBJECTS} objects already"):
         arm.scene.add(item("more", "sphere", (0.1,), 3.0))
+
+
+def test_a_carried_object_may_touch_the_links_that_it_names(arm: Arm) -> None:
+    rod = item("rod", "box", (0.1, 0.1, 0.1), attached=True)
+    names = set(arm.distances([rod]).names)
+    touching = replace(rod, touch_links=frozenset({"link2"}))
+    assert names - set(arm.distances([touching]).names) == {("link2", "rod")}
+
+
+def test_objects_of_the_planning_scene_are_exchanged_together(arm: Arm) -> None:
+    ball = replace(item("ball", "sphere", (0.1,), 3.0), in_planning_scene=True)
+    arm.scene.add(item("own", "sphere", (0.1,), 2.0))
+    arm.scene.exchange_planned([ball, replace(ball, name="other")])
+    assert [one.name for one in arm.scene.objects] == ["own", "ball", "other"]
+    for change in (arm.scene.remove, arm.scene.attach):
+        with pytest.raises(InvalidArgument, match="ball belongs to MoveIt's planning scene"):
+            change("ball")
+    with pytest.raises(InvalidArgument, match="ball belongs to MoveIt's planning scene"):
+        arm.scene.add(item("ball", "sphere", (0.1,), 3.0))
+    for wrong in ("own", "link3"):
+        with pytest.raises(InvalidArgument, match=wrong):
+            arm.scene.exchange_planned([replace(ball, name="new"), replace(ball, name=wrong)])
+    assert [one.name for one in arm.scene.objects] == ["own", "ball", "other"]
+    arm.scene.exchange_planned([])
+    assert [one.name for one in arm.scene.objects] == ["own"]
 
 
 def test_objects_of_the_file_count_and_stay(tmp_path: Path) -> None:

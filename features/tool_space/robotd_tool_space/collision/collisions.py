@@ -129,13 +129,11 @@ class Collisions:
         around = {item.name: item for item in objects if not item.attached}
         planes = {name: _plane(item) for name, item in around.items() if item.shape == "plane"}
         boxes = {name: _box(item) for name, item in around.items() if item.shape == "box"}
-        bodies = self.bodies.with_bodies(
-            (item.name, *self._carried(item))
-            for item in objects
-            if item.name not in planes and item.name not in boxes
-        )
+        more = [item for item in objects if item.name not in planes and item.name not in boxes]
+        bodies = self.bodies.with_bodies((item.name, *self._carried(item)) for item in more)
         settings = self.settings
-        pairs = np.array([*self.pairs.tolist(), *self._pairs_of_more(bodies)], int).reshape(-1, 2)
+        added = self._pairs_of_more(bodies, [item.touch_links for item in more])
+        pairs = np.array([*self.pairs.tolist(), *added], int).reshape(-1, 2)
         count, all_planes = len(self.bodies.links), len(settings.planes) + len(planes)
         walls = all_planes + len(settings.boxes) + len(boxes)
         walled = np.repeat(bodies.carriers[:, None] != FIXED, walls, axis=1)
@@ -154,8 +152,13 @@ class Collisions:
         body = item.body
         return len(self.chain.moving) - 1, body._replace(pose=self.chain.end @ body.pose)
 
-    def _pairs_of_more(self, bodies: Bodies) -> Iterator[tuple[int, int]]:
-        """Yield the pairs of the bodies that are not among these, with each other body."""
+    def _pairs_of_more(
+        self, bodies: Bodies, touch_links: Sequence[frozenset[str]]
+    ) -> Iterator[tuple[int, int]]:
+        """Yield the pairs of the bodies that are not among these, with each other body.
+
+        Except those with the links that each of them may touch.
+        """
         carriers, count = bodies.carriers.tolist(), len(self.bodies.links)
         for second in range(count, len(carriers)):
             for first in range(second):
@@ -165,6 +168,7 @@ class Collisions:
                     counts = (one == FIXED) != is_fixed
                 else:  # a carried object, and a link
                     counts = self.settings.links and abs(one - other) > 1
+                    counts &= bodies.links[first] not in touch_links[second - count]
                 if counts:
                     yield first, second
 

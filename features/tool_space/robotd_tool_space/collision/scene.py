@@ -34,6 +34,7 @@ class Scene:
 
     Attributes:
         listeners: called after each change, one at a time.
+        rest: see above.
     """
 
     def __init__(
@@ -44,7 +45,7 @@ class Scene:
         rest: Callable[[], AbstractContextManager[FloatArray]],
     ) -> None:
         self._of_file, self._reserved = tuple(of_file), frozenset(reserved)
-        self._use, self._rest = use, rest
+        self._use, self.rest = use, rest
         self._added: dict[str, SceneObject] = {}
         self._lock = threading.Lock()
         self.listeners: list[Callable[[], None]] = []
@@ -60,15 +61,38 @@ class Scene:
         Raises InvalidArgument: its shape, size or pose cannot be, its name is taken, or there are
         ``MAX_OBJECTS``.
         """
-        item = replace(item, in_file=False).checked()
+        item = replace(item, in_file=False)
         with self._lock:
-            self._require_changeable(item.name)
-            if item.name in self._reserved:
-                raise InvalidArgument(f"{item.name!r} is the name of a link or a tool")
-            if item.name not in self._added and len(self._added) >= MAX_OBJECTS:
-                raise InvalidArgument(f"{item.name}: the scene has {MAX_OBJECTS} objects already")
             how = "replaced" if item.name in self._added else "added"
-            return self._change({**self._added, item.name: item}, item.name, how)
+            return self._change(self._with(self._added, item), item.name, how)
+
+    def with_planned(self, objects: Iterable[SceneObject]) -> dict[str, SceneObject]:
+        """Return the objects beside those of the file, with ``objects`` of MoveIt's planning scene.
+
+        These are in the place of all others of it. Raises InvalidArgument: see ``add``.
+        """
+        changed = {name: one for name, one in self._added.items() if not one.in_planning_scene}
+        for item in objects:
+            if item.name in changed:
+                raise InvalidArgument(f"{item.name} is the name of another object of the scene")
+            changed = self._with(changed, item)
+        return changed
+
+    def exchange_planned(self, objects: Sequence[SceneObject]) -> None:
+        """Exchange all objects of MoveIt's planning scene; errors: see ``with_planned``."""
+        with self._lock:
+            how = f"MoveIt's planning scene has {len(objects)}"
+            self._change(self.with_planned(objects), "", how)
+
+    def _with(self, added: dict[str, SceneObject], item: SceneObject) -> dict[str, SceneObject]:
+        """Return objects with one more. Raises InvalidArgument: see ``add``."""
+        item = item.checked()
+        self._require_changeable(added, item.name)
+        if item.name in self._reserved:
+            raise InvalidArgument(f"{item.name!r} is the name of a link or a tool")
+        if item.name not in added and len(added) >= MAX_OBJECTS:
+            raise InvalidArgument(f"{item.name}: the scene has {MAX_OBJECTS} objects already")
+        return {**added, item.name: item}
 
     def remove(self, name: str = "") -> str:
         """Remove an object, "" for all that are not of the file. Raises InvalidArgument: none."""
@@ -105,7 +129,7 @@ class Scene:
             if item.attached == attached:
                 state = "attached already" if attached else "not attached"
                 raise InvalidArgument(f"{name} is {state}")
-            with self._rest() as tool:
+            with self.rest() as tool:
                 pose = (inverse_pose(tool) if attached else tool) @ item.pose
                 carried = replace(item, pose=pose, attached=attached).checked()
                 how = "attached" if attached else "detached"
@@ -113,15 +137,17 @@ class Scene:
 
     def _added_one(self, name: str) -> SceneObject:
         """Return an object that may be changed. Raises InvalidArgument."""
-        self._require_changeable(name)
+        self._require_changeable(self._added, name)
         if name not in self._added:
             known = ", ".join(self._added) or "none"
             raise InvalidArgument(f"no object {name!r} in the scene (available: {known})")
         return self._added[name]
 
-    def _require_changeable(self, name: str) -> None:
+    def _require_changeable(self, added: dict[str, SceneObject], name: str) -> None:
         if any(item.name == name for item in self._of_file):
             raise InvalidArgument(f"{name} belongs to the robot's file: change it there")
+        if name in added and added[name].in_planning_scene:
+            raise InvalidArgument(f"{name} belongs to MoveIt's planning scene: change it there")
 
     def _change(self, added: dict[str, SceneObject], name: str, how: str) -> str:
         consequences = self._use(tuple(added.values()), name)

@@ -30,6 +30,8 @@ class SceneObject:
         pose: (4, 4) of its middle: in the base of the arm, or in the link of the tool.
         attached: the tool carries it.
         in_file: the file of the robot has it.
+        in_planning_scene: MoveIt's planning scene has it.
+        touch_links: links that it may touch while the tool carries it.
     """
 
     name: str
@@ -38,6 +40,8 @@ class SceneObject:
     pose: FloatArray
     attached: bool = False
     in_file: bool = False
+    in_planning_scene: bool = False
+    touch_links: frozenset[str] = frozenset()
 
     def checked(self) -> SceneObject:
         """Return it with its pose as an array. Raises InvalidArgument: what is wrong with it."""

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from geometry_msgs.msg import TransformStamped
 from tf2_msgs.msg import TFMessage
 
-from robotd.api import FloatArray
+from robotd.api import FloatArray, Unsupported
 from robotd.api.models import transform_numbers
 from robotd_ros.nodes.latched_topics import publish_if_alive
 from robotd_ros.nodes.tool_pose_topic import fill_transform
@@ -18,6 +18,7 @@ from robotd_tool_space.nodes.scene_services import SceneServices
 from robotd_tool_space.nodes.sequence_services import MoveSequenceAction
 from robotd_tool_space.nodes.tf_frames import TfFrames
 from robotd_tool_space.nodes.tool_services import MoveToolAction, ToolServices
+from robotd_tool_space.settings import ToolSpaceKeys
 from robotd_tool_space.tool_groups import ToolGroups
 
 FRAMES_TOPIC = "~/tool_frames"
@@ -35,8 +36,25 @@ def add_tool_nodes(context: NodeContext, tools: ToolGroups) -> Iterator[None]:
     MoveToolAction(context, tools)
     MoveSequenceAction(context, tools)
     SceneServices(context, tools)
+    _add_planning_scene(context, tools, source)
     frames.publish()
     yield
+
+
+def _add_planning_scene(context: NodeContext, tools: ToolGroups, source: TfFrames) -> None:
+    """Add the topic of MoveIt's planning scene, where the robot's file names it."""
+    descriptor = context.robot.descriptor
+    settings = descriptor.settings(ToolSpaceKeys).tool_space.collisions
+    if settings is None or settings.planning_scene_topic is None or descriptor.urdf is None:
+        return
+    try:
+        from robotd_tool_space.nodes.planning_scene_topic import PlanningSceneTopic
+    except ImportError as error:
+        text = (
+            "planning_scene_topic needs the messages of MoveIt: apt install ros-jazzy-moveit-msgs"
+        )
+        raise Unsupported(f"tool_space.collisions.{text} ({error})") from None
+    PlanningSceneTopic(context, tools, source, descriptor.urdf, settings.planning_scene_topic)
 
 
 class FrameTopics:
