@@ -33,6 +33,7 @@ log = get_logger("franka")
 OLD_S = 0.5  # without a state: where the fingers are is not known
 ANSWER_S = 1.0  # from the end of a stop until the command that it stopped has an answer
 STILL_M, STILL_S, STILL_STATES = 2e-4, 0.5, 10  # of fingers that a part has stopped
+START_S = 3.0  # from a command to the first motion, also on a busy computer
 END_S = 3.0  # for the threads; a call into libfranka returns after 1 s without packets
 LEAST_STROKE_M = 0.01  # a hand that was not homed since its power came has no stroke
 CLOSED_SHARE = 0.05  # of the stroke: closed to that, the fingers grasp, as the hand calls it
@@ -87,7 +88,7 @@ class _Standstill:
     """Judges by states that arrive whether fingers have stopped before their command has ended.
 
     Attributes:
-        long: they have not moved for STILL_S since ``begin``.
+        long: they have moved since ``begin``, and not for STILL_S; or not at all for START_S.
     """
 
     def __init__(self) -> None:
@@ -98,18 +99,20 @@ class _Standstill:
         """Begin anew: the fingers are about to move. Any thread."""
         with self._lock:
             self._since: HandState | None = None
-            self._states, self.long = 0, False
+            self._states, self._moved, self.long = 0, False, False
 
     def note(self, state: HandState) -> None:
         """Take a state. Any thread."""
         with self._lock:
             since = self._since
             if since is None or abs(state.width - since.width) > STILL_M:
+                self._moved |= since is not None
                 self._since, self._states, self.long = state, 0, False
                 return
             self._states += 1
             age_ns = state.time_ns - since.time_ns
-            self.long = self._states >= STILL_STATES and age_ns > STILL_S * NANOSECONDS
+            limit_s = STILL_S if self._moved else START_S
+            self.long = self._states >= STILL_STATES and age_ns > limit_s * NANOSECONDS
 
 
 class FrankaHand(IoDriver, DrivenFingers):

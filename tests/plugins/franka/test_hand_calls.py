@@ -19,7 +19,7 @@ from tests.ros.robot_process import wait_until
 from robotd.api import ConnectError, NotReady
 from robotd.clock import MonotonicClock
 from robotd_franka import hand as module
-from robotd_franka.hand import FrankaHand
+from robotd_franka.hand import START_S, STILL_M, STILL_S, FrankaHand, HandState, _Standstill
 from robotd_franka.options import HandOptions
 
 STROKE_M = 0.08
@@ -195,6 +195,26 @@ def test_a_stopped_command_without_an_answer_is_given_up(
     gripper.slow = False
     close(hand, False)
     called(gripper, "grasp 0 by 30", "stop", "move 0.08")
+
+
+def test_fingers_that_stand_have_moved_before_or_had_time_to_begin() -> None:
+    still, now_s = _Standstill(), 0.0
+
+    def stands(width: float, for_s: float) -> bool:
+        nonlocal now_s
+        for _ in range(50):
+            now_s += for_s / 50
+            still.note(HandState(round(now_s * 1e9), width, STROKE_M, grasped=False))
+        return still.long
+
+    assert not stands(0.04, START_S - 0.5)  # a busy computer has not sent the command yet
+    assert stands(0.04, 1.0)
+    still.begin()
+    assert not stands(0.04, 1.0)
+    assert not stands(0.03, STILL_S - 0.1)
+    assert stands(0.03, 0.2)
+    still.note(HandState(round((now_s + 1.0) * 1e9), 0.03 - 2 * STILL_M, STROKE_M, grasped=False))
+    assert not still.long
 
 
 def test_a_hand_without_a_stroke_is_not_moved(hand: FrankaHand, gripper: FakeGripper) -> None:

@@ -112,7 +112,8 @@ def test_canceling_stops_it_on_its_way(hand: GoalClient, unit: Controller) -> No
     assert ended(handle)[0] == GoalStatus.STATUS_CANCELED
     wait_until(lambda: unit.command().hand_commands[-1] == "stop", "the stop")
     assert unit.command().width > 0.01
-    assert ended(send(hand, 0.0))[1].reached_goal
+    # A simulation that a busy computer slows down may begin so late that it counts as stalled.
+    wait_until(lambda: ended(send(hand, 0.0))[1].reached_goal, "fingers that close after all")
 
 
 def test_a_new_goal_replaces_the_one_on_its_way(hand: GoalClient, unit: Controller) -> None:
