@@ -22,7 +22,14 @@ if TYPE_CHECKING:
     from robotd.descriptor import RobotDescriptor, load_robot_descriptor, validate_section
     from robotd.descriptor.files import read_limited
     from robotd.descriptor.problems import validate
-    from robotd.descriptor.urdf import UrdfJoint, UrdfLink, UrdfRobot, read_urdf, read_urdf_text
+    from robotd.descriptor.urdf import (
+        GravityModel,
+        UrdfJoint,
+        UrdfLink,
+        UrdfRobot,
+        read_urdf,
+        read_urdf_text,
+    )
     from robotd.descriptor.urdf.package_files import find_mesh
     from robotd.descriptor.yaml_tree import read_yaml
     from robotd.device.bus_status import BusNode, BusState, BusStatus
@@ -121,6 +128,7 @@ __all__ = [
     "Finding",
     "FloatArray",
     "Frames",
+    "GravityModel",
     "IntArray",
     "IntegerRange",
     "InvalidArgument",

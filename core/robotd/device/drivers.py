@@ -23,11 +23,12 @@ Any other exception is reported as a fault of the plugin.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from robotd.arrays import FloatArray
 from robotd.device.bus_status import BusStatus
+from robotd.device.capabilities import Capability
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import CommandMode, ConnectionState, Underrun
 from robotd.errors import Unsupported
@@ -178,6 +179,11 @@ class AxisDriver(ABC):
         As far as files tell it before the device is opened, and as the drives have shown it after
         communication has started. Any worker.
         """
+        return ()
+
+    @property
+    def lacking(self) -> Collection[Capability]:
+        """Declared capabilities that this robot does not have; they count as not declared."""
         return ()
 
     @property

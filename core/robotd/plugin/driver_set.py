@@ -62,7 +62,7 @@ class Drivers:
         derived |= {Capability.IO} if self.io is not None else set()
         derived |= {Capability.FIELDBUS} if self.fieldbus is not None else set()
         derived |= {Capability.PAYLOAD} if self.payload is not None else set()
-        return declared | derived
+        return declared - set(self.axes.lacking) | derived
 
     def missing(self, declared: frozenset[Capability]) -> list[str]:
         """Return what the declared capabilities need and the drivers lack, as texts."""

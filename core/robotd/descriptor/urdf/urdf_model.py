@@ -84,12 +84,16 @@ class UrdfJoint:
 
     def transform(self, position: float) -> FloatArray:
         """Return the frame of the child in that of the parent; shape (4, 4)."""
+        return self.origin @ self.motion(position)
+
+    def motion(self, position: float) -> FloatArray:
+        """Return the frame of the child in that of the joint; shape (4, 4)."""
         motion = np.eye(4)
         if self.type == "prismatic":
             motion[:3, 3] = self.axis * position
         elif self.moves:
             motion[:3, :3] = rotation(self.axis, position)
-        return self.origin @ motion
+        return motion
 
 
 @dataclass(frozen=True, eq=False)

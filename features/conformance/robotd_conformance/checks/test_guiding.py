@@ -19,6 +19,12 @@ pytestmark = pytest.mark.needs(Capability.HAND_GUIDING)
 Ending = Callable[[Harness], None]
 
 
+@pytest.fixture(autouse=True)
+def _robot_can_be_guided(harness: Harness) -> None:
+    if not harness.can(Capability.HAND_GUIDING):
+        pytest.skip("this robot does not have hand guiding")
+
+
 def by_stop(harness: Harness) -> None:
     harness.drivers.axes.stop(harness.all)
 

@@ -66,7 +66,7 @@ def test_an_unknown_option_is_rejected(target: KitTarget) -> None:
         target.backend.context(changed)
 
 
-@pytest.mark.clause("backend/declares")
+@pytest.mark.clause("backend/declares", "AxisDriver.lacking/lacks")
 def test_what_is_not_declared_is_not_supported(harness: Harness) -> None:
     for capability, use in FEATURES.items():
         if not harness.can(capability):
