@@ -44,7 +44,7 @@ class CanopenBench(Bench):
     """A robot that is not yet started, on its line.
 
     Args:
-        engine, section: further keys of ``engine`` and ``backends.canopen``.
+        engine, section, drive: further keys of ``engine``, ``backends.canopen`` and its axes.
         keeps: the adapter cannot discard frames that wait to be sent.
         base: there are wheels after the joints.
         mode_by_sdo: no PDO of the drives holds the mode or its display.
@@ -56,6 +56,7 @@ class CanopenBench(Bench):
         rate_hz: float = 250.0,
         engine: dict[str, Any] | None = None,
         section: dict[str, Any] | None = None,
+        drive: dict[str, Any] | None = None,
         keeps: bool = False,
         base: bool = False,
         mode_by_sdo: bool = False,
@@ -75,7 +76,8 @@ class CanopenBench(Bench):
             self._add(axis, node, knobs_of(**knobs))
         self.clock.advanced = self.settle
         self.run(0.1)
-        self._name, self._engine, self._section = name, engine or {}, section or {}
+        self._name, self._engine = name, engine or {}
+        self._section, self._drive = section or {}, drive or {}
         self._rate_hz = rate_hz
         self.robot = self.make_robot()
 
@@ -88,7 +90,7 @@ class CanopenBench(Bench):
                 "sdo_timeout_s": 0.03, "max_bus_load": 1.0, **self._section,
                 "axis_defaults": {"eds": "drive.eds",
                                   "tpdos": self._mapped(TPDOS), "rpdos": self._mapped(RPDOS),
-                                  "counts_per_rad": COUNTS_PER_RAD}
+                                  "counts_per_rad": COUNTS_PER_RAD, **self._drive}
                 | ({"velocity_mode": "csv"} if self.joints < axes else {}),
                 "axes": [{"axis": axis, "node": n} for axis, n in enumerate(self.numbers)],
             }},

@@ -50,6 +50,7 @@ class EthercatBench(Bench):
         engine: dict[str, Any] | None = None,
         section: dict[str, Any] | None = None,
         base: bool = False,
+        drive: dict[str, Any] | None = None,
         **knobs: Any,
     ) -> None:
         self.prepare(axes, rate_hz, base=base)
@@ -78,7 +79,12 @@ class EthercatBench(Bench):
         self._patches.enter_context(patch.object(Supervision, "begin", lambda _: None))
         self.run(0.1)
         self._engine, self._section, self._rate_hz = engine or {}, section or {}, rate_hz
-        self.robot = self.make_robot()
+        self._drive = drive or {}
+        try:
+            self.robot = self.make_robot()
+        except BaseException:
+            self.close()  # nobody else can: the stand-in of the library would remain
+            raise
 
     def make_robot(self) -> Robot:
         axes = len(self.drives)
@@ -87,7 +93,9 @@ class EthercatBench(Bench):
             "backend": "ethercat",
             "backends": {"ethercat": {
                 "interface": "eth0", **self._section,
-                "axis_defaults": {"counts_per_rad": COUNTS_PER_RAD, "velocity_mode": "csv"},
+                "axis_defaults": {
+                    "counts_per_rad": COUNTS_PER_RAD, "velocity_mode": "csv", **self._drive,
+                },
                 "axes": [{"axis": axis, "slave": axis} for axis in range(axes)],
             }},
         })  # fmt: skip

@@ -10,6 +10,7 @@ from canopen.objectdictionary import ObjectDictionary, ODVariable
 from robotd_canopen.object_dictionary import variable
 from robotd_canopen.options import PDO_COB_IDS, AxisOptions, PdoOptions
 from robotd_canopen.pdo import MAX_BYTES, MAX_SYNCHRONOUS, Direction, constant_mapping
+from robotd_cia402.guiding import is_guided
 from robotd_cia402.object_numbers import (
     CONTROLWORD,
     DEMAND,
@@ -22,6 +23,7 @@ from robotd_cia402.object_numbers import (
     STATUSWORD,
     SWITCHES,
     TARGET_POSITION,
+    TARGET_TORQUE,
     TARGET_VELOCITY,
     TORQUE,
     VELOCITY,
@@ -77,7 +79,9 @@ def default_pdos(
     Where too few mappings can be written, PDOs with a constant one are taken as they are.
     """
     receives = direction is Direction.RECEIVE
-    groups = _RECEIVE[options.stream_mode] if receives else _TRANSMIT
+    groups = list(_RECEIVE[options.stream_mode] if receives else _TRANSMIT)
+    if receives and is_guided(options):
+        groups.append((1, (TARGET_TORQUE,)))
     wanted = [base for _, bases in groups for base in bases]
     packed = _packed(groups, direction, dictionary, options.axis_offset)
     needed = [base for base in wanted if base not in LOST]

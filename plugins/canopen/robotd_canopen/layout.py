@@ -27,6 +27,14 @@ from robotd_canopen.object_dictionary import (
 )
 from robotd_canopen.options import AxisOptions, CanopenOptions, IoOptions, NodeOptions, PdoOptions
 from robotd_canopen.pdo import MAX_SYNCHRONOUS, Direction, Pdo, io_pdos, resolve
+from robotd_cia402.guiding import (
+    GUIDING_INPUTS,
+    GUIDING_KEY,
+    GUIDING_OUTPUTS,
+    MAX_UNWATCHED_S,
+    guiding_problems,
+    is_guided,
+)
 from robotd_cia402.modes import OperationMode
 from robotd_cia402.object_numbers import MODE, MODE_DISPLAY, on_axis
 from robotd_cia402.options import OptionProblems, SetpointMode, parse_object, with_robot_ramps
@@ -119,6 +127,8 @@ def plan_network(robot: RobotDescriptor, options: CanopenOptions) -> NetworkLayo
     problems.check_axes(options.axes)
     planner = _NodePlanner(robot, problems)
     axes = [planner.axis(f"axes.{number}", drive) for number, drive in enumerate(options.axes)]
+    if any(is_guided(axis.options) for axis in axes):
+        _check_guiding(robot, options, axes, problems)
     axes.sort(key=lambda axis: axis.options.axis)
     modules = [planner.module(f"io.{number}", module) for number, module in enumerate(options.io)]
     users: dict[int, str] = {}
@@ -234,6 +244,31 @@ class _NodePlanner:
                 where = key if is_default else f"{key}.{kind}.{position}"
                 self._problems.add(where, f"{default}{error}")
         return tuple(resolved)
+
+
+def _check_guiding(
+    robot: RobotDescriptor,
+    options: CanopenOptions,
+    axes: Sequence[AxisLayout],
+    problems: OptionProblems,
+) -> None:
+    """Add what axes lack that are to be guided by hand."""
+    drives = [axis.options for axis in axes]
+    for number, what in guiding_problems(robot, drives):
+        problems.add(f"axes.{number}.{GUIDING_KEY}", what)
+    for number, axis in enumerate(axes):
+        if not is_guided(axis.options) or not axis.dictionary:
+            continue
+        for pdos, needed in ((axis.rpdos, GUIDING_OUTPUTS), (axis.tpdos, GUIDING_INPUTS)):
+            # Its age is counted in SYNCs, and a torque acts until the next one.
+            each = [pdo for pdo in pdos if pdo.transmission == 1]
+            for base, name in needed.items():
+                if not any(pdo.holds(base) for pdo in each):
+                    what = f"hand guiding takes 0x{base:04X} ({name}) in a PDO of each SYNC"
+                    problems.add(f"axes.{number}.{GUIDING_KEY}", what)
+    if options.heartbeat_timeout_s > MAX_UNWATCHED_S:
+        what = f"{options.heartbeat_timeout_s:g} s is above {MAX_UNWATCHED_S:g} s: a drive that is"
+        problems.add("heartbeat_timeout_s", f"{what} guided by hand keeps its torque for so long")
 
 
 def _unreachable_mode(

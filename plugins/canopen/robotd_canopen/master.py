@@ -31,6 +31,7 @@ from robotd_canopen.supervision import Supervision
 from robotd_canopen.sync_gate import SyncGate
 from robotd_cia402.axes import Cia402Master, name_and_scaling
 from robotd_cia402.axis import Axis
+from robotd_cia402.guiding import make_guiding
 from robotd_cia402.sync_timing import SyncTiming
 
 log = get_logger("canopen")
@@ -128,6 +129,7 @@ class Master(Cia402Master[CanopenDrive]):
         self.gate = SyncGate(period_s, options.heartbeat_timeout_s)
         self.nodes: dict[int, Node] = {}
         self._make_axes(robot)
+        self.guiding = make_guiding(robot, self.axes)
         modules = [
             (self._add_node(module.options, "I/O module", _IO, module.dictionary), module)
             for module in layout.io
@@ -232,6 +234,7 @@ class Master(Cia402Master[CanopenDrive]):
             self.supervision.fail(problem)
         for axis in self.axes:
             axis.observe(image)
+        self.guide(self._period_ns / NANOSECONDS)
         # While one drive is late the time of the image stays: the values of the others would be of
         # another SYNC.
         behind = self.feedback.behind(image.offline)

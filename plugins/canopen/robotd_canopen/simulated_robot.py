@@ -16,7 +16,7 @@ from robotd_canopen.simulated import DriveNode, IoNode, SimulatedNetwork, Simula
 from robotd_canopen.simulated.simulated_node import STOPPED
 from robotd_cia402.options import Identity
 from robotd_cia402.simulated import Drive, Motors
-from robotd_cia402.simulated_axis import drive_model, initial_positions
+from robotd_cia402.simulated_axis import drive_model, initial_positions, joint_weights
 
 HELP = """\
 NODE silence [0]          sends and receives nothing; 0 ends it
@@ -83,7 +83,8 @@ class Simulation:
 def simulated_network(robot: RobotDescriptor, options: CanopenOptions) -> SimulatedNetwork:
     """Make the nodes of the section on a bus of their own, not started."""
     folder = robot.path.parent if robot.path is not None else None
-    machine = Motors(initial_positions(options.axes, robot), time.monotonic_ns())
+    initial, weights = initial_positions(options.axes, robot), joint_weights(options.axes, robot)
+    machine = Motors(initial, time.monotonic_ns(), weights)
     rated = {joint.axis: joint.rated_effort for joint in robot.joints}
     by_node: dict[int, list[tuple[int, AxisOptions]]] = defaultdict(list)
     for motor, axis in enumerate(options.axes):

@@ -4,27 +4,31 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any, Generic
 
 from robotd.api import (
     NANOSECONDS,
     AxisDriver,
+    Capability,
     Clock,
     CommandMode,
     ConnectionState,
     FloatArray,
     LateSetpoint,
     NotReady,
+    Operation,
     Profile,
     RobotdError,
     RobotDescriptor,
     Underrun,
+    Unsupported,
     wait_until,
 )
 from robotd_cia402.axis import Axis, DriveT
 from robotd_cia402.commands import Commands
 from robotd_cia402.drive_setup import write_quick_stop_ramp
+from robotd_cia402.guiding import HandGuiding
 from robotd_cia402.modes import HOMING_AT_REST
 from robotd_cia402.module_io import ModuleIo
 from robotd_cia402.node import HISTORY, Emergency
@@ -43,6 +47,7 @@ class Cia402Master(AxisDriver, Generic[DriveT]):
 
     Attributes:
         axes: by axis number.
+        guiding: torques of axes that are guided by hand; None: none can be.
         clock, period_s: of the cyclic frames.
         timing: nominal times of the cyclic frames.
         emergencies: the latest of all nodes, newest last.
@@ -58,6 +63,7 @@ class Cia402Master(AxisDriver, Generic[DriveT]):
 
     def __init__(self, clock: Clock, period_s: float, stream_timeout_s: float) -> None:
         self.axes: list[Axis[DriveT]] = []
+        self.guiding: HandGuiding | None = None
         self.clock, self.period_s = clock, period_s
         self.emergencies: deque[Emergency] = deque(maxlen=HISTORY)
         self._commands: list[Commands] = []
@@ -136,6 +142,30 @@ class Cia402Master(AxisDriver, Generic[DriveT]):
             if reason
         }
         return list(found)
+
+    @property
+    def lacking(self) -> Collection[Capability]:
+        return () if self.guiding is not None else (Capability.HAND_GUIDING,)
+
+    def begin_guiding(self, axes: Sequence[int], timeout_s: float) -> None:
+        if self.guiding is None:
+            raise Unsupported("hand guiding")
+        self.guiding.require_carried(axes)
+        for axis in axes:
+            self._commands[axis].prepare_guiding()
+        try:
+            for axis in axes:
+                self._commands[axis].begin_guiding()
+        except RobotdError:
+            for axis in axes:
+                self._commands[axis].leave_torque(Operation.GUIDING)
+            raise
+        self.settle()
+
+    def guide(self, period_s: float) -> None:
+        """Control loop: set the torques of guided axes, after ``Axis.observe`` of all."""
+        if self.guiding is not None:
+            self.guiding.advance(period_s)
 
     def stream_problem(self, now_ns: int) -> str:
         """Control loop: name the nodes that stream without a setpoint for too long; "": none."""

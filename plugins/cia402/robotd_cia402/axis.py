@@ -38,6 +38,7 @@ _ENABLE_INTERPOLATION = int(Control.ENABLE_INTERPOLATION)
 _WATCHED = (Operation.POSITION, Operation.VELOCITY, Operation.STOPPING)  # end by the report
 _NOTHING_SENT = -1
 _REST_VELOCITY = 0.01  # rad/s or m/s, of a drive that keeps a setpoint
+_RETURN_TIMEOUT_S = 1.0  # for the change to a position mode in a quick stop
 _MAX_FOLLOWING_ERROR = 0.1  # rad or m; a drive that is further away has not kept it
 
 
@@ -66,6 +67,7 @@ class Axis(Generic[DriveT]):
         self._sent: tuple[int, ...] = ()  # outputs of the last frame
         self._velocity = 0.0  # as sent
         self._catches_up = False  # it follows the setpoint by a ramp
+        self._returning_s = 0.0  # of a drive at rest, to its position mode after hand guiding
         self._shown: tuple[object, ...] = ()  # state that the image has
 
     def transmit(self, period_s: float, periods: int = 1) -> None:
@@ -146,6 +148,11 @@ class Axis(Generic[DriveT]):
         if self.mode.requested.is_torque and math.isfinite(torque):
             self.setpoint.torque = torque
 
+    def carry(self, torque: float) -> None:
+        """Control loop: the torque of a guided axis, N·m or N; its command is where it is."""
+        self.setpoint.torque = torque
+        self.setpoint.position = self.report.position
+
     def begin_move(self, target: float, profile: Profile) -> None:
         """Worker: a profile position move; the control loop hands ``target`` over to the drive."""
         self.setpoint.deceleration = profile.deceleration
@@ -168,6 +175,7 @@ class Axis(Generic[DriveT]):
         self.setpoint.deceleration = deceleration
         self.setpoint.target_velocity = 0.0
         self.activity.begin_stop()
+        self._returning_s = 0.0
         self.estimate.stop(deceleration)
         if self.mode.requested is OperationMode.PROFILE_POSITION:
             self.mode.cancel_target()
@@ -190,12 +198,17 @@ class Axis(Generic[DriveT]):
         return self.report.position if measured else self.report.demand()
 
     def resume(self) -> None:
-        """Control loop: the drive answers again; continue where it is."""
+        """Control loop: the drive answers again; continue where it is.
+
+        In a torque mode it keeps its torque, which may carry a weight until its quick stop begins.
+        """
+        torque = self.setpoint.torque if self.mode.requested.is_torque else 0.0
         self.report.update()
         if self._is_held_by_setpoint:
             self.setpoint.stand_at(self._executed_setpoint())
         else:
             self.setpoint.stand_at(self.present_position())
+        self.setpoint.torque = torque
         self.hold()
 
     def forget(self) -> None:
@@ -276,7 +289,7 @@ class Axis(Generic[DriveT]):
     def _lose(self) -> None:
         """Stop a lost drive by its quick stop: its place and its setpoint are not known."""
         self.acknowledgement.lose()
-        if not self.activity.is_idle:
+        if not self.activity.is_idle or self.mode.requested.is_torque:
             self.power.quick_stop()
 
     def _next_velocity(self, period_s: float, *, withheld: bool) -> float:
@@ -359,6 +372,8 @@ class Axis(Generic[DriveT]):
         # A drive may show for some time that it has reached the target of the move before.
         reached = self.report.statusword & StatusBits.TARGET_REACHED and self.estimate.ended
         match self.activity.operation:
+            case Operation.STOPPING if self.activity.guided:
+                self._end_guiding()
             case Operation.POSITION if reached and self.mode.phase is Phase.DONE:
                 self._end_move()
             case Operation.VELOCITY if self.setpoint.target_velocity == 0 and self._is_at_rest():
@@ -369,6 +384,29 @@ class Axis(Generic[DriveT]):
                 self.hold()
             case _:
                 pass
+
+    def _end_guiding(self) -> None:
+        """Return a drive that rests in its quick stop to its position mode, held where it is.
+
+        It has the measured position as its target before its mode is changed, and the mode before
+        it operates again. A drive that keeps its mode in a quick stop remains there; the next
+        command names that.
+        """
+        report, mode = self.report, self.mode
+        at_rest = self._is_at_rest()
+        if report.state is DriveState.QUICK_STOP_ACTIVE:
+            self.setpoint.position = report.position
+            if not at_rest:
+                return
+            self._returning_s += report.period_s
+            mode.requested, mode.bits = rest_mode(self.options, CommandMode.POSITION), 0
+            if report.displayed_mode == mode.requested:
+                self.power.leave_quick_stop()
+            elif self._returning_s > _RETURN_TIMEOUT_S:
+                self.hold()
+        elif at_rest and report.displayed_mode == mode.requested and not mode.requested.is_torque:
+            self.setpoint.torque = 0.0
+            self.hold()
 
     def _end_move(self) -> None:
         limited = self.report.statusword & StatusBits.INTERNAL_LIMIT
@@ -405,7 +443,7 @@ class Axis(Generic[DriveT]):
             position = setpoint.position if report.powered else report.position
             return position, setpoint.velocity
         if mode.is_torque:
-            return report.position, report.velocity
+            return report.position, 0.0 if self.activity.guided else report.velocity
         velocity = setpoint.velocity if mode.is_ours else self.estimate.velocity
         if not report.powered or mode.is_velocity or mode is OperationMode.HOMING:
             return report.position, velocity

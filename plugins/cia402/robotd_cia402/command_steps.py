@@ -32,10 +32,15 @@ class CommandSteps:
 
     def _require_power(self) -> None:
         self.require_online()
+        self._require_not_guided()
         self._require_no_alarm()
         if not self._report.powered:
             lost = f": {self._axis.power.lost}" if self._axis.power.lost else ""
             raise self._error(NotReady, f"the servo is off{lost}")
+
+    def _require_not_guided(self) -> None:
+        if self._axis.activity.guided:
+            raise self._error(NotReady, "it is guided by hand")
 
     def _require_mode(self, timeout_s: float) -> None:
         """Wait for a drive that has left the commanded mode; raise DeviceTimeout if it stays so."""

@@ -24,6 +24,7 @@ class Commands(PowerCommands, MotionCommands):
         axis = self._axis
         with axis.lock:
             self.require_online()  # a lost drive may receive, and its position is not known
+            self._require_not_guided()
             requested = rest_mode(axis.options, mode)
             if axis.report.powered:
                 self._recover()
@@ -63,12 +64,37 @@ class Commands(PowerCommands, MotionCommands):
             axis.activity.begin(Operation.STREAM)
             self._require_no_stop(self._stops)
 
-    def leave_torque(self) -> None:
-        """Stop an axis that is in cyclic torque mode and will not stream."""
+    def prepare_guiding(self) -> None:
+        """Require an idle axis with power; end a quick stop."""
+        axis = self._axis
+        self._stops = axis.activity.stops
+        with axis.lock:
+            self._require_power()
+            self._recover()
+            if not axis.activity.is_idle:
+                raise self._error(NotReady, f"it is in {axis.activity.operation.name.lower()}")
+
+    def begin_guiding(self) -> None:
+        """Let the control loop carry the axis; after ``prepare_guiding``.
+
+        Raises OperationError, with the axis stopped, after a stop since then.
+        """
+        axis = self._axis
+        with axis.lock:
+            self._require_power()
+            self._require_no_stop(self._stops)
+            self._enter_torque()
+            axis.setpoint.deceleration = axis.options.stop_deceleration_rad_s2
+            axis.activity.complete = False
+            axis.activity.begin(Operation.GUIDING)
+            self._require_no_stop(self._stops)
+
+    def leave_torque(self, operation: Operation = Operation.STREAM) -> None:
+        """Stop an axis that is in cyclic torque mode, as out of ``operation``."""
         axis = self._axis
         with axis.lock:
             if axis.mode.requested.is_torque:
-                axis.activity.begin(Operation.STREAM)
+                axis.activity.begin(operation)
                 axis.brake(axis.options.stop_deceleration_rad_s2)
 
     def end_stream(self) -> None:

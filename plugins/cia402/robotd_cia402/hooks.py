@@ -23,6 +23,7 @@ _CAPABILITIES = frozenset(
     {
         Capability.VELOCITY_MODE,
         Capability.TORQUE_MODE,
+        Capability.HAND_GUIDING,  # where axes have a damping for it
         Capability.HOMING,
         Capability.SCALING,
         Capability.STATISTICS,

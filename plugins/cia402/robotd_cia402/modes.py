@@ -72,7 +72,10 @@ def rest_mode(options: DriveOptions, command: CommandMode) -> OperationMode:
 
 def needed_modes(options: DriveOptions) -> dict[OperationMode, str]:
     """Return the modes that the drive must support, with the option that needs each."""
-    return {
+    needed = {
         STREAM_MODES[options.stream_mode]: "stream_mode",
         VELOCITY_MODES[options.velocity_mode]: "velocity_mode",
     }
+    if options.guiding_damping_nm_s_rad is not None:
+        needed[OperationMode.CYCLIC_TORQUE] = "guiding_damping_nm_s_rad"
+    return needed

@@ -27,11 +27,12 @@ class Activity:
         home_done: the axis has been homed since it was configured.
         streaming: setpoints come from ``AxisDriver.stream``.
         stops: number of stops that were requested, also of an idle axis.
+        guided: moved by hand, or not held again since.
     """
 
     def __init__(self) -> None:
         self.operation = Operation.IDLE
-        self.complete = self.home_done = self.streaming = False
+        self.complete = self.home_done = self.streaming = self.guided = False
         self.stops = 0
         self._resting_frames = 0
 
@@ -43,6 +44,8 @@ class Activity:
         """Worker: ``operation`` runs from now on."""
         self.operation = operation
         self.streaming = operation is Operation.STREAM
+        stops = operation is Operation.STOPPING
+        self.guided = operation is Operation.GUIDING or (self.guided and stops)
 
     def begin_stop(self) -> None:
         """A stop replaces what runs; it ends at rest."""

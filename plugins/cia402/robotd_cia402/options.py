@@ -124,6 +124,14 @@ class DriveOptions(BackendSection):
         " joint, the wheel or the steering in the robot's file.",
     )
     quick_stop_deceleration_rad_s2: Positive = Field(40.0, description="Ramp of a quick stop.")
+    guiding_damping_nm_s_rad: float | None = Field(
+        None,
+        ge=0,
+        allow_inf_nan=False,
+        description="Hand guiding by torque: N·m per rad/s (or N per m/s) that a hand has to"
+        " overcome. Given only where the masses of the URDF are those of the arm, tool included:"
+        " they carry it. null: the axis is not guided.",
+    )
     check_modes: bool = Field(
         True,
         description="Require the modes in object 0x6502; false: for a drive without it, or with 0.",

@@ -7,7 +7,7 @@ from collections import deque
 from robotd_cia402.controlword import Control
 
 _STEP_SHARE = 1.2  # of the way of a period at the velocity limit: the largest step after a silence
-_MAX_MISSED = 3  # unanswered frames after which nothing is known of the drive
+MAX_MISSED = 3  # unanswered frames after which nothing is known of the drive
 _KEPT = 8  # latest setpoints; more than can be under way
 _OPERATES = 1 << 3  # bit of the controlword, in "enable operation" alone
 
@@ -57,14 +57,14 @@ class Acknowledgement:
             unreached: for certain the missed frames have not reached the drive.
             blocked: no frame is sent now.
         """
-        if missed >= _MAX_MISSED or blocked:
+        if missed >= MAX_MISSED or blocked:
             self._unsettled = self._settling
         if not missed and not blocked:
             self._settle()
         elif not self.withholds and self._sent:
             first, last = self._under_way(missed)
             too_far = abs(position - first) > _STEP_SHARE * way
-            if missed >= _MAX_MISSED or blocked or too_far:
+            if missed >= MAX_MISSED or blocked or too_far:
                 self.withholds, self._range = True, (first, first if unreached else last)
         return self.withholds
 

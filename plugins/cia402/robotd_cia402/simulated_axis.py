@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
-from robotd.api import RobotDescriptor
+import numpy as np
+
+from robotd.api import FloatArray, GravityModel, RobotDescriptor, read_urdf
+from robotd_cia402.guiding import is_guided
 from robotd_cia402.options import DriveOptions
 from robotd_cia402.simulated import DriveModel, Scale, Switches
 
@@ -34,6 +37,25 @@ def initial_positions(axes: Sequence[DriveOptions], robot: RobotDescriptor) -> l
     initial = {joint.axis: joint.initial_position for joint in robot.joints}
     given = [(axis.simulated_position_rad, initial.get(axis.axis, 0.0)) for axis in axes]
     return [position if known is None else known for known, position in given]
+
+
+def joint_weights(
+    axes: Sequence[DriveOptions], robot: RobotDescriptor
+) -> Callable[[FloatArray], FloatArray] | None:
+    """Return what ``Motors`` carry of a robot that is guided by hand; None: of another one."""
+    if robot.urdf is None or not any(is_guided(axis) for axis in axes):
+        return None
+    motor = {axis.axis: number for number, axis in enumerate(axes)}
+    joints = [joint for joint in robot.joints if joint.axis in motor]
+    model = GravityModel(read_urdf(robot.urdf), [joint.name for joint in joints])
+    columns = [motor[joint.axis] for joint in joints]
+
+    def weights(positions: FloatArray) -> FloatArray:
+        found = np.zeros(len(axes))
+        found[columns] = model.torques(positions[columns])
+        return found
+
+    return weights
 
 
 def _switches(axis: DriveOptions) -> Switches:

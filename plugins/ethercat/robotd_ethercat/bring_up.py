@@ -22,7 +22,7 @@ from robotd_ethercat.clock_observer import slaves_with_clocks
 from robotd_ethercat.exchange import EthercatDrive, Exchange, full_counter
 from robotd_ethercat.mapping import Assignment, Pdo, read_mapping, write_mapping
 from robotd_ethercat.options import AxisOptions, Clocks
-from robotd_ethercat.plan import NEEDED_INPUTS, BusPlan, missing_text, needed_outputs
+from robotd_ethercat.plan import BusPlan, missing_text, needed_inputs, needed_outputs
 from robotd_ethercat.slave import Slave
 from robotd_ethercat.soem import MappingError, Soem
 
@@ -127,7 +127,7 @@ class BringUp:
                 continue
             for key, assignment, pdos, needed in (
                 ("rx_pdos", Assignment.OUTPUTS, rx_pdos, needed_outputs(options)),
-                ("tx_pdos", Assignment.INPUTS, tx_pdos, NEEDED_INPUTS),
+                ("tx_pdos", Assignment.INPUTS, tx_pdos, needed_inputs(options)),
             ):
                 held = {entry.index for pdo in pdos for entry in pdo.entries}
                 offset = options.axis_offset

@@ -16,6 +16,7 @@ from robotd.api import (
 from robotd_cia402.axes import Cia402Master, name_and_scaling
 from robotd_cia402.axis import Axis
 from robotd_cia402.forced_off import switch_off_by_sdo
+from robotd_cia402.guiding import make_guiding
 from robotd_cia402.sync_timing import SyncTiming
 from robotd_ethercat.bring_up import BringUp
 from robotd_ethercat.clock_observer import ClockObserver
@@ -58,6 +59,7 @@ class Master(Cia402Master[EthercatDrive]):
         for axis in plan.axes:
             drive = EthercatDrive(self.slaves[axis.slave], axis.axis_offset, self.exchange)
             self._add_axis(axis, drive, name_and_scaling(robot, axis)[1])
+        self.guiding = make_guiding(robot, self.axes)
         limit = self.options.max_lost_frames
         self.supervision = Supervision(bus, slaves, self.axes, self.exchange, self.io, limit)
         self.bring_up = BringUp(plan, bus, slaves, self.axes, self.exchange, clock)
@@ -173,6 +175,7 @@ class Master(Cia402Master[EthercatDrive]):
             self.supervision.stop(problem)
         for axis in self.axes:
             axis.observe(image)
+        self.guide(self.plan.period_s)
         alarms = sum([axis.report.in_alarm for axis in self.axes])
         if alarms > self._alarms:
             self.supervision.note_alarm()

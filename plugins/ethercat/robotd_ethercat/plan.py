@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from robotd.api import RobotDescriptor
+from robotd_cia402.guiding import GUIDING_KEY, MAX_UNWATCHED_S, guiding_problems, is_guided
 from robotd_cia402.object_numbers import (
     CONTROLWORD,
     MODE,
@@ -13,7 +14,9 @@ from robotd_cia402.object_numbers import (
     POSITION,
     STATUSWORD,
     TARGET_POSITION,
+    TARGET_TORQUE,
     TARGET_VELOCITY,
+    TORQUE,
     on_axis,
 )
 from robotd_cia402.options import (
@@ -34,6 +37,8 @@ _NAMES = {
     STATUSWORD: "statusword",
     MODE_DISPLAY: "modes of operation display",
     POSITION: "position actual value",
+    TARGET_TORQUE: "target torque",
+    TORQUE: "torque actual value",
 }
 NEEDED_INPUTS = (STATUSWORD, MODE_DISPLAY, POSITION)
 
@@ -75,7 +80,7 @@ def plan_bus(robot: RobotDescriptor, options: EthercatOptions) -> BusPlan:
         if drive.stream_mode is not SetpointMode.CSP:
             what = f"{drive.stream_mode.value!r} is a mode of CANopen drives, EtherCAT takes 'csp'"
             problems.add(f"{key}.stream_mode", what)
-        pdos = (("rx_pdos", needed_outputs(drive)), ("tx_pdos", NEEDED_INPUTS))
+        pdos = (("rx_pdos", needed_outputs(drive)), ("tx_pdos", needed_inputs(drive)))
         for name, needed in pdos:
             given: tuple[PdoOptions, ...] = getattr(drive, name)
             if not given or any(not pdo.objects for pdo in given):
@@ -85,6 +90,13 @@ def plan_bus(robot: RobotDescriptor, options: EthercatOptions) -> BusPlan:
             if missing:
                 what = f"no PDO holds {missing_text(missing, drive.axis_offset)}"
                 problems.add(f"{key}.{name}", what)
+    for number, what in guiding_problems(robot, options.axes):
+        problems.add(f"axes.{number}.{GUIDING_KEY}", what)
+    if any(is_guided(drive) for drive in options.axes):
+        longest_ms = 1000 * MAX_UNWATCHED_S
+        if options.watchdog_ms is None or options.watchdog_ms > longest_ms:
+            what = "a drive that is guided by hand keeps its torque for so long when robotd is lost"
+            problems.add("watchdog_ms", f"give at most {longest_ms:g}: {what}")
     problems.require_none()
     axes = with_robot_ramps(options.axes, robot)
     ordered = tuple(sorted(axes, key=lambda drive: drive.axis))
@@ -95,7 +107,13 @@ def needed_outputs(drive: AxisOptions) -> tuple[int, ...]:
     """Objects that the cyclic frames to a drive must hold."""
     cyclic = drive.velocity_mode is VelocityMode.CSV
     velocity = (TARGET_VELOCITY,) if cyclic else ()
-    return (CONTROLWORD, MODE, TARGET_POSITION, *velocity)
+    torque = (TARGET_TORQUE,) if is_guided(drive) else ()
+    return (CONTROLWORD, MODE, TARGET_POSITION, *velocity, *torque)
+
+
+def needed_inputs(drive: AxisOptions) -> tuple[int, ...]:
+    """Objects that the cyclic frames of a drive must hold."""
+    return (*NEEDED_INPUTS, TORQUE) if is_guided(drive) else NEEDED_INPUTS
 
 
 def missing_text(missing: Iterable[int], axis_offset: int) -> str:

@@ -7,7 +7,7 @@ import time
 from robotd.api import RobotDescriptor, validate_section
 from robotd_cia402.options import Identity as IdentityOptions
 from robotd_cia402.simulated import DriveModel, Motors
-from robotd_cia402.simulated_axis import drive_model, initial_positions
+from robotd_cia402.simulated_axis import drive_model, initial_positions, joint_weights
 from robotd_ethercat.options import EthercatOptions, IoOptions, SlaveOptions
 from robotd_ethercat.simulated import (
     VENDOR,
@@ -31,7 +31,8 @@ def simulated_line(robot: RobotDescriptor, *, redundant: bool = False) -> Line:
     now_ns = time.monotonic_ns()
     options = validate_section(robot, "backends.ethercat", EthercatOptions)
     rated = {joint.axis: joint.rated_effort for joint in robot.joints}
-    machine = Motors(initial_positions(options.axes, robot), now_ns)
+    initial, weights = initial_positions(options.axes, robot), joint_weights(options.axes, robot)
+    machine = Motors(initial, now_ns, weights)
     models: dict[int, list[DriveModel]] = {}
     for motor, axis in enumerate(options.axes):
         models.setdefault(axis.slave, []).append(drive_model(motor, axis, rated.get(axis.axis)))

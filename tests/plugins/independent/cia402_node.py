@@ -125,6 +125,7 @@ class ServoDrive(CanopenDevice):
             (0x606C, "Velocity actual value", i, 0, "ro", "t"),
             (0x6071, "Target torque", h, 0, "rw", "r"),
             (0x6072, "Max torque", "H", 3000, "rw", "r"),
+            (0x6076, "Motor rated torque", "I", round(self.knobs.rated_torque_nm * 1e3), "ro", ""),
             (0x6077, "Torque actual value", h, 0, "ro", "t"),
             (0x607A, "Target position", i, 0, "rw", "r"),
             (0x607C, "Home offset", i, 0, "rw", ""),

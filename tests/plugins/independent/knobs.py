@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 
@@ -15,6 +16,11 @@ class Knobs:
     step_s: float = 1e-3  # of its time
     encoder: int = 65_536  # counts per turn
     feed: int = 65_536  # position units per turn
+    link_mass_kg: float = 0.0  # at the end of a link, level at position 0; 0: no link
+    link_length_m: float = 0.3
+    link_counts_per_rad: float = 65_536 / math.tau
+    rated_torque_nm: float = 20.0  # 0x6076
+    external_torque_nm: float = 0.0  # on the link, as of a hand
     supported_modes: int = 0x3A5  # 0x6502
     sdo_delay_s: float = 0.0
     sdo_missing: int = 0  # number of SDO responses that do not come; -1 for all

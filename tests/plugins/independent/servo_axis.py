@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 COAST_S = 0.03  # time constant of an axis without torque
 FRICTION_HZ = 2.0
+GRAVITY, MOTOR_INERTIA = 9.81, 0.05  # m/s², kg·m² of the joint
 TORQUE = 10.0  # per mille of the rated torque for one turn/s²
 PP, PV, HOMING, CSP, CSV, CST = 1, 3, 6, 8, 9, 10
 MODES = {0, PP, PV, HOMING, CSP, CSV, CST}
@@ -119,8 +120,39 @@ class Axis:
         self.max_velocity = max(self.max_velocity, abs(self.velocity))
         if self.drive[0x6061] != CST or not energised:
             acceleration = (self.velocity - before) / step_s + FRICTION_HZ * self.velocity
-            torque = TORQUE * acceleration / self.drive.knobs.encoder
+            torque = self._torque_for(acceleration)
             self.torque = min(max(torque, -3000.0), 3000.0) if energised else 0.0
+
+    def _acceleration_by(self, torque: float) -> float:
+        """Return counts/s² without friction by per mille of the rated torque.
+
+        A link has its mass at the end: weight m·g·l·cos q, inertia m·l² and that of the motor.
+        """
+        knobs = self.drive.knobs
+        if not knobs.link_mass_kg:
+            return torque / TORQUE * knobs.encoder
+        net = torque / 1e3 * knobs.rated_torque_nm + knobs.external_torque_nm - self._weight
+        return net / self._inertia * knobs.link_counts_per_rad
+
+    def _torque_for(self, acceleration: float) -> float:
+        """Return the reverse of ``_acceleration_by``."""
+        knobs = self.drive.knobs
+        if not knobs.link_mass_kg:
+            return TORQUE * acceleration / knobs.encoder
+        net = acceleration / knobs.link_counts_per_rad * self._inertia
+        return (net - knobs.external_torque_nm + self._weight) / knobs.rated_torque_nm * 1e3
+
+    @property
+    def _weight(self) -> float:
+        """Torque of the link's weight, N·m."""
+        knobs = self.drive.knobs
+        angle = self.position / knobs.link_counts_per_rad
+        return knobs.link_mass_kg * GRAVITY * knobs.link_length_m * math.cos(angle)
+
+    @property
+    def _inertia(self) -> float:
+        """Inertia of link and motor, kg·m²."""
+        return self.drive.knobs.link_mass_kg * self.drive.knobs.link_length_m**2 + MOTOR_INERTIA
 
     def _demand_velocity(self, step_s: float = 0.0) -> None:
         """Set the demand to what the axis does, so that a mode continues without a step."""
@@ -136,7 +168,7 @@ class Axis:
         if mode == CST:
             limit = self.drive[0x6072]
             self.torque = float(min(max(self.drive[0x6071], -limit), limit))
-            acceleration = self.torque / TORQUE * self.drive.knobs.encoder
+            acceleration = self._acceleration_by(self.torque)
             self.velocity += (acceleration - FRICTION_HZ * self.velocity) * step_s
             return
         if mode == CSP:

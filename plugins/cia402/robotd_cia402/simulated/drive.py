@@ -182,8 +182,10 @@ class Drive:
         self.closed_switches = others | int(pressed) << bit
 
     def push(self, delta: float) -> None:
-        """Turn the motor by hand; no effect on an enabled drive."""
-        if self.state not in (SimulatedState.OPERATION_ENABLED, SimulatedState.QUICK_STOP_ACTIVE):
+        """Turn the motor by hand; no effect on an enabled drive, unless it has a torque alone."""
+        enabled = SimulatedState.OPERATION_ENABLED, SimulatedState.QUICK_STOP_ACTIVE
+        yields = self.state is enabled[0] and self.motion.mode is Mode.CYCLIC_TORQUE
+        if self.state not in enabled or yields:
             position = self._machine.position(self._model.motor) + delta
             self._machine.servo.place(self._model.motor, position, position, 0.0)
             self._machine.hold(self._model.motor, position)

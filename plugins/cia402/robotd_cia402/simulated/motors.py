@@ -13,7 +13,7 @@ from math import ceil, floor
 
 import numpy as np
 
-from robotd.api import NANOSECONDS, Segment
+from robotd.api import NANOSECONDS, FloatArray, Segment
 from robotd_cia402.sync_timing import SyncTiming
 from robotd_servo_model import FOREVER, Mechanics, Servo, ServoWorld
 
@@ -40,11 +40,22 @@ class DriveClock:
 class Motors:
     """n motors in rad (or m); used by the thread of the simulated network alone.
 
+    Args:
+        initial: position of each at power-on.
+        now_ns: present time.
+        weights: returns the torques (n,) that carry what hangs on them at positions (n,), N·m or N;
+            None: nothing does.
+
     Attributes:
         servo: commands and responses of all motors.
     """
 
-    def __init__(self, initial: Sequence[float], now_ns: int) -> None:
+    def __init__(
+        self,
+        initial: Sequence[float],
+        now_ns: int,
+        weights: Callable[[FloatArray], FloatArray] | None = None,
+    ) -> None:
         axes = max(1, len(initial))
         self._mechanics = _mechanics(axes)
         self.servo = Servo(self._mechanics, TICK_S)
@@ -53,7 +64,8 @@ class Motors:
         self._runs_free = True
         self._world = ServoWorld(self._clock, self.servo, _MAX_CATCH_UP_S)
         self._plans = [0] * axes
-        self._velocity, self._torque = self.servo.measure(self.servo.state())
+        self._weights, self._weight = weights, np.zeros(axes)
+        self._measure()
         for axis, position in enumerate(initial):
             self.servo.place(axis, position, position, 0.0)
             self._follow(axis, Segment(0.0, position, 0.0, 0.0))
@@ -88,7 +100,7 @@ class Motors:
         return float(self._velocity[axis])
 
     def torque(self, axis: int) -> float:
-        return float(self._torque[axis])
+        return float(self._torque[axis] + self._weight[axis])
 
     def moves(self, axis: int) -> bool:
         """Return True while the command of ``axis`` moves."""
@@ -119,9 +131,10 @@ class Motors:
     def push(self, axis: int, torque: float, period_s: float) -> None:
         """Accelerate with ``torque`` (N·m or N) for a period; then keep the speed.
 
-        The model has inertia and friction of one motor. It has no gravity, no other joints and no
-        limit of the torque, and the position loop stays closed: the motor follows with its lag.
+        The model has inertia and friction of one motor, and its weight. It has no other joints and
+        no limit of the torque, and the position loop stays closed: the motor follows with its lag.
         """
+        torque -= float(self._weight[axis])
         position, velocity = self.command(axis)
         mechanics = self._mechanics
         coulomb = float(mechanics.coulomb_friction_nm[axis])
@@ -184,7 +197,12 @@ class Motors:
     def _advance(self, elapsed_ns: int) -> None:
         self._clock.set(self._clock.now_ns() + elapsed_ns)
         self._world.advance()
+        self._measure()
+
+    def _measure(self) -> None:
         self._velocity, self._torque = self.servo.measure(self.servo.state())
+        if self._weights is not None:
+            self._weight = self._weights(self.servo.position)
 
 
 def _mechanics(axes: int) -> Mechanics:

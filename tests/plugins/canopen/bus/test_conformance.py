@@ -6,6 +6,8 @@ All of them: ``robotd conform --backend canopen --robot three_drives.yaml`` in t
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from tests.features.conformance.runs.kit import run_kit
 from tests.plugins.canopen.bus.conftest import SMALL
 
@@ -21,3 +23,10 @@ def test_the_simulated_drives_pass() -> None:
     outcome = run_kit("canopen", *(f"test_{theme}.py" for theme in CHECKS), robot=SMALL)
     assert not outcome.failed
     assert len(outcome.passed) > 90
+
+
+def test_drives_that_are_guided_by_hand_pass() -> None:
+    robot = str(Path(__file__).parent / "guided_drives.yaml")
+    outcome = run_kit("canopen", "test_guiding.py", robot=robot)
+    assert not outcome.failed
+    assert len(outcome.passed) > 4

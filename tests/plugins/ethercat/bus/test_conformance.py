@@ -6,6 +6,8 @@ All of them:
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from tests.features.conformance.runs.kit import run_kit
 from tests.plugins.ethercat.bus.robot import SMALL
 
@@ -16,3 +18,10 @@ def test_the_simulated_slaves_pass() -> None:
     outcome = run_kit("ethercat", *CHECKS, robot=SMALL)
     assert not outcome.failed
     assert len(outcome.passed) > 15
+
+
+def test_slaves_that_are_guided_by_hand_pass() -> None:
+    robot = str(Path(__file__).parent / "guided_drives.yaml")
+    outcome = run_kit("ethercat", "test_guiding.py", robot=robot)
+    assert not outcome.failed
+    assert len(outcome.passed) > 4
