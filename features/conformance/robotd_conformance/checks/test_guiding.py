@@ -48,6 +48,8 @@ def by_communication(harness: Harness) -> None:
     harness.robot.connection.stop_communication()
     harness.robot.connection.start_communication()
     harness.until(lambda: harness.robot.connection.ready, "the device is ready again")
+    image = harness.image
+    harness.until(lambda: bool(np.isfinite(image.position).all()), "the positions are known again")
 
 
 def by_name(function: Ending) -> str:
