@@ -23,7 +23,8 @@ NOT_NEEDED = (
         "ruamel",
     ),
     *("scipy", "robotd_commissioning", "robotd_export.moveit", "robotd_testing", "robotd_canopen"),
-    *("robotd_inventory", "robotd_ros.commands.robot_client", "robotd_ros.commands.status_view"),
+    *("robotd_inventory", "robotd_ros.commands.robot_client"),
+    "robotd_ros.commands.status_watch_view",
     *("robotd_page.page_server", "robotd_foxglove.foxglove_server"),
 )
 READY = "ready after"

@@ -96,7 +96,7 @@ def _watch(timeout_s: float) -> ExitCode:
     """Show the state until Ctrl-C; OK if the robot took motion commands then, else FAILED."""
     from rich.live import Live
 
-    from robotd_ros.commands.status_view import view
+    from robotd_ros.commands.status_watch_view import view
 
     with robot_client(timeout_s, searches=True) as client:
         require_one_robot(client, prints=False)

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner
-from tests.ros.unit.test_status_view import axis
+from tests.ros.unit.test_status_watch_view import axis
 
 from robotd.cli import main
 from robotd_ros.client import status_client

@@ -8,7 +8,7 @@ from rich.console import Console
 from robotd.control.groups.problem import Problem, ProblemKind
 from robotd_ros.client.live_status import LiveReport, PartReport
 from robotd_ros.client.status_client import AxisReport, ToolReport
-from robotd_ros.commands.status_view import view
+from robotd_ros.commands.status_watch_view import view
 
 
 def shown(report: LiveReport) -> str:
