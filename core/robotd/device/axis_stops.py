@@ -36,7 +36,7 @@ class _Stop:
         trajectory_s: duration for ``AxisDriver.stop_trajectory``; NaN: another stop.
         due_ns: time of the next call.
         done_ns: return of the last call, if it succeeded; 0: it did not.
-        calls, vain: number of calls, and of those that failed or had no effect.
+        calls, vain: number of calls, and of ineffective ones: they failed, or had no effect.
         failure: reason of the last call that failed.
         quick: it is a quick stop.
     """

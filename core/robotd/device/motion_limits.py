@@ -20,10 +20,10 @@ STANDING = (Operation.IDLE, Operation.STREAM)  # a stream moves all axes of the 
 
 
 PathCheck = Callable[[Trajectory], None]
-"""Raises TrajectoryRejected, in a worker, for a path that must not be."""
+"""Raises TrajectoryRejected, in a worker, for a path that cannot be executed."""
 
 Obstacle = Callable[[FloatArray, FloatArray], str]
-"""Returns what joints run into from positions (m,) to those where they would stop; "": nothing."""
+"""Returns what joints would hit between positions (m,) and those where they stop; "": nothing."""
 
 
 class Solid(NamedTuple):

@@ -117,7 +117,7 @@ class Motion(ABC):
 
 
 class StreamedMotion(Motion):
-    """Motion by a stream of joints, whose time-out is the watchdog: no thread is needed for it.
+    """Motion by a stream of joints, whose own time-out ends it when the client is silent.
 
     Args:
         stream: open; ends when it is silent.

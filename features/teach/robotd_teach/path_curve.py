@@ -127,7 +127,7 @@ def interpolated(knots_s: FloatArray, positions: FloatArray, times_s: FloatArray
 
 @dataclass(frozen=True, eq=False)
 class PathCurve:
-    """Joint positions of a path by the distance along it; see ``tool_space.timing.Curve``.
+    """Joint positions of a path by the distance along it; see ``Curve`` of tool space.
 
     Attributes:
         at_s: (k,) distance, with a joint's tolerance counted as that of an angle; rad.

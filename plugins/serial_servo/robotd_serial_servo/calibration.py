@@ -1,4 +1,4 @@
-"""Calibration files of LeRobot: what ties the ticks of each servo to the angle of its joint."""
+"""Scale of each servo, its ticks as an angle of its joint, and the calibration files of LeRobot."""
 
 from __future__ import annotations
 

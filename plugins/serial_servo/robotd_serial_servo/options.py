@@ -48,7 +48,7 @@ class ServoKeys(BaseModel):
         " has 0 at its closed end needs one.",
     )
     torque_limit: Part = Field(
-        1.0, description="Part of the full drive that the servo may use; 0.5 spares a gripper."
+        1.0, description="Highest fraction of the maximum torque; 0.5 spares a gripper."
     )
 
 
@@ -86,8 +86,8 @@ class SerialServoOptions(BackendOptions):
         0.1,
         ge=0.0,
         le=0.5,
-        description="Time from a goal to the motion: following errors are judged by the goal of"
-        " that much earlier.",
+        description="Time from a goal to its motion; a following error is the distance to the"
+        " goal of that time before.",
     )
     free: bool = Field(
         False, description="The arm is moved by hand: its servos stay off. For leader arms."
@@ -108,7 +108,7 @@ class PlannedServo:
         scale: ticks and rad.
         calibration: None without a file.
         max_speed: at which a goal may move, ticks/s.
-        torque_limit: part of the full drive.
+        torque_limit: fraction of the maximum torque.
     """
 
     axis: int

@@ -28,9 +28,9 @@ class ServoState:
         time_ns: monotonic time at which they were asked for.
         position, goal: ticks, as the servo counts them.
         velocity: ticks/s.
-        load: part of the full drive, -1 to 1; no torque.
+        load: fraction of the maximum PWM, -1 to 1; not a torque.
         torque: the drive is on, by the servo's own register.
-        torque_limit: part of the full drive, 0 to 1.
+        torque_limit: fraction of the maximum torque, 0 to 1.
         voltage_v, temperature_c, current_a: measured; the current is NaN where there is no sensor.
         error: the servo's fault bits; 0 without a fault.
         expired: the servo has stopped because its bus was silent, and takes no goals.

@@ -52,7 +52,7 @@ def energise(bus: ServoBus, record: ServoRecord, clock: Clock, deadline_ns: int)
 def catch(
     bus: ServoBus, record: ServoRecord, clock: Clock, deadline_ns: int, releases: int
 ) -> Steps:
-    """Switch a servo on whose arm a hand leads, or its weight moves, and hold it at rest.
+    """Switch on a servo whose arm is moved by a hand or by its weight; hold it where it rests.
 
     As ``energise``, but a joint that moves on takes its goal along: no goal is further away than
     ``MOVED_TICKS``, so that the servo brakes, and never pulls back.

@@ -35,12 +35,12 @@ class _Command:
 
 
 class TwistCommand:
-    """Twist that holds until the next one, its time-out, or an interruption of motion.
+    """Twist in force until the next one, its time-out, or an interruption of motion.
 
     ``target`` is for the control loop, the rest for any thread.
 
     Attributes:
-        stopped: no command holds until it is False again.
+        stopped: no command is in force until this is False again.
     """
 
     def __init__(self) -> None:
@@ -50,7 +50,7 @@ class TwistCommand:
 
     @property
     def ended(self) -> bool:
-        """The last ``target`` was standstill because no command held."""
+        """The last ``target`` was standstill because no command was in force."""
         return self._late or self.stopped
 
     def set(self, twist: PlanarTwist, time_ns: int, timeout_s: float, admission: Admission) -> None:
@@ -58,7 +58,7 @@ class TwistCommand:
         self._command = _Command(twist, time_ns, round(timeout_s * NANOSECONDS), admission)
 
     def moves(self, time_ns: int) -> bool:
-        """Return True when a command other than standstill holds at ``time_ns``."""
+        """Return True when a command other than standstill is in force at ``time_ns``."""
         command = self._command
         if command is None or self.stopped or time_ns - command.sent_ns > command.timeout_ns:
             return False
