@@ -16,7 +16,8 @@ from robotd.motion import Trajectory
 Factors = Callable[[FloatArray, FloatArray], FloatArray]
 """Returns (k,) by which velocities (k, m) at positions (k, m) may be multiplied; inf at rest."""
 
-STANDING = (Operation.IDLE, Operation.STREAM)  # a stream moves all axes of the group, or none
+# A stream moves all axes of the group, or none.
+NOT_MOVING_ALONE = (Operation.IDLE, Operation.STREAM)
 
 
 PathCheck = Callable[[Trajectory], None]
@@ -90,7 +91,7 @@ class MotionLimits:
         if factors is None or not chosen:
             return 1.0
         operations = image.operation.tolist()
-        others = {axis for axis in self.axes if operations[axis] not in STANDING}
+        others = {axis for axis in self.axes if operations[axis] not in NOT_MOVING_ALONE}
         if len(chosen | others - velocities.keys()) > 1:
             raise NotReady(f"{self.reason}; commands of single axes move one joint at a time")
         velocity = np.array([[velocities.get(axis, 0.0) for axis in self.axes]])

@@ -14,7 +14,7 @@ from wmx_ros2_message.msg import AxisState, AxisVelocity
 
 from robotd.errors import OperationError
 from robotd.log import escaped
-from robotd_ros.client.operator_client import STANDING, ProblemListener, with_remedy
+from robotd_ros.client.operator_client import BLOCKING, ProblemListener, with_remedy
 from robotd_ros.client.ros_client import RosClient
 from robotd_ros.client.status_client import (
     AXIS_STATE,
@@ -90,7 +90,7 @@ class JogClient:
         reports = None if axes is None else axis_reports(axes, self.identities)
         if any(abs(reports[axis].velocity) > AT_REST for axis in self._jogged if reports):
             self._rejection = ""
-        problem = self._problems.first(*STANDING)
+        problem = self._problems.first(*BLOCKING)
         return JogState(reports, with_remedy(problem) if problem else self._rejection)
 
     def wait_at_rest(self) -> None:

@@ -25,7 +25,7 @@ SPEED = f"{OPERATOR_NODE}/speed"
 PROBLEMS = f"{OPERATOR_NODE}/problems"
 DISCOVERY_S = 1.0
 NOT_READY = (ProblemKind.STARTING, ProblemKind.ENDING, ProblemKind.DEVICE)
-STANDING = (*NOT_READY, ProblemKind.STOPPED, ProblemKind.PAUSED)
+BLOCKING = (*NOT_READY, ProblemKind.STOPPED, ProblemKind.PAUSED)
 
 
 class ProblemListener:
@@ -86,7 +86,7 @@ def require_ready(client: RosClient, namespace: str = "") -> None:
 
 def require_motion(client: RosClient, namespace: str = "") -> None:
     """Raise OperationError while goals would be rejected, or wait: not ready, stopped or paused."""
-    require(client, namespace, *STANDING)
+    require(client, namespace, *BLOCKING)
 
 
 @contextmanager

@@ -172,12 +172,12 @@ class StreamedTrajectory(TrajectoryExecution):
         if time_s is not None:  # the device holds until this period
             self._due_ns = due_ns - period_ns
             self.start_ns = self._due_ns - round(time_s * NANOSECONDS)
-            self._rate.stand()
+            self._rate.rest()
         scaled = due_ns > self.start_ns and not self._rate.is_full
         if due_ns <= self.start_ns:
             self._rate.wait()
         elif nobody_answers:
-            self._rate.stand()
+            self._rate.rest()
         if scaled:
             elapsed_ns = due_ns - self._due_ns if self._due_ns > self.start_ns else period_ns
             mean = self._rate.step(elapsed_ns / NANOSECONDS, self.time_s)
@@ -304,7 +304,7 @@ class PathRate:
         """Look ahead on another trajectory, which is the same up to now."""
         self._trajectory, self._bounds = trajectory, bounds
 
-    def stand(self) -> None:
+    def rest(self) -> None:
         """Begin anew from standstill: the device held its position during a stall."""
         self.value, self._max_slope = 0.0, math.inf
 
