@@ -19,7 +19,8 @@ from robotd_cia402.drive_setup import set_up
 from robotd_cia402.object_numbers import CONTROLWORD, on_axis
 from robotd_ethercat.al_status import AlState, al_code_text
 from robotd_ethercat.clock_observer import slaves_with_clocks
-from robotd_ethercat.exchange import EthercatDrive, Exchange, full_counter
+from robotd_ethercat.ethercat_drive import EthercatDrive
+from robotd_ethercat.exchange import Exchange, full_counter
 from robotd_ethercat.mapping import Assignment, Pdo, read_mapping, write_mapping
 from robotd_ethercat.options import AxisOptions, Clocks
 from robotd_ethercat.plan import BusPlan, missing_text, needed_inputs, needed_outputs

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from operator import itemgetter
 from typing import Any
 
 from robotd.api import Clock
-from robotd_cia402.drive_access import DriveAccess
-from robotd_cia402.module_io import ModuleIo
-from robotd_cia402.object_numbers import AXIS_STEP, INPUTS, OUTPUTS, PROFILE_AREA, on_axis
 from robotd_ethercat.al_status import AlState
-from robotd_ethercat.options import IoOptions
+from robotd_ethercat.io_image import IoImage
 from robotd_ethercat.slave import Slave
 from robotd_ethercat.soem import NO_FRAME, SlaveState, Soem
 
@@ -20,7 +16,6 @@ _LIVE_TIMEOUT_US = 100  # the frame was seen to be here, or was sent a period ag
 _FIRST_TIMEOUT_US = 2000
 _SUSPECT_FRAMES = 16  # after a lost one; SOEM numbers its frames from 0 to 15
 _LRW_OUTPUTS, _LRW_INPUTS = 2, 1  # working counter of a slave in one LRW datagram
-_UNMAPPED = -1  # slot of the 0 that follows the values of the slave
 
 
 @dataclass
@@ -36,41 +31,6 @@ class Counters:
     received: int = 0
     lost: int = 0
     incomplete: int = 0
-
-
-class IoImage(ModuleIo[Slave, IoOptions]):
-    """Outputs are sent in each period: ``pack`` and ``take`` belong to the control loop."""
-
-    def __init__(self, slaves: Sequence[Slave]) -> None:
-        super().__init__([(slave, slave.module) for slave in slaves if slave.module is not None])
-        self._raw: list[tuple[IoOptions, Any]] = []
-
-    def begin(self, raw_slaves: Sequence[Any]) -> None:
-        """Worker: the modules are configured; all outputs are off, as in SafeOp."""
-        self.outputs[:] = bytes(len(self.outputs))
-        self._raw = [(module, raw_slaves[slave.number]) for slave, module in self.modules]
-
-    def clear(self, slave: Slave) -> None:
-        """Switch the outputs of a lost module off: its return must not switch them on."""
-        for owner, module in self.modules:
-            if owner is slave:
-                first, length = module.output_byte, module.output_length
-                with self._lock:
-                    self.outputs[first : first + length] = bytes(length)
-
-    def take(self) -> None:
-        """Copy the inputs of all modules."""
-        for module, raw in self._raw:
-            first, length = module.input_byte, module.input_length
-            if length:
-                self.inputs[first : first + length] = raw.input[:length]
-
-    def pack(self) -> None:
-        """Hand over the outputs of all modules."""
-        for module, raw in self._raw:
-            first, length = module.output_byte, module.output_length
-            if length:
-                raw.output = bytes(self.outputs[first : first + length])
 
 
 class Exchange:
@@ -219,93 +179,3 @@ class Exchange:
 def full_counter(output_size: int, input_size: int) -> int:
     """Return what an operational slave adds to the working counter; sizes in bytes."""
     return _LRW_OUTPUTS * bool(output_size) + _LRW_INPUTS * bool(input_size)
-
-
-class EthercatDrive(DriveAccess):
-    """One axis of ``node``; a cyclic frame is one of the process data.
-
-    Mapped outputs that no part of robotd sets, such as a torque limit, keep the value that the
-    drive had when it was configured.
-    """
-
-    node: Slave
-
-    def __init__(self, slave: Slave, axis_offset: int, exchange: Exchange) -> None:
-        super().__init__()
-        self.node, self._offset, self._exchange = slave, axis_offset, exchange
-        self.inputs: Collection[int] = ()
-        self.outputs: Collection[int] = ()
-        self._image = slave.image
-        self._forgotten_at = 0
-        self._pick_inputs = itemgetter(*[_UNMAPPED] * len(INPUTS))
-        self._output_slots: list[tuple[int, int]] = []  # places in OUTPUTS, and in the image
-
-    @property
-    def known(self) -> bool:
-        return self.node.online and self._exchange.good_frames > self._forgotten_at
-
-    @property
-    def awaited(self) -> str:
-        return "no complete frame received from it yet"
-
-    @property
-    def frames(self) -> int:
-        return self._exchange.frames
-
-    @property
-    def answered(self) -> int:
-        return self._exchange.good_frames
-
-    @property
-    def missed(self) -> int:
-        return self.node.missed
-
-    @property
-    def unreached(self) -> bool:
-        return self.node.unreached
-
-    @property
-    def blocked(self) -> bool:
-        return self._exchange.blocked
-
-    def put(self, values: Sequence[int]) -> None:
-        outputs = self._image.outputs
-        for place, slot in self._output_slots:
-            outputs[slot] = values[place]
-
-    def values(self) -> Sequence[int]:
-        found: Sequence[int] = self._pick_inputs((*self._image.inputs, 0))
-        return found
-
-    def writable(self, index: int, sub: int) -> bool:
-        # Whether it is read-only shows when it is written.
-        return self.node.has(on_axis(index, self._offset))
-
-    def read(self, index: int, sub: int = 0) -> int:
-        return self.node.read(on_axis(index, self._offset), sub)
-
-    def write(self, index: int, sub: int, value: int) -> None:
-        self.node.write(on_axis(index, self._offset), sub, value)
-
-    def forget(self) -> None:
-        self._forgotten_at = self._exchange.good_frames
-
-    def find_slots(self) -> None:
-        """Worker: take the mapping of the slave, which has been configured."""
-        inputs = self._slots(self._image.input_slots)
-        outputs = self._slots(self._image.output_slots)
-        self.inputs, self.outputs = inputs.keys(), outputs.keys() & set(OUTPUTS)
-        self._pick_inputs = itemgetter(*(inputs.get(index, _UNMAPPED) for index in INPUTS))
-        self._output_slots = [
-            (place, outputs[index]) for place, index in enumerate(OUTPUTS) if index in outputs
-        ]
-
-    def _slots(self, slots: dict[tuple[int, int], int]) -> dict[int, int]:
-        """Slots of this axis by the profile's number of the object."""
-        first = self._offset * AXIS_STEP
-        profile = range(PROFILE_AREA.start + first, PROFILE_AREA.start + first + AXIS_STEP)
-        return {
-            index - first: slot
-            for (index, sub), slot in slots.items()
-            if sub <= 1 and index in profile
-        }

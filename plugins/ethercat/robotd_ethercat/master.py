@@ -20,7 +20,9 @@ from robotd_cia402.guiding import make_guiding
 from robotd_cia402.sync_timing import SyncTiming
 from robotd_ethercat.bring_up import BringUp
 from robotd_ethercat.clock_observer import ClockObserver
-from robotd_ethercat.exchange import EthercatDrive, Exchange, IoImage
+from robotd_ethercat.ethercat_drive import EthercatDrive
+from robotd_ethercat.exchange import Exchange
+from robotd_ethercat.io_image import IoImage
 from robotd_ethercat.options import AxisOptions, Clocks, SlaveOptions
 from robotd_ethercat.plan import BusPlan
 from robotd_ethercat.slave import Slave

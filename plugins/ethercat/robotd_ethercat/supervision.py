@@ -8,7 +8,9 @@ from collections.abc import Sequence
 from robotd.api import DeviceTimeout, RobotdError, get_logger
 from robotd_cia402.axis import Axis
 from robotd_ethercat.al_status import AlState, al_code_text
-from robotd_ethercat.exchange import EthercatDrive, Exchange, IoImage
+from robotd_ethercat.ethercat_drive import EthercatDrive
+from robotd_ethercat.exchange import Exchange
+from robotd_ethercat.io_image import IoImage
 from robotd_ethercat.slave import RESET, Slave
 from robotd_ethercat.soem import SlaveState, Soem
 
