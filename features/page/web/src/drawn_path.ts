@@ -1,4 +1,4 @@
-// Way of a tool in the 3D view, before anything moves: to the start of a path, and along it.
+// Path of a tool in the 3D view, before anything moves: to the start of a path, and along it.
 
 import * as THREE from "three";
 import { Line2 } from "three/examples/jsm/lines/Line2.js";
@@ -7,20 +7,20 @@ import { LineMaterial } from "three/examples/jsm/lines/LineMaterial.js";
 import type { URDFRobot } from "urdf-loader";
 import { cssColor } from "./dom";
 import type { RobotModel } from "./robot_model";
-import type { Way } from "./teach_messages";
+import type { Preview } from "./teach_messages";
 
 const WIDTH = 5; // pixels
 const MARK = 0.012; // radius of the ends, m
 
-export class DrawnWay {
+export class DrawnPath {
   readonly object = new THREE.Group();
 
   constructor() {
     this.object.matrixAutoUpdate = false;
   }
 
-  // Draw the way of a link; where the joints move none of them, that of the last joint.
-  show(model: RobotModel, links: string[], { joints, rows, approach }: Way): void {
+  // Draw the path of a link; where the joints move none of them, that of the last joint.
+  show(model: RobotModel, links: string[], { joints, rows, approach }: Preview): void {
     this.clear();
     const ghost = model.copy();
     const part = partOf(ghost, links, joints);
@@ -30,10 +30,10 @@ export class DrawnWay {
       part.updateWorldMatrix(true, false);
       return new THREE.Vector3().setFromMatrixPosition(part.matrixWorld);
     });
-    this.line(places.slice(0, approach + 1), "--way-approach");
-    this.line(places.slice(approach), "--way");
-    this.mark(places[approach]!, "--way-approach");
-    this.mark(places.at(-1)!, "--way");
+    this.line(places.slice(0, approach + 1), "--preview-approach");
+    this.line(places.slice(approach), "--preview");
+    this.mark(places[approach]!, "--preview-approach");
+    this.mark(places.at(-1)!, "--preview");
     this.follow(model);
   }
 
@@ -46,7 +46,7 @@ export class DrawnWay {
     this.object.clear();
   }
 
-  // Go to where the robot stands.
+  // Go to where the robot is.
   follow(model: RobotModel): void {
     this.object.matrix.copy(model.object.matrix);
     this.object.matrixWorldNeedsUpdate = true;

@@ -5,7 +5,7 @@ import { find, setClass, setText } from "./dom";
 import type { HeldButtons } from "./held_button";
 import type { Description, Sample, State } from "./messages";
 import { hindranceOfAxes } from "./next_step";
-import type { Kind, Sender, Way, WayChoice } from "./teach_messages";
+import type { Kind, Sender, Preview, PreviewChoice } from "./teach_messages";
 import type { View } from "./view";
 
 const DEFAULT_PERCENT: Record<Kind, number> = { pose: 20, path: 100 }; // as the commands
@@ -21,7 +21,7 @@ export class PreviewPanel {
   private readonly reverse = find<HTMLButtonElement>("preview-reverse");
   private description: Description | undefined;
   private chosen: { kind: Kind; name: string } | undefined;
-  private shown: { choice: WayChoice; way: Way } | undefined;
+  private shown: { choice: PreviewChoice; preview: Preview } | undefined;
   private obstacle = "";
   private hindrance = "";
   private asked = 0; // number of the newest question
@@ -45,8 +45,8 @@ export class PreviewPanel {
     find("preview-stop").addEventListener("click", () => this.held.end("released"));
     find("preview-hide").addEventListener("click", () => this.hide());
     this.held.add(this.play, () => {
-      const { choice, way } = this.shown!;
-      const { start } = way;
+      const { choice, preview } = this.shown!;
+      const { start } = preview;
       return { name: choice.name, step: 1, send: (link, hold) => link.teach(hold, { type: "play", start, ...choice }) };
     });
   }
@@ -55,7 +55,7 @@ export class PreviewPanel {
     this.description = description;
   }
 
-  // Show the way to a pose or path from where the arm is; nothing moves.
+  // Preview the motion to a pose or path from where the arm is; nothing moves.
   choose(kind: Kind, name: string): void {
     this.chosen = { kind, name };
     this.speed.value = String(DEFAULT_PERCENT[kind]);
@@ -75,11 +75,11 @@ export class PreviewPanel {
     this.isAsking = false;
     this.asked += 1;
     this.box.hidden = true;
-    this.view.showWay(undefined);
+    this.view.showPreview(undefined);
   }
 
   update(state: State): void {
-    const joints = this.shown?.way.joints ?? [];
+    const joints = this.shown?.preview.joints ?? [];
     const axes = this.description?.axes.flatMap(({ name }, axis) => (joints.includes(name) ? [axis] : [])) ?? [];
     this.hindrance = hindranceOfAxes(state, axes)?.reason ?? "";
     this.block();
@@ -96,7 +96,7 @@ export class PreviewPanel {
   }
 
   private hasMoved(sample: Sample): boolean {
-    const { joints, start } = this.shown!.way;
+    const { joints, start } = this.shown!.preview;
     return this.description!.axes.some(({ name }, axis) => {
       const index = joints.indexOf(name);
       return index >= 0 && Math.abs(sample.positionCommand(axis) - start[index]!) > MOVED;
@@ -104,7 +104,7 @@ export class PreviewPanel {
   }
 
   private ask(): void {
-    const choice: WayChoice = {
+    const choice: PreviewChoice = {
       ...this.chosen!,
       speed: Number(this.speed.value) / 100,
       reverse: this.isReverse,
@@ -121,15 +121,15 @@ export class PreviewPanel {
     });
   }
 
-  private showAnswer(choice: WayChoice, { ok, text, data }: Answer): void {
+  private showAnswer(choice: PreviewChoice, { ok, text, data }: Answer): void {
     this.isAsking = false;
     this.obstacle = ok ? "" : text;
     if (ok) {
-      const way = data as Way;
-      this.shown = { choice, way };
-      this.view.showWay(way);
+      const preview = data as Preview;
+      this.shown = { choice, preview };
+      this.view.showPreview(preview);
     }
-    setText(this.text, ok ? this.shown!.way.text : text);
+    setText(this.text, ok ? this.shown!.preview.text : text);
     setClass(this.text, "unreachable", !ok);
     this.block();
   }

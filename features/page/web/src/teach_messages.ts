@@ -70,8 +70,8 @@ export interface ShownProgram {
   problems: Problem[];
 }
 
-// Motion to a pose or along a path; rows are positions of the joints on its way.
-export interface Way {
+// Motion to a pose or along a path; rows are positions of the joints on the way.
+export interface Preview {
   joints: string[];
   start: number[];
   rows: number[][];
@@ -79,7 +79,7 @@ export interface Way {
   text: string;
 }
 
-export interface WayChoice {
+export interface PreviewChoice {
   kind: Kind;
   name: string;
   speed: number;
@@ -90,14 +90,14 @@ export interface WayChoice {
 export type Kind = "pose" | "path";
 export type NumberKey = "speed" | "blend_m";
 export type TeachBeat =
-  | ({ type: "play"; start: number[] } & WayChoice)
+  | ({ type: "play"; start: number[] } & PreviewChoice)
   | { type: "guide"; group: string; held: boolean };
 export type TeachCommand =
   | { type: "pose_save" | "path_begin"; name: string; group: string; replace: boolean }
   | { type: "rename"; kind: Kind; name: string; new_name: string }
   | { type: "delete"; kind: Kind; name: string }
   | { type: "path_end" | "program_pause" | "program_stop" }
-  | ({ type: "preview" } & WayChoice)
+  | ({ type: "preview" } & PreviewChoice)
   | { type: "program_show" | "program_check" | "program_resume"; name: string }
   | { type: "program_new"; name: string; group: string }
   | { type: "program_run"; name: string; single: boolean; seen: Seen | null } // as it was pressed

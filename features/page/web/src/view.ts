@@ -5,12 +5,12 @@ import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { onThemeChange } from "./colors";
 import { cssColor, find, setText } from "./dom";
 import type { Description, GuardedSolid, Sample } from "./messages";
-import { DrawnWay } from "./drawn_way";
+import { DrawnPath } from "./drawn_path";
 import { RobotModel } from "./robot_model";
 import { GuardedScene } from "./guarded_scene";
 import { SceneObjects } from "./scene_objects";
 import { TargetGizmo } from "./target_gizmo";
-import type { Way } from "./teach_messages";
+import type { Preview } from "./teach_messages";
 
 const X_AXIS = new THREE.Vector3(1, 0, 0);
 const NAMED_MESHES = 3;
@@ -30,7 +30,7 @@ export class View {
   private model: RobotModel | undefined;
   private objects: SceneObjects | undefined;
   private readonly solids = new GuardedScene();
-  private readonly way = new DrawnWay();
+  private readonly preview = new DrawnPath();
   private tools: string[] = []; // links
   private gizmo: TargetGizmo | undefined;
   private ground: THREE.Object3D | undefined;
@@ -52,7 +52,7 @@ export class View {
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     this.upright.rotation.x = -Math.PI / 2;
     this.scene.add(this.upright);
-    this.upright.add(this.solids.object, this.way.object);
+    this.upright.add(this.solids.object, this.preview.object);
     this.upright.add(new THREE.HemisphereLight(0xffffff, 0x8a8f98, 2.2));
     const sun = new THREE.DirectionalLight(0xffffff, 2);
     sun.position.set(1.5, -2, 3);
@@ -70,7 +70,7 @@ export class View {
     if (this.model) this.upright.remove(this.model.object);
     if (this.objects) this.upright.remove(this.objects.object);
     this.gizmo?.hide();
-    this.showWay(undefined);
+    this.showPreview(undefined);
     this.tools = description.tools.map(({ link }) => link);
     this.model = this.shown = this.objects = undefined;
     this.missing = [];
@@ -116,7 +116,7 @@ export class View {
     this.objects?.follow(this.model);
     this.solids.follow(this.model);
     this.gizmo?.follow(this.model);
-    this.way.follow(this.model);
+    this.preview.follow(this.model);
     this.follow(this.model.object.position);
     this.dirty = true;
   }
@@ -133,11 +133,11 @@ export class View {
     this.dirty = true;
   }
 
-  // Draw the way of the tool in a motion that is not played yet; undefined: none.
-  showWay(way: Way | undefined): void {
-    this.way.clear();
-    if (way && this.model) this.way.show(this.model, this.tools, way);
-    this.canvas.dataset["way"] = way ? `${way.approach} ${way.rows.length - way.approach}` : "";
+  // Draw the path of the tool in a motion that is not played yet; undefined: none.
+  showPreview(preview: Preview | undefined): void {
+    this.preview.clear();
+    if (preview && this.model) this.preview.show(this.model, this.tools, preview);
+    this.canvas.dataset["preview"] = preview ? `${preview.approach} ${preview.rows.length - preview.approach}` : "";
     this.dirty = true;
   }
 

@@ -187,12 +187,12 @@ def test_a_path_is_recorded_shown_with_the_way_to_it_and_played(
     taught(page, "path", "wipe").get_by_role("button", name="Show").click()
     play = enabled(page, "#preview-play")
     expect(page.locator("#preview-text")).to_contain_text("first to its start: joint1 by -0.600")
-    approach, way = map(int, (page.locator("#canvas").get_attribute("data-way") or "").split())
+    approach, path = map(int, (page.locator("#canvas").get_attribute("data-preview") or "").split())
     assert approach > 10
-    assert way > 10
+    assert path > 10
     page.locator("#preview-reverse").click()
     expect(page.locator("#preview-text")).to_contain_text("backwards")
-    expect(page.locator("#canvas")).to_have_attribute("data-way", "0 200")
+    expect(page.locator("#canvas")).to_have_attribute("data-preview", "0 200")
     enabled(page, "#preview-play")
     assert position(served) == pytest.approx(0.9, abs=1e-3)
 
