@@ -105,6 +105,8 @@ lint: $(tools) ## check style, format, layers and types
 	.venv/bin/python -m tools.class_names
 	$(say) 'tools.file_lengths'
 	.venv/bin/python -m tools.file_lengths
+	$(say) 'tools.module_map'
+	.venv/bin/python -m tools.module_map --check
 	$(say) 'mypy'
 	.venv/bin/mypy
 

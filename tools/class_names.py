@@ -31,12 +31,12 @@ def doubled(texts: Mapping[str, str]) -> Iterator[str]:
     for name, paths in sorted(places.items()):
         if name in ALLOWED:
             continue
-        rooms = Counter(map(_room, paths))
-        if len(paths) > 1 and ("" in rooms or max(rooms.values()) > 1):
+        scopes = Counter(map(_scope, paths))
+        if len(paths) > 1 and ("" in scopes or max(scopes.values()) > 1):
             yield f"class {name} is in {' and '.join(paths)}: give one of them another name"
 
 
-def _room(path: str) -> str:
+def _scope(path: str) -> str:
     """Return the part of the packages in which a name means one class; "": all of them."""
     if path.startswith(EVERYWHERE):
         return ""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from robotd_docs import commands, descriptor, exports, fixtures, kit, rooms, surface
+from robotd_docs import commands, descriptor, exports, fixtures, kit, packages, surface
 
 
 def setup(app: Any) -> dict[str, Any]:
     """Register the directives of all modules."""
-    for module in (commands, descriptor, exports, fixtures, kit, rooms, surface):
+    for module in (commands, descriptor, exports, fixtures, kit, packages, surface):
         module.setup(app)
     return {"parallel_read_safe": False, "parallel_write_safe": True}

@@ -1,4 +1,4 @@
-"""The ``rooms`` directives: sizes of the rooms, and their imports as a picture.
+"""Directives ``package-sizes`` and ``package-imports``: a table of sizes, a picture of imports.
 
 Both are made from the packages in ``pyproject.toml`` and their sources, when the site is built.
 """
@@ -133,5 +133,5 @@ class SizesDirective(SphinxDirective):
 
 def setup(app: Any) -> None:
     """Register the directives."""
-    app.add_directive("room-imports", ImportsDirective)
-    app.add_directive("room-sizes", SizesDirective)
+    app.add_directive("package-imports", ImportsDirective)
+    app.add_directive("package-sizes", SizesDirective)

@@ -1,3 +1,4 @@
+// The Python module `_native`: constants of the SDK, and what each of the other files binds.
 #include "native.hpp"
 
 using namespace robotd;

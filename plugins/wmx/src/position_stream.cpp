@@ -1,3 +1,4 @@
+// Positions streamed through the engine's cyclic buffers, by a thread of their own.
 #include "position_stream.hpp"
 
 #include <pthread.h>

@@ -1,3 +1,4 @@
+// Queue of setpoints that wait for the sending thread.
 #include "setpoint_queue.hpp"
 
 #include <chrono>
