@@ -423,7 +423,7 @@ class Robot:
         if settings is None:
             return None
         fingers = finger_reader(joints, settings.joints), driven_fingers(joints, settings.joints)
-        return Gripper(self.io, settings, self.clock, *fingers)
+        return Gripper(self.io, settings, self.clock, self.axes.stop_latch, *fingers)
 
     def _make_servos(self, driver: AxisDriver) -> Servos:
         """Compose the servos; the control loop notes which are on."""

@@ -15,13 +15,15 @@ from robotd.descriptor import GripperSettings
 from robotd.device.io import Io
 from robotd.device.passive_joints import DrivenFingers, FingerReader
 from robotd.device.process_image import ProcessImage
-from robotd.errors import InvalidArgument
+from robotd.device.stop_latch import StopLatch
+from robotd.errors import InvalidArgument, NotReady
 from robotd.events import logged_command
 
 REACHED_SHARE = 0.05  # share of the stroke within which a position counts as reached
 SETTLING_TIME_S = 0.05  # from the end of the travel to the sensor's answer
 START_TIMEOUT_S = 0.3  # from a command to the first motion of measured fingers
 TRAVEL_MARGIN_S = 2.0  # granted to measured fingers beyond their travel time
+STOP_RETRY_S = 0.2  # until driven fingers that were stopped are at rest
 DRIVEN_MARGIN_S = 10.0  # the same for driven ones, whose driver knows when they rest
 STANDSTILL_SHARE = 1e-3  # share of the stroke that fingers at rest move in SETTLING_TIME_S
 
@@ -50,7 +52,11 @@ class Gripper:
     fingers travel at constant speed from one end to the other, advanced by the control loop. An
     input may show that a part is held.
 
+    Fingers with a driver stop on their way, and accept no command, while motion is stopped; an
+    output bit switches a valve, which has no such stop.
+
     Args:
+        stop_latch: of the robot's motion.
         measured: reads the positions of the fingers; None: they are not measured.
         driver: moves them to any position; None: the output bit does, to the two ends.
 
@@ -66,6 +72,7 @@ class Gripper:
         io: Io,
         settings: GripperSettings,
         clock: Clock,
+        stop_latch: StopLatch,
         measured: FingerReader | None = None,
         driver: DrivenFingers | None = None,
     ) -> None:
@@ -73,6 +80,7 @@ class Gripper:
         self.multipliers: FloatArray = np.array(settings.multipliers or [1.0] * len(self.joints))
         self.open_m, self.closed_m = settings.open_m, settings.closed_m
         self._io, self._settings, self._clock = io, settings, clock
+        self._stop_latch, self._stop_due_ns = stop_latch, 0
         self._byte = settings.output_byte
         self._bit = settings.output_bit
         self._commanded = io.output_watcher(self._byte, self._bit)
@@ -100,10 +108,13 @@ class Gripper:
         self.open_m, self.closed_m = open_m, closed_m
 
     def command(self, closed: bool) -> int:
-        """Close (True) or open the gripper; any worker. Raises NotReady without the engine.
+        """Close (True) or open the gripper; any worker.
 
-        Returns the number of the move that this begins.
+        Returns the number of the move that this begins. Raises NotReady without the engine, and
+        for driven fingers while motion is stopped.
         """
+        if self._driver is not None:
+            self._stop_latch.check()
         with self._lock:
             self._moves += 1
             self._io.set_output_bit(self._byte, self._bit, closed)
@@ -113,11 +124,12 @@ class Gripper:
     def drive(self, position_m: float, force_n: float) -> int:
         """Begin to move driven fingers to a position; any worker.
 
-        Returns the number of the move that this begins. Raises NotReady; InvalidArgument without a
-        driver.
+        Returns the number of the move that this begins. Raises NotReady, also while motion is
+        stopped; InvalidArgument without a driver.
         """
         if self._driver is None:
             raise InvalidArgument("the fingers are not driven: the output opens or closes them")
+        self._stop_latch.check()
         with self._lock:
             self._moves += 1
             self._io.output_bit(self._byte, self._bit)  # raises NotReady
@@ -185,7 +197,7 @@ class Gripper:
         Any worker. A later command replaces it. Canceling leaves the output as it is: a valve has
         no position between its ends. Driven fingers go to any position, and canceling stops them.
         Raises NotReady without the engine, also where it is lost meanwhile: where the fingers are
-        is not known.
+        is not known; for driven fingers also by a stop of all motion.
 
         Args:
             position_m: of the gripper, from ``checked`` or ``checked_fingers``.
@@ -229,11 +241,17 @@ class Gripper:
     ) -> GripperState:
         low, high = sorted((self.open_m, self.closed_m))
         target_m = min(max(position_m, low), high)
+        stops = self._stop_latch.stops
         move = self.drive(target_m, force_n)
         limit_s = self._settings.travel_time_s + DRIVEN_MARGIN_S
-        wait_until(
-            lambda: is_canceled() or self._moves != move or driver.at_rest, limit_s, self._clock
-        )
+
+        def is_over() -> bool:
+            stopped = self._stop_latch.stops != stops
+            return stopped or is_canceled() or self._moves != move or driver.at_rest
+
+        wait_until(is_over, limit_s, self._clock)
+        if self._stop_latch.stops != stops:
+            raise NotReady(f"the fingers were stopped: {self._stop_latch.reason or 'by a stop'}")
         with self._lock:
             if self._moves != move or not driver.at_rest:
                 if is_canceled() and self._moves == move:
@@ -298,6 +316,8 @@ class Gripper:
 
         Once a period.
         """
+        if self._driver is not None and self._stop_latch.reason:
+            self._stop_driven(self._driver, image.stamp_ns)
         if self._measured is not None:
             self._measured(self._fingers)
             self._read_fingers(image.stamp_ns)
@@ -308,6 +328,12 @@ class Gripper:
             return
         step = elapsed_ns / self._travel_ns if self._travel_ns else 1.0
         self.closed += min(max(float(closes) - self.closed, -step), step)
+
+    def _stop_driven(self, driver: DrivenFingers, now_ns: int) -> None:
+        """Stop the fingers until they are at rest. At rest they may hold a part: no stop then."""
+        if now_ns >= self._stop_due_ns and not driver.at_rest:
+            driver.stop()
+            self._stop_due_ns = now_ns + round(STOP_RETRY_S * NANOSECONDS)
 
     def _read_fingers(self, now_ns: int) -> None:
         """Derive the position of the gripper from its fingers, and note when they moved last."""

@@ -49,7 +49,10 @@ class DrivenFingers(PassiveJoints):
 
     @abstractmethod
     def stop(self) -> None:
-        """Stop the fingers on their way. At rest they go on holding a part. Worker threads."""
+        """Begin to stop the fingers on their way; at rest they go on holding a part.
+
+        Any thread, also the control loop, which repeats it until ``at_rest``; must not block.
+        """
 
     @property
     @abstractmethod

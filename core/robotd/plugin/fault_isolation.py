@@ -46,7 +46,7 @@ _UNTIMED = {
     IoDriver: {"input_bytes", "output_bytes", "read_inputs", "read_outputs"},
     FieldbusDriver: {"buses", "register_bytes"},
     PassiveJoints: {"read"},
-    DrivenFingers: {"read"},
+    DrivenFingers: {"read", "stop"},
     PayloadDriver: {"payload"},
     World: {"poses", "image"},  # a call with a limit has a thread of its own, a renderer one thread
 }

@@ -141,7 +141,9 @@ class MeasuredGripper:
         self.fingers = np.zeros(2)
         self.end_m = 0.0
         settings = GripperSettings.model_validate({**GRIPPER, "multipliers": [1.0, -1.0]})
-        self.gripper = Gripper(harness.robot.io, settings, harness.clock, self._read)
+        self.gripper = Gripper(
+            harness.robot.io, settings, harness.clock, harness.robot.axes.stop_latch, self._read
+        )
         harness.robot.control_loop.every(500, "measured fingers", self._step)
 
     def _read(self, positions: FloatArray) -> None:
@@ -208,11 +210,13 @@ class DrivenGripper(MeasuredGripper, DrivenFingers):
     """The same, moved by commands, which begin when the test says."""
 
     names = ("left", "right")
-    begins = True
+    begins = obeys = True
+    stops = 0
 
     def __init__(self, harness: Harness) -> None:
         self.commands: list[tuple[Mapping[str, float], float]] = []
         super().__init__(harness)
+        self.harness, self.latch = harness, harness.robot.axes.stop_latch
         self.gripper._driver = self
 
     def read(self, positions: FloatArray) -> None:
@@ -224,7 +228,9 @@ class DrivenGripper(MeasuredGripper, DrivenFingers):
             self.end_m = positions["left"]
 
     def stop(self) -> None:
-        self.end_m = self.fingers[0]
+        self.stops += 1
+        if self.obeys:
+            self.end_m = self.fingers[0]
 
     @property
     def at_rest(self) -> bool:
@@ -251,6 +257,39 @@ def test_canceling_stops_driven_fingers(driven: DrivenGripper) -> None:
     state = driven.gripper.move(0.04, lambda: driven.fingers[0] > 0.01)
     assert not state.at_rest
     assert driven.end_m == driven.fingers[0] < 0.02
+
+
+def test_a_stop_of_all_motion_stops_driven_fingers_on_their_way(driven: DrivenGripper) -> None:
+    def press_stop() -> bool:
+        if driven.fingers[0] > 0.01:
+            driven.latch.engage("the operator")
+        return False
+
+    with pytest.raises(NotReady, match="the fingers were stopped: the operator"):
+        driven.gripper.move(0.04, press_stop)
+    driven.harness.run(0.1)
+    assert driven.end_m == driven.fingers[0] < 0.02
+    assert driven.stops == 1  # at rest they may hold a part, which a stop could release
+
+    for command in (lambda: driven.gripper.command(True), lambda: driven.gripper.drive(0.0, 0.0)):
+        with pytest.raises(NotReady, match="motion is stopped: the operator; robotd reset allows"):
+            command()
+    driven.latch.release(driven.latch.stops)
+    driven.harness.run(0.1)
+    assert driven.fingers[0] < 0.02  # nothing moves without a new command
+    assert driven.gripper.move(0.0, lambda: False).reached
+
+
+def test_a_stop_of_driven_fingers_is_repeated_until_they_are_at_rest(driven: DrivenGripper) -> None:
+    driven.obeys = False
+    driven.gripper.drive(0.04, 0.0)
+    driven.latch.engage("the operator")
+    driven.harness.run(0.05)
+    assert driven.stops == 1
+    assert driven.fingers[0] < 0.03
+    driven.begins = False  # their driver does not know that they are at rest
+    driven.harness.run(0.5)
+    assert driven.stops >= 2
 
 
 def test_fingers_that_wait_for_their_stop_are_not_at_rest(driven: DrivenGripper) -> None:

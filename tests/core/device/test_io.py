@@ -12,6 +12,7 @@ from robotd.descriptor import GripperSettings, IoAddress
 from robotd.device.gripper import Gripper
 from robotd.device.io import Io
 from robotd.device.process_image import ProcessImage
+from robotd.device.stop_latch import StopLatch
 from robotd.errors import InvalidArgument, NotReady, Unsupported
 
 
@@ -122,7 +123,7 @@ def closed_at(gripper: Gripper, time_ns: int) -> float:
 
 
 def test_a_gripper_closes_and_opens_by_its_bit(harness: Harness) -> None:
-    gripper = Gripper(harness.io, GRIPPER, harness.clock)
+    gripper = Gripper(harness.io, GRIPPER, harness.clock, StopLatch())
     assert closed_at(gripper, 0) == 0.0
     gripper.command(True)
     assert harness.io_driver.outputs[1] == 0b1000
@@ -132,7 +133,8 @@ def test_a_gripper_closes_and_opens_by_its_bit(harness: Harness) -> None:
 
 
 def test_fingers_travel_at_constant_speed_from_wherever_they_are(harness: Harness) -> None:
-    gripper = Gripper(harness.io, GRIPPER.model_copy(update={"travel_time_s": 0.5}), harness.clock)
+    slow = GRIPPER.model_copy(update={"travel_time_s": 0.5})
+    gripper = Gripper(harness.io, slow, harness.clock, StopLatch())
     start_ns = 10 * NANOSECONDS
     closed_at(gripper, start_ns)
     gripper.command(True)
@@ -147,12 +149,12 @@ def test_fingers_travel_at_constant_speed_from_wherever_they_are(harness: Harnes
 def test_a_gripper_outside_the_output_image_is_rejected_when_it_is_made(harness: Harness) -> None:
     beyond = GRIPPER.model_copy(update={"output_byte": 8})
     with pytest.raises(InvalidArgument, match=r"output bytes 8\.\.8 are outside 0\.\.7"):
-        Gripper(harness.io, beyond, harness.clock)
+        Gripper(harness.io, beyond, harness.clock, StopLatch())
 
 
 def test_a_gripper_does_not_move_before_the_engine_is_ready() -> None:
     harness = Harness()
-    gripper = Gripper(harness.io, GRIPPER, harness.clock)
+    gripper = Gripper(harness.io, GRIPPER, harness.clock, StopLatch())
     with pytest.raises(NotReady):
         gripper.command(True)
     assert closed_at(gripper, 0) == 0.0

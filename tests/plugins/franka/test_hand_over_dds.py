@@ -9,6 +9,7 @@ import pytest
 from action_msgs.msg import GoalStatus
 from control_msgs.action import GripperCommand
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 from tests.plugins.franka.controller import Controller, controller, needs_simulator
 from tests.ros.action_client import GoalClient
 from tests.ros.robot_process import (
@@ -113,6 +114,20 @@ def test_canceling_stops_it_on_its_way(hand: GoalClient, unit: Controller) -> No
     wait_until(lambda: unit.command().hand_commands[-1] == "stop", "the stop")
     assert unit.command().width > 0.01
     # A simulation that a busy computer slows down may begin so late that it counts as stalled.
+    wait_until(lambda: ended(send(hand, 0.0))[1].reached_goal, "fingers that close after all")
+
+
+def test_a_stop_of_all_motion_stops_it_until_a_new_command(
+    client: Client, hand: GoalClient, unit: Controller
+) -> None:
+    handle = closing(unit, hand)
+    assert client.call(Trigger, "/robotd/stop").success
+    assert ended(handle)[0] == GoalStatus.STATUS_ABORTED
+    wait_until(lambda: unit.command().hand_commands[-1] == "stop", "the stop")
+    assert unit.command().width > 0.01
+    assert ended(send(hand, 0.0))[0] == GoalStatus.STATUS_ABORTED  # stopped: no command
+    assert client.call(Trigger, "/robotd/reset").success
+    assert unit.command().hand_commands[-1] == "stop"
     wait_until(lambda: ended(send(hand, 0.0))[1].reached_goal, "fingers that close after all")
 
 
