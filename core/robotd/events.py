@@ -149,7 +149,7 @@ class EventLog(BoundedLog[Event]):
         data: Mapping[str, Any] | None = None,
         time_ns: int | None = None,
     ) -> Event:
-        """Note an event and return it; costs 4 us and never blocks for longer than another ``add``.
+        """Record an event and return it; never blocks for longer than another ``add``, 4 us.
 
         Args:
             kind, subject, text, level: see ``Event``.
@@ -164,7 +164,7 @@ class EventLog(BoundedLog[Event]):
         return event
 
     def note(self, event: Event) -> None:
-        """Note an event; text is cut at ``MAX_TEXT``, data left out beyond ``MAX_DATA_BYTES``.
+        """Record an event; text is cut at ``MAX_TEXT``, data left out beyond ``MAX_DATA_BYTES``.
 
         A client's request could otherwise drop all events before it.
         """

@@ -1,4 +1,4 @@
-"""Opens the features of a robot."""
+"""Feature host: opens the features of a robot, and leaves out those that fail."""
 
 from __future__ import annotations
 

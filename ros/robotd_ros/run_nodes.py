@@ -16,13 +16,14 @@ from robotd.feature import feature_errors, installed_features
 from robotd.plugin.registry import NodeRegistry
 from robotd.robot import Robot
 from robotd_ros.diagnostics.diagnostics_publisher import Diagnostics
-from robotd_ros.host import RosHost, Senders
+from robotd_ros.host import RosHost
 from robotd_ros.middleware import check_overrides
 from robotd_ros.node_registry import OPERATOR_NODE, WORLD_NODE, make_node
 from robotd_ros.nodes.latched_topics import RosoutTopic
 from robotd_ros.nodes.operator_node import OperatorNode
 from robotd_ros.nodes.world_node import WorldNode
 from robotd_ros.plugin import BUILT_IN, built_in_nodes
+from robotd_ros.senders import Senders
 
 # Every node has these.
 _COMMON_TOPICS = ("/rosout", "/parameter_events", "/clock")

@@ -1,4 +1,4 @@
-"""Names that a backend may import from robotd. Changing them changes ``API_VERSION``.
+"""Names for authors of plugins; those of a backend here. Changing them changes ``API_VERSION``.
 
 A backend is a module with hooks (``hookimpl``); it makes drivers (``DeviceDriver``,
 ``AxisDriver``, ``IoDriver``, ``FieldbusDriver``) for one robot (``DeviceContext``). Units, the

@@ -1,4 +1,4 @@
-"""The command line; the commands are in ``commands``."""
+"""The command line: its group, ``run`` and ``check``; other commands are found by entry points."""
 
 from robotd.stop_signals import ended_by_interrupt
 

@@ -30,8 +30,8 @@ class ServoGripper:
     """Gripper on one joint of the robot. Positions are those of the joint, rad or m.
 
     Fingers that stand still before the commanded position are stalled, by a part as a rule. The
-    command is then taken back to ``squeeze`` beyond where they are, so that they press with a part
-    of the servo's force for as long as they hold.
+    command is then set to ``squeeze`` beyond their position, so that they press with a part of the
+    servo's force for as long as they hold. ``max_effort`` of a goal has no effect.
 
     Attributes:
         name: in the robot's file.

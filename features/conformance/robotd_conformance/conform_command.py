@@ -52,7 +52,11 @@ GRACE_S = 30.0  # for axes to come to rest and the device to be closed, after Ct
     multiple=True,
     help="Positions that floor, table or cables leave an axis, rad or m. May be repeated.",
 )
-@click.option("--quick", is_flag=True, help="Only the checks that find most faults, in 20 s.")
+@click.option(
+    "--quick",
+    is_flag=True,
+    help="Only the checks that find most faults: 20 s of processor time, minutes in real time.",
+)
 @click.option("--watch", is_flag=True, help="Run them again whenever the backend's code changes.")
 @click.option("--thorough", is_flag=True, help="Also what only time reveals; minutes longer.")
 @click.option(

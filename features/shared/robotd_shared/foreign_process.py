@@ -1,4 +1,4 @@
-"""Run foreign plugins in their own process, so that a crash is attributed.
+"""Examination of foreign plugins in a process of its own, so that a crash is attributed.
 
 A plugin can call ``os._exit``, crash in native code or hang with the interpreter held; nothing
 inside the process can report that. The child notes each step in a file before it begins.

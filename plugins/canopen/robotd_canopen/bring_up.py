@@ -21,7 +21,7 @@ class BringUp:
 
     Args:
         bus_name: for error paths.
-        release: called with each node that starts, right before it is online, or is given up.
+        release: called with each node once: right before it is online, or when it has failed.
         allow_partial: go on without drives that fail, unless all nodes do. Inputs of a module that
             is left out would read as 0.
     """
@@ -49,7 +49,8 @@ class BringUp:
         Args:
             timeout_s: a node that will not be configured by then fails a little earlier.
         """
-        last_s = 2 * self._layout.options.sdo_timeout_s  # of a transfer, and the look for a twin
+        # Of a transfer, and of the check for a duplicate node id.
+        last_s = 2 * self._layout.options.sdo_timeout_s
         limit_s = max(timeout_s / 2, timeout_s - last_s)
 
         def start(node: Node) -> None:

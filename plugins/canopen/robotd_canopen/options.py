@@ -141,7 +141,9 @@ class CanopenOptions(FieldbusOptions):
         description="Silence after which a node is lost, and after which it loses us.",
     )
     sdo_timeout_s: Positive = Field(0.3, description="Time for one answer.")
-    sdo_tries: int = Field(3, ge=1, le=10, description="Attempts before a node is given up.")
+    sdo_tries: int = Field(
+        3, ge=1, le=10, description="Requests before a silent node is given up; an abort is final."
+    )
     stream_timeout_s: Positive = Field(
         0.1, description="Without a new setpoint for this long, streaming axes stop by themselves."
     )

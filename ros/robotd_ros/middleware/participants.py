@@ -1,4 +1,4 @@
-"""Process and host behind an endpoint, read from the GUID that Fast DDS gives it.
+"""Process and host of nodes that have one name, read from the GUIDs of Fast DDS.
 
 Works around: ROS shows the GUIDs of endpoints but not whose they are. Fast DDS builds the first
 twelve bytes from its vendor number, a hash of the host, the lower half of the process number and a

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from robotd_ros import host
-from robotd_ros.host import Senders
+from robotd_ros import senders
+from robotd_ros.senders import Senders
 
 GUID = bytes(range(16))
 
@@ -20,7 +20,7 @@ class Graph:
         self.name = name
 
     def get_publishers_info_by_topic(self, topic: str) -> list[Any]:
-        namespace = "_NODE_NAMESPACE_UNKNOWN_" if self.name == host.UNKNOWN else "/cell"
+        namespace = "_NODE_NAMESPACE_UNKNOWN_" if self.name == senders.UNKNOWN else "/cell"
         return [
             SimpleNamespace(
                 node_name=self.name, node_namespace=namespace, endpoint_gid=[*GUID[:12], *b"1234"]
@@ -30,7 +30,7 @@ class Graph:
 
 @pytest.fixture(autouse=True)
 def request_id(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(host, "request_id_of", lambda _: SimpleNamespace(guid=[*GUID]))
+    monkeypatch.setattr(senders, "request_id_of", lambda _: SimpleNamespace(guid=[*GUID]))
 
 
 def test_a_client_has_the_name_of_its_node() -> None:
@@ -38,7 +38,7 @@ def test_a_client_has_the_name_of_its_node() -> None:
 
 
 def test_a_client_that_has_gone_has_a_number_until_its_name_is_known() -> None:
-    graph = Graph(host.UNKNOWN)
+    graph = Graph(senders.UNKNOWN)
     found = Senders(graph)  # type: ignore[arg-type]
     assert found.of_request(None) == "unnamed client 000102030405060708090a0b"
     assert found.of_topic("/cmd_vel") == ""

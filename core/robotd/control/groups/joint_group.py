@@ -1,4 +1,4 @@
-"""Groups of joints, each with one client at a time."""
+"""Groups of joints: what clients hold of one, its goals, streams and stops."""
 
 from __future__ import annotations
 

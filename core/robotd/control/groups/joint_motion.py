@@ -35,7 +35,9 @@ Planner = Callable[[MotionState], Callable[[int], Source]]
 
 
 class JointMotion:
-    """Starts setpoint sources for the joints, one at a time; a newer one takes over.
+    """Starts setpoint sources for the joints, one at a time.
+
+    A newer source of the same owner takes over; that of another one is rejected while they move.
 
     The joints are claimed from the first ``start`` until every source is released. Any worker
     thread may call; sources are planned one after the other.
@@ -74,7 +76,7 @@ class JointMotion:
 
         Args:
             plan: returns, for the state to start from, a function that makes the source for a
-                start time. It raises what rejects the request; a running source continues then.
+                start time. It may raise a rejection; a running source then continues.
             start_ns: earliest start, monotonic; 0: as soon as possible.
             takeover: also from the moving source of another owner.
             ticket: of ``ticket``, taken when the request arrived; 0: it arrives now.
