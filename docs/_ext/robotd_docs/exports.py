@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Callable
-from enum import Enum
-from importlib import import_module
 from typing import Any
 
 from docutils import nodes
@@ -16,25 +12,8 @@ from sphinx.ext.napoleon import GoogleDocstring
 from sphinx.util.docutils import SphinxDirective
 from sphinx.util.parsing import nested_parse_to_nodes
 
+from robotd_doctor.python_help import exported
 
-def is_class(value: Any, base: type = object) -> bool:
-    """Return True for a class below ``base``."""
-    return inspect.isclass(value) and issubclass(value, base)
-
-
-def is_driver(value: Any) -> bool:
-    """Return True for a class that a backend implements."""
-    return is_class(value) and (value.__name__.endswith("Driver") or inspect.isabstract(value))
-
-
-KINDS: dict[str, Callable[[Any], bool]] = {  # the first that matches decides
-    "exceptions": lambda value: is_class(value, Exception),
-    "drivers": is_driver,
-    "enums": lambda value: is_class(value, Enum),
-    "classes": is_class,
-    "functions": inspect.isfunction,
-    "data": lambda value: True,
-}
 DIRECTIVES = {"exceptions": "autoexception", "functions": "autofunction", "data": "autodata"}
 MEMBERS = ["   :members:", "   :exclude-members: model_config"]
 
@@ -52,20 +31,16 @@ class ExportsDirective(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         """Return the descriptions, in the order of ``__all__``."""
-        module = import_module(self.arguments[0])
-        wanted, skipped = self.options["kind"], self.options.get("except", "").split()
+        module, kind = self.arguments[0], self.options["kind"]
+        directive = DIRECTIVES.get(kind, "autoclass")
         lines: list[str] = []
-        for name in module.__all__:
-            value = getattr(module, name)
-            kind = next(kind for kind, matches in KINDS.items() if matches(value))
-            if kind == wanted and name not in skipped:
-                directive = DIRECTIVES.get(kind, "autoclass")
-                lines += [f".. {directive}:: {module.__name__}.{name}"]
-                lines += MEMBERS if directive == "autoclass" else []
-                lines += ["   :undoc-members:", ""] if kind == "enums" else [""]
+        for name in exported(module, kind, self.options.get("except", "").split()):
+            lines += [f".. {directive}:: {module}.{name}"]
+            lines += MEMBERS if directive == "autoclass" else []
+            lines += ["   :undoc-members:", ""] if kind == "enums" else [""]
         if not lines:
-            raise self.error(f"{module.__name__} exports no {wanted}")
-        return nested_parse_to_nodes(self.state, StringList(lines, source=module.__name__))
+            raise self.error(f"{module} exports no {kind}")
+        return nested_parse_to_nodes(self.state, StringList(lines, source=module))
 
 
 def _whole(docstring: Any) -> list[str]:

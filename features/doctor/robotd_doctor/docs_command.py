@@ -16,6 +16,7 @@ import robotd
 from robotd.api import InvalidArgument, unknown_name
 from robotd.api.commands import columns, heading
 from robotd_doctor.model_tables import model_keys
+from robotd_doctor.python_help import with_help
 
 PARTS = ("tutorial", "how-to", "reference", "explanation")
 CLONE = Path(robotd.__file__).parents[2] / "docs"
@@ -60,7 +61,7 @@ def docs(page: str | None) -> None:
     name = page.removeprefix("docs/").removesuffix(".md")
     if name not in known:
         raise InvalidArgument(unknown_name("page", name, known))
-    text = GENERATED.sub(_generated, known[name].read_text(encoding="utf-8"))
+    text = with_help(GENERATED.sub(_generated, known[name].read_text(encoding="utf-8")))
     if not sys.stdout.isatty():
         click.echo(text, nl=False)
         return

@@ -46,6 +46,24 @@ def test_commands_lead_to_their_help() -> None:
     assert ":::" not in text
 
 
+def test_classes_are_printed_with_their_methods() -> None:
+    text = run("reference/plugin-api").output
+    assert "class IoDriver(" in text
+    assert "read_inputs(self, byte: 'int', length: 'int') -> 'bytes'" in text
+    assert "eval-rst" not in text
+    assert "Method resolution order" not in text
+    assert "__weakref__" not in text
+
+
+@pytest.mark.parametrize(
+    "page", [name for name, path in pages().items() if "eval-rst" in path.read_text("utf-8")]
+)
+def test_no_directive_is_left(page: str) -> None:
+    result = run(page)
+    assert result.exit_code == 0
+    assert "eval-rst" not in result.output
+
+
 def test_an_unknown_page_is_named_with_the_nearest() -> None:
     with pytest.raises(InvalidArgument, match="did you mean 'how-to/wmx'"):
         CliRunner().invoke(docs, ["how-to/wnx"], catch_exceptions=False)
