@@ -16,7 +16,7 @@ from robotd.call_timeout import end_idle_threads
 from robotd.clean_up import finally_run, run_all
 from robotd.clock import Clock, MonotonicClock
 from robotd.clock.simulated import PacedClock, SimulatedClock, SteppedClock
-from robotd.control.groups.axis_limits import axis_names, fit_device
+from robotd.control.groups.descriptor_limits import axis_names, fit_device
 from robotd.control.groups.joint_group import JointGroups
 from robotd.control.groups.joint_stream import JointStreams
 from robotd.control.groups.mobile_base import MobileBase

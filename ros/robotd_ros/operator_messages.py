@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from robotd_msgs.msg import AxisOwners, IoLevels
 
-from robotd_ros.node_registry import OPERATOR_NODE
+from robotd_ros.node_names import OPERATOR_NODE
 
 OWNERS = f"{OPERATOR_NODE}/owners"
 LEVELS = f"{OPERATOR_NODE}/io"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from robotd.api import NodeRegistry, hookimpl
 from robotd.plugin.registry import NodeInfo
-from robotd_ros.node_registry import OPERATOR_NODE, WORLD_NODE
+from robotd_ros.node_names import OPERATOR_NODE, WORLD_NODE
 
 BUILT_IN = {
     "wmx_engine_node": NodeInfo(

@@ -18,7 +18,8 @@ from robotd.robot import Robot
 from robotd_ros.diagnostics.diagnostics_publisher import Diagnostics
 from robotd_ros.host import RosHost
 from robotd_ros.middleware import check_overrides
-from robotd_ros.node_registry import OPERATOR_NODE, WORLD_NODE, make_node
+from robotd_ros.node_factory import make_node
+from robotd_ros.node_names import OPERATOR_NODE, WORLD_NODE
 from robotd_ros.nodes.latched_topics import RosoutTopic
 from robotd_ros.nodes.operator_node import OperatorNode
 from robotd_ros.nodes.world_node import WorldNode

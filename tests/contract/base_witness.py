@@ -10,7 +10,7 @@ from tests.contract.sequences import Witness
 from tests.core.control.harness import Harness
 
 from robotd.api import FloatArray
-from robotd.control.groups.axis_limits import twist_limits
+from robotd.control.groups.descriptor_limits import twist_limits
 from robotd.control.groups.mobile_base import MobileBase
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation

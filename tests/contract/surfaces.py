@@ -17,7 +17,7 @@ from rclpy.node import Node
 from robotd.cli.start_summary import ServeReport
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
-from robotd_ros.node_registry import make_node
+from robotd_ros.node_factory import make_node
 from robotd_ros.plugin import BUILT_IN
 from robotd_ros.run_nodes import report_of
 

@@ -14,7 +14,7 @@ from std_msgs.msg import Empty, String
 from std_srvs.srv import Trigger
 from tests.ros.robot_process import LATCHED, Client, RobotProcess, wait_until
 
-from robotd_ros.node_registry import SUMMARY
+from robotd_ros.node_names import SUMMARY
 from robotd_testing.domain import own_domain
 
 pytestmark = pytest.mark.ros

@@ -22,7 +22,7 @@ from robotd.motion import TrajectoryRequest
 from robotd.robot import Robot, build_robot
 from robotd_ros.host import RosHost
 from robotd_ros.middleware.cdr import HotPublisher
-from robotd_ros.node_registry import make_node
+from robotd_ros.node_factory import make_node
 from robotd_ros.plugin import BUILT_IN
 
 TIGHT_LOOP = 2000  # reads

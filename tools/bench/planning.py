@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from tools.bench.program import program_times
 
-from robotd.control.groups.axis_limits import axis_limits, joint_limits, trajectory_rules
+from robotd.control.groups.descriptor_limits import axis_limits, joint_limits, trajectory_rules
 from robotd.descriptor import load_robot_descriptor
 from robotd.motion import MotionState, TrajectoryRequest, plan
 from robotd_wmx_parameters import default_wmx_parameters, read_wmx_parameters

@@ -12,7 +12,7 @@ from robotd.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from robotd.clock.simulated import PacedClock, SimulatedClock, SteppedClock
-    from robotd.control.groups.axis_limits import axis_limits, joint_limits, twist_limits
+    from robotd.control.groups.descriptor_limits import axis_limits, joint_limits, twist_limits
     from robotd.control.groups.joint_group import JointGroup
     from robotd.control.groups.joint_stream import JointStream
     from robotd.control.groups.mobile_base import MobileBase

@@ -14,7 +14,7 @@ from robotd.cli.installed import check_backend_overrides, load_installed
 from robotd.cli.options import log_options, robot_options
 from robotd.cli.urdf_check import check_urdf, urdf_warnings
 from robotd.clock import MonotonicClock
-from robotd.control.groups.axis_limits import fit_device
+from robotd.control.groups.descriptor_limits import fit_device
 from robotd.control.groups.joint_group import ON_DEVICE
 from robotd.descriptor import Override, RobotDescriptor, load_robot_descriptor
 from robotd.device.capabilities import Capability

@@ -319,7 +319,7 @@ class Axes(NamedAxes):
         """Start or change velocity commands together; velocity 0 slows to rest.
 
         A joint is stopped before it leaves its position limits (``SoftLimitGuard``); a command
-        for which that would be too late is rejected. What is stopped meanwhile does not begin.
+        for which that would be too late is rejected, and one that a stop overtakes does not begin.
         Velocities of 0 stop unclaimed axes where the device is not ready for another command.
         """
         self._require(Capability.VELOCITY_MODE, "velocity mode")
@@ -361,7 +361,7 @@ class Axes(NamedAxes):
     def begin_guiding(self, axes: Sequence[int]) -> None:
         """Let idle, enabled ``axes`` be moved by hand, until a stop, a fault or servo off.
 
-        Other commands for them are rejected meanwhile. What is stopped meanwhile does not begin.
+        Other commands for them are rejected meanwhile; one that a stop overtakes does not begin.
         """
         self._require(Capability.HAND_GUIDING, HAND_GUIDING)
         stops, timeout_s = list(self.stops.counts), self.connection.settings.servo_timeout_s

@@ -112,7 +112,7 @@ def check_jog(limits: AxisLimits, position: float, profile: Profile) -> None:
 def room_to_stop(
     limits: AxisLimits, position: float, velocity: float, deceleration: float
 ) -> float:
-    """Return the distance to a position limit after braking; negative where it is too late.
+    """Return the distance to a position limit after braking; negative: it is too late to brake.
 
     NaN where there is a limit and a value is not known.
 

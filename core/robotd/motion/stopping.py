@@ -45,7 +45,7 @@ class StopPlan:
         self._decelerations: list[float] = []  # of the pieces
 
     def at(self, elapsed_s: float) -> tuple[float, float, float]:
-        """Return trajectory time (s), rate, and its deceleration (1/s). Cycle: yes.
+        """Return trajectory time (s), rate, and its deceleration (1/s). Control loop.
 
         Before 0 it is the first rate; from the end of the stop on it is 0.
         """

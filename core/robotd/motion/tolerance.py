@@ -83,7 +83,7 @@ class Tolerances:
         actual_position: FloatArray,
         actual_velocity: FloatArray,
     ) -> Violation | None:
-        """Return the worst goal violation; ``position`` is a standstill. Cycle: yes."""
+        """Return the worst goal violation; ``position`` is a standstill. Control loop."""
         return self.goal.check(time_s, position, actual_position, self._standstill, actual_velocity)
 
 
@@ -125,7 +125,7 @@ class JointBounds:
         """Return the worst violation, of position before velocity; None when all are within.
 
         Desired and actual values are (m,) and of the same moment, ``time_s`` on the trajectory.
-        An actual value that is not a number is out of every tolerance. Cycle: yes.
+        An actual value that is not a number is out of every tolerance. Control loop.
         """
         positions, velocities = self._limited
         if positions and _exceeds(position, actual_position, positions):

@@ -16,7 +16,7 @@ from robotd_ros.commands.robot_client import (
     require_one_robot,
     robot_client,
 )
-from robotd_ros.node_registry import OPERATOR_NODE
+from robotd_ros.node_names import OPERATOR_NODE
 
 RECORD = f"{OPERATOR_NODE}/record"
 SAVE_TIMEOUT_S = 30.0

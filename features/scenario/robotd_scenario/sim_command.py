@@ -31,7 +31,7 @@ from robotd_ros.commands.robot_client import (
     require_one_robot,
     robot_client,
 )
-from robotd_ros.node_registry import WORLD_NODE
+from robotd_ros.node_names import WORLD_NODE
 from robotd_scenario import FAULTS, Result, ScenarioRun, load_scenario
 from robotd_scenario.feature import MAX_STEPS, SIMULATION_NODE, STEP_TIMEOUT_S
 

@@ -1,4 +1,4 @@
-"""One servo as the bus thread knows it, and its judgement of each reply."""
+"""One servo in the bus thread: what its replies say, and which positions are implausible."""
 
 from __future__ import annotations
 
@@ -165,7 +165,7 @@ class ServoRecord:
                 self.missed = True
 
     def _is_doubtful(self, before: ServoState, state: ServoState) -> bool:
-        """Return whether the position cannot be true, or has jumped just now."""
+        """Return whether the position is implausible: outside the turn, or a jump."""
         elapsed_s = (state.time_ns - before.time_ns) / NANOSECONDS
         near = STEP_TICKS + FASTEST_TICKS_S * elapsed_s
         inside = 0 <= state.position < TICKS_PER_TURN

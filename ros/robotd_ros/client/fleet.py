@@ -15,7 +15,7 @@ from std_msgs.msg import String
 from robotd.errors import DeviceTimeout
 from robotd.log import printable
 from robotd_ros.client.ros_client import RosClient
-from robotd_ros.node_registry import SUMMARY
+from robotd_ros.node_names import SUMMARY
 from robotd_ros.qos import LATCHED
 
 SEARCH_PERIOD_S = 0.2

@@ -39,11 +39,11 @@ class JogState:
 
     Attributes:
         axes: None before the first message.
-        hindrance: why nothing moves, and what helps where it is known; "" while motion is allowed.
+        blocked_by: why nothing moves, and what helps where it is known; "" while motion is allowed.
     """
 
     axes: tuple[AxisReport, ...] | None
-    hindrance: str
+    blocked_by: str
 
 
 class JogClient:
@@ -139,7 +139,7 @@ class ToolJogClient(JogClient):
         """Return the newest state, with the reason why the tool is slowed down."""
         state = super().state()
         slowed = self._reason.newest.data if self._reason.newest else ""
-        return replace(state, hindrance=state.hindrance or slowed)
+        return replace(state, blocked_by=state.blocked_by or slowed)
 
 
 @contextmanager
@@ -157,6 +157,6 @@ def jog_client(client: RosClient, tool: str | None = None) -> Iterator[JogClient
     """
     with ExitStack() as stack:
         jog = JogClient(client, stack) if tool is None else ToolJogClient(client, stack, tool)
-        if reason := jog.state().hindrance:
+        if reason := jog.state().blocked_by:
             raise OperationError(reason)
         yield jog

@@ -16,7 +16,7 @@ from std_srvs.srv import Trigger
 from robotd.control.groups.problem import Problem, ProblemKind
 from robotd.errors import DeviceTimeout, InvalidArgument, OperationError, unknown_name
 from robotd_ros.client.ros_client import RosClient
-from robotd_ros.node_registry import OPERATOR_NODE
+from robotd_ros.node_names import OPERATOR_NODE
 from robotd_ros.operator_messages import LEVELS, RECOVERY, read_levels
 from robotd_ros.problem_messages import read_problems
 from robotd_ros.qos import LATCHED

@@ -28,7 +28,7 @@ from robotd_ros.middleware import (
     see_whole_graph,
     use_profiles,
 )
-from robotd_ros.node_registry import OPERATOR_NODE
+from robotd_ros.node_names import OPERATOR_NODE
 
 MAY_HAVE_ACTED = "the robot may have done it, and the answer was lost or is late; robotd status"
 _TICK_S = 0.02  # the longest that a signal or a newly discovered process waits

@@ -25,7 +25,7 @@ from robotd_ros.client.operator_client import (
     reason_of_silence,
 )
 from robotd_ros.client.ros_client import RosClient
-from robotd_ros.node_registry import IDENTITY, OPERATOR_NODE
+from robotd_ros.node_names import IDENTITY, OPERATOR_NODE
 from robotd_ros.operator_messages import LEVELS, OWNERS, Levels, read_levels, read_owners
 from robotd_ros.qos import LATCHED
 from robotd_ros.rotations import roll_pitch_yaw

@@ -20,7 +20,7 @@ from std_srvs.srv import Trigger
 from robotd.errors import OperationError
 from robotd.log import escaped
 from robotd_ros.client.ros_client import RosClient
-from robotd_ros.node_registry import OPERATOR_NODE, STOP_ALL
+from robotd_ros.node_names import OPERATOR_NODE, STOP_ALL
 from robotd_ros.qos import LATCHED
 
 REPEAT_S = 0.1

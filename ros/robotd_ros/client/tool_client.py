@@ -14,7 +14,7 @@ from tf2_msgs.msg import TFMessage
 
 from robotd_ros.client.motion_client import Ending, GoalRun
 from robotd_ros.client.ros_client import RosClient
-from robotd_ros.node_registry import OPERATOR_NODE
+from robotd_ros.node_names import OPERATOR_NODE
 from robotd_ros.qos import LATCHED
 
 ACTION = f"{OPERATOR_NODE}/move_tool"

@@ -108,5 +108,5 @@ def jog_view(state: JogState, keys: JogKeys, directions: Sequence[str] = ()) -> 
             for index, name in enumerate(directions)
         ),
         Text(f"speed {keys.speed:g} rad/s or m/s", style="bold"),
-        Text(state.hindrance or help_text, style="bold yellow" if state.hindrance else "dim"),
+        Text(state.blocked_by or help_text, style="bold yellow" if state.blocked_by else "dim"),
     )

@@ -11,7 +11,7 @@ from robotd.cli.exit_codes import ExitCode
 from robotd.cli.preflight import import_ros
 from robotd.number_argument import NumberRange
 from robotd_ros.commands.robot_client import ROS_EPILOG, asks_robot
-from robotd_ros.node_registry import OPERATOR_NODE
+from robotd_ros.node_names import OPERATOR_NODE
 
 if TYPE_CHECKING:  # it needs rclpy
     from robotd_ros.client.ros_client import RosClient

@@ -153,7 +153,7 @@ def cycle_status(
     if report.cycles == 0:
         return PartStatus("cycle", DiagnosticLevel.STALE, "not started", values)
     if not running:
-        return PartStatus("cycle", DiagnosticLevel.ERROR, "stands still", values)
+        return PartStatus("cycle", DiagnosticLevel.ERROR, "has stopped", values)
     if missing:
         return PartStatus("cycle", DiagnosticLevel.WARN, "deadlines are being missed", values)
     if report.rate_hz < SLOW * rate_hz:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from robotd.control.groups.axis_limits import axis_limits, axis_names
+from robotd.control.groups.descriptor_limits import axis_limits, axis_names
 from robotd.descriptor import RobotDescriptor
 from robotd.plugin.parameter_reader import ParameterReader, wrong_frame
 

@@ -23,7 +23,7 @@ from robotd.log import LogLine, add_listener, remove_listener
 from robotd.observation.robot_identity import identity
 from robotd.robot import Robot
 from robotd_ros.middleware import NODE_GONE
-from robotd_ros.node_registry import SUMMARY
+from robotd_ros.node_names import SUMMARY
 from robotd_ros.qos import LATCHED, ROSOUT
 
 PERIOD_S = 1.0

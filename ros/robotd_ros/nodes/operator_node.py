@@ -22,7 +22,7 @@ from robotd.device.process_image import ProcessImage
 from robotd.observation.robot_identity import identity
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
-from robotd_ros.node_registry import IDENTITY, OPERATOR_NODE, STOP_ALL
+from robotd_ros.node_names import IDENTITY, OPERATOR_NODE, STOP_ALL
 from robotd_ros.nodes.command_subscription import add_command_subscription
 from robotd_ros.nodes.device_settings import read_frame_prefix
 from robotd_ros.nodes.latched_topics import SummaryTopic, publish_if_alive

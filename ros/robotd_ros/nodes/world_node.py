@@ -22,7 +22,7 @@ from robotd.device.world import World, WorldObject
 from robotd.errors import InvalidArgument
 from robotd.robot import Robot
 from robotd_ros.host import RosHost
-from robotd_ros.node_registry import WORLD_NODE
+from robotd_ros.node_names import WORLD_NODE
 from robotd_ros.nodes.hot_topics import HotTopics
 from robotd_ros.qos import LATCHED
 from robotd_ros.services import add_service

@@ -8,7 +8,7 @@ import pytest
 from tests.core.control.harness import Harness, arm
 from tests.fakes import FakeAxes
 
-from robotd.control.groups.axis_limits import fit_device
+from robotd.control.groups.descriptor_limits import fit_device
 from robotd.descriptor import load_robot_descriptor
 from robotd.device.axes import Move
 from robotd.errors import DescriptorError, InvalidArgument, PluginError

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tests.fakes import FakeAxes, FakeClock
 
 from robotd.clock import MonotonicClock, wait_until
-from robotd.control.groups.axis_limits import trajectory_rules
+from robotd.control.groups.descriptor_limits import trajectory_rules
 from robotd.control.loop.setpoint_mixer import SetpointMixer
 from robotd.control.loop.setpoint_source import Outcome
 from robotd.control.sources.device_trajectory import STOP_TIME_RATIO, DeviceTrajectory, stop_time

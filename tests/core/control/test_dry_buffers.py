@@ -7,7 +7,7 @@ import pytest
 from tests.fakes import FakeAxes, streaming_axes
 
 from robotd.arrays import FloatArray
-from robotd.control.groups.axis_limits import trajectory_rules
+from robotd.control.groups.descriptor_limits import trajectory_rules
 from robotd.control.loop.setpoint_mixer import SetpointMixer
 from robotd.control.sources.streamed_trajectory import StreamedTrajectory
 from robotd.control.sources.trajectory_execution import PlannedGoal, TrajectoryExecution

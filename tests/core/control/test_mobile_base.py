@@ -13,7 +13,7 @@ from tests.core.control.base_harness import COMMAND_S, BaseHarness, running
 
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, MonotonicClock
-from robotd.control.groups.axis_limits import twist_limits
+from robotd.control.groups.descriptor_limits import twist_limits
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.device.axes import Jog
 from robotd.device.process_image import ProcessImage

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.fakes import streaming_axes
 
-from robotd.control.groups.axis_limits import trajectory_rules
+from robotd.control.groups.descriptor_limits import trajectory_rules
 from robotd.control.loop.setpoint_source import Outcome
 from robotd.control.sources.streamed_trajectory import StreamedTrajectory
 from robotd.control.sources.trajectory_execution import PlannedGoal

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from robotd.control.groups.axis_limits import trajectory_rules
+from robotd.control.groups.descriptor_limits import trajectory_rules
 from robotd.descriptor import TrajectorySettings
 from robotd.errors import InvalidArgument
 from robotd.motion import AxisLimits, JointLimits, JointTolerance, Tolerances, check_move

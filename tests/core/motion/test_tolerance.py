@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tests.core.motion.helpers import NAMES, limits
 
 from robotd.arrays import FloatArray
-from robotd.control.groups.axis_limits import trajectory_rules
+from robotd.control.groups.descriptor_limits import trajectory_rules
 from robotd.descriptor import TrajectorySettings
 from robotd.motion import JointTolerance, RejectionCode, Tolerances, TrajectoryRejected
 

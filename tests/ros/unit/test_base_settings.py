@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from robotd.control.groups.axis_limits import base_kinematics
+from robotd.control.groups.descriptor_limits import base_kinematics
 from robotd.descriptor import RobotDescriptor, load_robot_descriptor
 from robotd.errors import DescriptorError
 from robotd.plugin.parameter_reader import ParameterReader

@@ -11,7 +11,7 @@ from std_msgs.msg import String
 
 from robotd_ros.client import fleet
 from robotd_ros.client.fleet import SILENCE_S, SILENT, Fleet
-from robotd_ros.node_registry import SUMMARY
+from robotd_ros.node_names import SUMMARY
 
 
 class Domain:

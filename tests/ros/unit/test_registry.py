@@ -7,7 +7,8 @@ import pytest
 from robotd.entry_points import PluginOrigin
 from robotd.errors import DescriptorError, PluginError
 from robotd.plugin.registry import NodeInfo, NodeRegistry
-from robotd_ros.node_registry import OPERATOR_NODE, WORLD_NODE, make_node
+from robotd_ros.node_factory import make_node
+from robotd_ros.node_names import OPERATOR_NODE, WORLD_NODE
 from robotd_ros.plugin import BUILT_IN, built_in_nodes, robotd_register_nodes
 
 

@@ -191,7 +191,7 @@ def test_the_fieldbus(
     [
         (ON_TIME, True, False, DiagnosticLevel.OK, "500 Hz"),
         (ON_TIME, True, True, DiagnosticLevel.WARN, "deadlines are being missed"),
-        (ON_TIME, False, False, DiagnosticLevel.ERROR, "stands still"),
+        (ON_TIME, False, False, DiagnosticLevel.ERROR, "has stopped"),
         (
             LoopReport(0, 0, 0, math.nan, *[0.0] * 6),
             False,

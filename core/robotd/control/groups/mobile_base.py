@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 
 from robotd.clock import NANOSECONDS, Clock, wait_until
-from robotd.control.groups.axis_limits import base_kinematics, twist_limits, wheel_limits
+from robotd.control.groups.descriptor_limits import base_kinematics, twist_limits, wheel_limits
 from robotd.control.groups.streams import chosen_timeout
 from robotd.control.loop.rearming import CommandSource, Rearming
 from robotd.control.loop.setpoint_mixer import SourceSlot

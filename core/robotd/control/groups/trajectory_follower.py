@@ -13,7 +13,7 @@ import numpy as np
 from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, wait_until
 from robotd.clock.simulated import untimed
-from robotd.control.groups.axis_limits import joint_limits, trajectory_rules
+from robotd.control.groups.descriptor_limits import joint_limits, trajectory_rules
 from robotd.control.groups.joint_motion import JointMotion
 from robotd.control.loop.rearming import CommandSource, Rearming
 from robotd.control.loop.setpoint_source import Outcome

@@ -134,9 +134,9 @@ class PeriodDeadlines:
     """Deadlines of one control loop. Control-loop thread, except ``wait_while_imminent``.
 
     Args:
-        skips_start: a period whose start has come too late is skipped, for devices that hold:
-            its SYNC would be so close to the next one that drives count the two as one. False:
-            it begins at once, for devices that extrapolate.
+        skips_start: a period that starts too late is skipped, for devices that hold: drives would
+            count its SYNC and the next one as one. False: it begins at once, for devices that
+            extrapolate.
         imminent: other threads wait for a period; not in simulated time.
 
     Attributes:

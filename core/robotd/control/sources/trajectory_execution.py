@@ -227,7 +227,7 @@ class TrajectoryExecution(JointSource):
             self._enter(SourcePhase.RESTING, time_ns)
 
     def _arrive(self, time_ns: int, image: ProcessImage) -> None:
-        """Wait until the joints are within the goal tolerance, and have been asked for the goal."""
+        """Wait until the last point is commanded, and the joints are within the goal tolerance."""
         over_s = self._phase_age_s(time_ns)
         desired, measured = self._tracking.desired, self._tracking.measured
         violation = self._tolerances.check_goal(

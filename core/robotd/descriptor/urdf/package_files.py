@@ -1,4 +1,4 @@
-"""Places of the files that a URDF or xacro file names: meshes and packages."""
+"""Files of ``package://`` and other URLs in a URDF or xacro file: meshes and packages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Names and limits of the axes, and their agreement with the device."""
+"""Names and limits that the descriptor gives the axes, and their agreement with the device."""
 
 from __future__ import annotations
 

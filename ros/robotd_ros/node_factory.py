@@ -1,4 +1,4 @@
-"""Makes ROS nodes by name. Imports ROS only to make a node."""
+"""Node factory: imports what serves a name in a robot's ``nodes``, and makes the node."""
 
 from __future__ import annotations
 
@@ -12,12 +12,6 @@ if TYPE_CHECKING:
     from robotd.plugin.registry import NodeInfo
     from robotd.robot import Robot
     from robotd_ros.host import RosHost
-
-OPERATOR_NODE = "robotd"  # made in addition to the others of every robot
-WORLD_NODE = "robotd_world"  # made for a robot whose backend has a world
-STOP_ALL = f"/{OPERATOR_NODE}/stop_all"  # std_msgs/Empty: stops every robot of the ROS domain
-IDENTITY = f"{OPERATOR_NODE}/robot"  # std_msgs/String: which robot answers, as JSON
-SUMMARY = f"{OPERATOR_NODE}/summary"  # std_msgs/String: identity and state, as JSON
 
 
 def make_node(name: str, info: NodeInfo, robot: Robot, host: RosHost) -> Any:  # an rclpy.node.Node
