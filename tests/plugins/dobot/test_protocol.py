@@ -83,9 +83,26 @@ def test_every_alarm_has_a_text() -> None:
         == "alarm of a Dobot controller 209040: drive of joint 2, 9040: overload"
     )
     assert alarm_text(17) == "inverse kinematics without a solution"
-    assert alarm_text(9999) == "see the maker's list of alarms"
+    assert ALARMS.line(103) == "alarm of a Dobot controller 103: joint 3 has been disabled"
     assert "payload" in ALARMS.advice(300016)
+
+
+def test_an_alarm_that_is_not_known_says_where_to_look() -> None:
+    assert alarm_text(9999) == "look it up in DobotStudio Pro, or in the maker's lists of alarms"
+    assert alarm_text(409999).startswith("drive of joint 4, 9999: look it up in DobotStudio Pro")
+    assert ALARMS.advice(409999) == "Look at it in the maker's software"
     assert ALARMS.advice(9999) == ""
+
+
+def test_numbers_of_drives_are_no_alarms_of_the_controller() -> None:
+    """10 is a software limit of a drive; the controller has no such alarm."""
+    assert "software limit" in alarm_text(100010)
+    assert ALARMS.advice(10) == ""
+
+
+def test_every_alarm_has_a_remedy() -> None:
+    assert not [code for code in ALARMS.texts if not ALARMS.advice(code)]
+    assert not [text for text in ALARMS.texts.values() if not text or "{" in text]
 
 
 def test_other_numbers_are_of_other_devices() -> None:
