@@ -164,6 +164,7 @@ class DobotAxes(ProfiledAxes):
             link.command("EnableRobot", *self._device.payload_to_enable, timeout_s=timeout_s)
         link.forget_rejection()
         wait_for(lambda values: values.enabled, timeout_s, "the servos to be on")
+        self._device.select_frames(timeout_s)
         if reason := _reason(link.feedback, link, obeys=False):
             raise NotReady(reason)
 

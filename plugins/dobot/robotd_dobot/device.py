@@ -18,6 +18,7 @@ from robotd.api import (
 from robotd_dobot.link import SWITCH_OFF, ControllerLink, Feedback, switch_off
 from robotd_dobot.options import DobotOptions
 from robotd_dobot.protocol import in_kg_and_mm
+from robotd_dobot.tool_terminals import ToolTerminals
 
 log = get_logger("dobot")
 
@@ -55,6 +56,11 @@ class DobotDevice(DeviceDriver):
     def feedback(self) -> Feedback | None:
         """Newest values; None while they do not count."""
         return self._link.feedback if self._link and self.communicating else None
+
+    @property
+    def tool(self) -> ToolTerminals | None:
+        """Terminals of the tool; None while they do not count, or are left out."""
+        return self._link.tool if self._link and self.communicating else None
 
     def open(self, path: str = "", name: str = "") -> None:
         if self.state() is ConnectionState.IDLE:
@@ -119,6 +125,18 @@ class DobotDevice(DeviceDriver):
             else:
                 return
         switch_off(self.options, self.clock, timeout_s)
+
+    def select_frames(self, timeout_s: float) -> None:
+        """Select the frames of the options, once the arm is on: V4 queues these commands.
+
+        Raises OperationError: there is no such frame. DeviceTimeout: the feedback does not show it.
+        """
+        frames = self.options.frames.items()
+        for name, index in frames:
+            self.link.command(name, index)
+        shown = " and ".join(f"{name}({index})" for name, index in frames)
+        what = f"the controller to show {shown}"
+        self.wait_for(lambda values: frames <= values.frames.items(), timeout_s, what)
 
     def wait_for(self, condition: Callable[[Feedback], bool], timeout_s: float, what: str) -> None:
         """Wait for feedback for which ``condition`` is true.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import threading
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -23,6 +24,7 @@ from robotd_dobot import protocol
 from robotd_dobot.command_port import CommandPort, MotionPort, Request, TargetPort
 from robotd_dobot.options import DobotOptions
 from robotd_dobot.protocol import DIALECTS, MODELS, TAKES_TARGETS, V3, V4, Dialect
+from robotd_dobot.tool_terminals import ToolTerminals
 
 TIMEOUT_S = 2.0  # to connect, and for a reply
 SILENT_S = 0.1  # without a packet is a fault
@@ -47,6 +49,7 @@ class Feedback:
         inputs, outputs: digital levels; bit 0 of byte 0 is terminal 1.
         model: of the arm; "" where it is not known.
         payload: that the controller compensates.
+        frames: index of the selected frame, by the command that selects it.
     """
 
     time_ns: int
@@ -60,6 +63,7 @@ class Feedback:
     outputs: bytes
     model: str
     payload: Payload
+    frames: Mapping[str, int]
 
     @property
     def takes_targets(self) -> bool:
@@ -74,11 +78,13 @@ class ControllerLink:
         dialect: generation of the controller.
         feedback: content of the newest packet; None before the first one.
         failure: reason why the connections are lost; "" while they are there.
+        tool: terminals of the tool; None: the options leave them out.
     """
 
     def __init__(self, options: DobotOptions, clock: Clock) -> None:
         self.feedback: Feedback | None = None
         self.failure = ""
+        self.tool: ToolTerminals | None = None
         self.dialect: Dialect = DIALECTS.get(options.controller, V4)
         self._options, self._clock = options, clock
         self._implausible = ""
@@ -96,6 +102,8 @@ class ControllerLink:
         except BaseException:
             self.close()
             raise
+        if options.tool_io:
+            self.tool = ToolTerminals(self._commands, self.dialect)
 
     def _find_generation(self) -> None:
         options = self._options
@@ -112,6 +120,8 @@ class ControllerLink:
             shortest = f"{self.dialect.min_target_s:g} s at least"
             text = f"target_period_s is {options.target_period_s:g} s, {self.dialect.name} takes"
             raise ConnectError(f"{text} {shortest}")
+        for key, text in options.missing_frames(self.dialect).items():
+            raise ConnectError(f"{key}: {text}")
         if self.dialect.has_motion_port:
             (motion,) = _connect(options.address, motion=options.motion_port)
             self._targets = MotionPort(motion, self._clock)
@@ -247,7 +257,10 @@ class ControllerLink:
             fields["outputs"].tobytes(),
             MODELS.get(int(fields["model"]), ""),
             Payload(float(fields["load_kg"]), (x, y, z)),
+            {"Tool": int(fields["tool_frame"]), "User": int(fields["user_frame"])},
         )
+        if self.tool is not None:
+            self.tool.poll(time_ns)
 
     def _know_alarm(self, present: bool, now_ns: int) -> bool:
         """Ask which alarm a packet shows; False: not known yet, and the packet is left out.

@@ -7,9 +7,10 @@ from typing import Annotated
 from pydantic import Field
 
 from robotd.api import BackendOptions, DescriptorError, RobotDescriptor
-from robotd_dobot.protocol import DIALECTS, JOINTS
+from robotd_dobot.protocol import DIALECTS, JOINTS, V4, Dialect
 
 Port = Annotated[int, Field(ge=1, le=65535)]
+FrameIndex = Annotated[int, Field(ge=0, le=V4.max_frame)]
 SECTION = "backends.dobot"
 
 
@@ -69,6 +70,35 @@ class DobotOptions(BackendOptions):
     payload_center_mm: tuple[float, float, float] = Field(
         (0.0, 0.0, 0.0), description="Centre of that mass from the flange: x, y, z."
     )
+    tool_io: bool = Field(
+        False,
+        description="The two inputs and outputs of the tool are byte 2, bits 0 and 1, of the I/O."
+        " Inputs are asked for every 0.1 s.",
+    )
+    tool_index: FrameIndex | None = Field(
+        None,
+        description="Tool frame of the controller, selected when the arm is switched on; null: the"
+        " one that is selected. V3 has 0 to 9. Its safety walls and programs use it, robotd does"
+        " not.",
+    )
+    user_index: FrameIndex | None = Field(
+        None, description="User frame of the controller, as `tool_index`."
+    )
+
+    @property
+    def frames(self) -> dict[str, int]:
+        """Index of each frame to be selected, by the command that selects it."""
+        wanted = {"Tool": self.tool_index, "User": self.user_index}
+        return {name: index for name, index in wanted.items() if index is not None}
+
+    def missing_frames(self, dialect: Dialect) -> dict[str, str]:
+        """Return why a controller does not have a frame, by key of the options."""
+        last = dialect.max_frame
+        return {
+            f"{name.lower()}_index": f"{index}: {dialect.name} has frames 0 to {last}"
+            for name, index in self.frames.items()
+            if index > last
+        }
 
     @property
     def payload(self) -> tuple[float, ...]:
@@ -89,4 +119,6 @@ class DobotOptions(BackendOptions):
             least = f"{dialect.name} takes {dialect.min_target_s:g} s at least"
             text = f"{self.target_period_s:g} s: {least}"
             raise robot.problem(f"{SECTION}.target_period_s", text)
+        for key, text in self.missing_frames(dialect).items() if dialect else ():
+            raise robot.problem(f"{SECTION}.{key}", text)
         return self

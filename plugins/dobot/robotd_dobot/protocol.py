@@ -21,10 +21,11 @@ TEST_VALUE = 0x0123456789ABCDEF  # in each packet: both sides count the bytes al
 FEEDBACK = np.dtype(
     {
         "names": ["size", "inputs", "outputs", "mode", "test_value", "position", "velocity",
-                  "enabled", "dragged", "error", "model", "load_kg", "load_center_mm"],
+                  "user_frame", "tool_frame", "enabled", "dragged", "error", "model", "load_kg",
+                  "load_center_mm"],
         "formats": ["<u2", "<u8", "<u8", "<u8", "<u8", ("<f8", JOINTS), ("<f8", JOINTS),
-                    "u1", "u1", "u1", "u1", "<f8", ("<f8", 3)],
-        "offsets": [0, 8, 16, 24, 48, 432, 480, 1026, 1027, 1029, 1031, 1168, 1176],
+                    "u1", "u1", "u1", "u1", "u1", "u1", "<f8", ("<f8", 3)],
+        "offsets": [0, 8, 16, 24, 48, 432, 480, 1012, 1013, 1026, 1027, 1029, 1031, 1168, 1176],
         "itemsize": 1440,
     }
 )  # fmt: skip
@@ -71,18 +72,23 @@ class Dialect:
 
     Attributes:
         modes: text of each mode that ``MODES`` lacks.
-        set_output: command that switches an output at once.
+        set_output, set_tool_output: commands that switch an output at once.
+        get_tool_output: command that asks for an output of the tool; "": there is none.
         has_motion_port: targets go to a port of their own, where nothing answers for certain.
         min_target_s: shortest time of a target.
         sets_payload: with a centre, also while the arm is on.
+        max_frame: last index of the tool and of the user frames.
     """
 
     name: str
     modes: Mapping[int, str]
     set_output: str
+    set_tool_output: str
+    get_tool_output: str
     has_motion_port: bool
     min_target_s: float
     sets_payload: bool
+    max_frame: int
 
     def mode_text(self, mode: int) -> str:
         """Return a mode in words."""
@@ -111,17 +117,23 @@ V3 = Dialect(
     "V3",
     MODES | {8: "the arm is recorded in drag mode", 11: "another client jogs the arm"},
     "DOExecute",
+    "ToolDOExecute",
+    get_tool_output="",
     has_motion_port=True,
     min_target_s=0.02,
     sets_payload=False,
+    max_frame=9,
 )
 V4 = Dialect(
     "V4",
     MODES | {8: "another client moves the arm", 11: "the arm has hit something"},
     "DOInstant",
+    "ToolDOInstant",
+    get_tool_output="GetToolDO",
     has_motion_port=False,
     min_target_s=0.004,
     sets_payload=True,
+    max_frame=50,
 )
 DIALECTS = {"v3": V3, "v4": V4}
 GENERATION_QUERY = "GetCurrentCommandID"  # changes nothing; V3 does not know it

@@ -30,6 +30,8 @@ class Arm:
         offset: (6,) error of the encoders.
         blocked: (6,) joints that do not move.
         inputs, outputs: digital levels, bit 0 is terminal 1.
+        tool_inputs, tool_outputs: those of the tool.
+        frames: index of the selected tool and user frame, by command.
         stuck: levels of outputs that do not obey, by bit.
     """
 
@@ -40,6 +42,8 @@ class Arm:
         self.alarm = self.inputs = self.outputs = 0
         self.drive_alarm = (0, 0)
         self.payload = (0.0, 0.0, 0.0, 0.0)
+        self.tool_inputs = self.tool_outputs = 0
+        self.frames = {"tool": 0, "user": 0}
         self.stuck: dict[int, bool] = {}
         self.offset = np.zeros(JOINTS)
         self.blocked = np.zeros(JOINTS, bool)
@@ -123,6 +127,13 @@ class Arm:
         self.hold()
         self.enabled = self.dragged = False
 
+    @property
+    def rejection(self) -> int:
+        """Error code of commands that an arm with a fault or without power rejects; 0: none."""
+        if self.pressed or self.in_alarm:
+            return PRESSED if self.pressed else IN_ALARM
+        return 0 if self.powered else NO_POWER
+
     def press(self, pressed: bool) -> int:
         """Press or release the emergency stop; return the error code."""
         self.pressed = pressed
@@ -158,6 +169,14 @@ class Arm:
         """Switch an output."""
         level = self.stuck.get(bit, level)
         self.outputs = self.outputs & ~(1 << bit) | level << bit
+
+    def tool_output(self, bit: int, level: bool) -> None:
+        """Switch an output of the tool."""
+        self.tool_outputs = self.tool_outputs & ~(1 << bit) | level << bit
+
+    def tool_input(self, bit: int, level: bool) -> None:
+        """Let a sensor of the tool change an input."""
+        self.tool_inputs = self.tool_inputs & ~(1 << bit) | level << bit
 
     def input(self, bit: int, level: bool) -> None:
         """Let a sensor change an input."""

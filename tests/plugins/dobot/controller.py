@@ -19,6 +19,8 @@ UNKNOWN, WRONG_COUNT, WRONG_TYPE, WRONG_RANGE = -10000, -20000, -50001, -60001
 PARAMETER_RANGE = -40001  # of the first one, as V4 has it
 NOT_TCP = "Control Mode Is Not Tcp\t"
 SHORTEST_S = {"v3": 0.02, "v4": 0.004}
+TOOL_TERMINALS = 2  # of a CR, whose flange has one connector
+LAST_FRAME = {"v3": 9, "v4": 50}
 Answer = tuple[int, str]
 
 
@@ -36,6 +38,7 @@ class Controller:
         reads_targets: clear while no target is read; those that come wait.
         period_s: between two packets.
         targets: number of targets that were executed.
+        last_frame: index of the last tool and user frame that exists.
     """
 
     def __init__(self, arm: Arm, generation: str = "v4") -> None:
@@ -43,6 +46,7 @@ class Controller:
         self.ports = [0, 0, 0, 0]
         self.in_tcp_mode, self.answers_targets, self.mode = True, True, 0
         self.frozen, self.spoiled, self.period_s, self.targets = False, False, PERIOD_S, 0
+        self.last_frame = LAST_FRAME[generation]
         self.reads_targets = asyncio.Event()
         self.reads_targets.set()
         self._writers: list[asyncio.StreamWriter] = []
@@ -122,12 +126,17 @@ class Controller:
             "geterrorid": lambda: (0, self._errors()),
             "startdrag": lambda: (arm.drag(True), ""),
             "stopdrag": lambda: (arm.drag(False), ""),
+            "toolai": lambda: (0, "0.0"),  # noise: the terminals are RS-485 until SetToolMode
+            "tooldi": lambda: self._tool_level(arm.tool_inputs, *map(int, numbers)),
+            "tool": lambda: self._select("tool", int(values)),
+            "user": lambda: self._select("user", int(values)),
             "servoj": lambda: (self._servo(numbers), str(self.targets)),
         }
         own: dict[str, Callable[[], Answer]] = {
             "emergencystop": lambda: (arm.press(True), ""),
             "resetrobot": self._stop,
             "doexecute": lambda: self._output(*map(int, numbers)),
+            "tooldoexecute": lambda: self._tool_output(*map(int, numbers)),
         }
         if self.generation == "v4":
             own = {
@@ -136,6 +145,8 @@ class Controller:
                 "emergencystop": lambda: (arm.press(bool(int(values))), ""),
                 "stop": self._stop,
                 "doinstant": lambda: self._output(*map(int, numbers)),
+                "tooldoinstant": lambda: self._tool_output(*map(int, numbers)),
+                "gettooldo": lambda: self._tool_level(arm.tool_outputs, *map(int, numbers)),
                 "setpayload": lambda: self._payload(numbers),
                 "getangle": lambda: (0, ",".join(f"{angle:.4f}" for angle in arm.state()[0])),
             }
@@ -181,6 +192,26 @@ class Controller:
             return WRONG_RANGE, ""
         self.arm.output(terminal - 1, bool(level))
         return 0, ""
+
+    def _tool_output(self, terminal: int, level: int) -> Answer:
+        if not 1 <= terminal <= TOOL_TERMINALS:
+            return PARAMETER_RANGE, ""
+        if not self.arm.rejection:
+            self.arm.tool_output(terminal - 1, bool(level))
+        return self.arm.rejection, ""
+
+    def _tool_level(self, levels: int, terminal: int) -> Answer:
+        if not 1 <= terminal <= TOOL_TERMINALS:
+            return PARAMETER_RANGE, ""
+        return self.arm.rejection, "" if self.arm.rejection else str(levels >> terminal - 1 & 1)
+
+    def _select(self, kind: str, index: int) -> Answer:
+        """Select a frame; of one that does not exist V3 only says that it failed."""
+        if not 0 <= index <= self.last_frame:
+            return (-1 if self.generation == "v3" else PARAMETER_RANGE), ""
+        if not self.arm.rejection:
+            self.arm.frames[kind] = index
+        return self.arm.rejection, ""
 
     def _servo(self, words: list[str]) -> int:
         """Execute ``ServoJ``: V4 has its options by name, V3 in their order."""
@@ -244,6 +275,7 @@ class Controller:
         packet["digital_inputs"], packet["digital_outputs"] = arm.inputs, arm.outputs
         packet["robot_mode"], packet["robot_type"] = self.robot_mode(), CR3A
         packet["enable_status"], packet["error_status"] = arm.enabled, arm.in_alarm
+        packet["tool_index"], packet["user_index"] = arm.frames["tool"], arm.frames["user"]
         packet["drag_status"], packet["speed_scaling"] = arm.dragged, 100.0
         packet["load"], packet["load_center"] = arm.payload[0], arm.payload[1:]
         return packet.tobytes()
@@ -276,6 +308,12 @@ class Controller:
             "jump": lambda: arm.jump(number, last),
             "input": lambda: arm.input(number, bool(last)),
             "output": lambda: float(arm.outputs >> number & 1),
+            "tool_input": lambda: arm.tool_input(number, bool(last)),
+            "tool_output": lambda: float(arm.tool_outputs >> number & 1),
+            "tool_frame": lambda: arm.frames["tool"],
+            "user_frame": lambda: arm.frames["user"],
+            "select_tool": lambda: arm.frames.update(tool=number),
+            "last_frame": lambda: setattr(self, "last_frame", number),
             "stick": lambda: arm.stick(number, None if last < 0.0 else bool(last)),
             "freeze": lambda: setattr(self, "frozen", bool(number)),
             "spoil": lambda: setattr(self, "spoiled", bool(number)),

@@ -29,6 +29,7 @@ __all__ = ["robotd_axes", "robotd_io", "robotd_payload"]
 
 ROOT = Path(__file__).parents[3]
 END_S = 2.0
+TOOL_BYTE = 2
 
 
 class StandInOptions(DobotOptions):
@@ -121,9 +122,14 @@ class StandInFaults(FaultInjector):
         self.send("jump", axis, math.degrees(delta))
 
     def set_input_bit(self, byte: int, bit: int, value: bool) -> None:
-        self.send("input", 8 * byte + bit, value)
+        if byte == TOOL_BYTE:
+            self.send("tool_input", bit, value)
+        else:
+            self.send("input", 8 * byte + bit, value)
 
     def output_bit(self, byte: int, bit: int) -> bool:
+        if byte == TOOL_BYTE:
+            return bool(self.send("tool_output", bit))
         return bool(self.send("output", 8 * byte + bit))
 
     def stick_output_bit(self, byte: int, bit: int, value: bool | None) -> None:

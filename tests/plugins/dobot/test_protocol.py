@@ -14,7 +14,8 @@ TARGET = np.array([1.0, -2.5, 0.0, 0.0, 0.0, 180.0])
 IN_THE_GUIDE = {
     "size": "length", "inputs": "digital_inputs", "outputs": "digital_outputs",
     "mode": "robot_mode", "test_value": "test_value", "position": "q_actual",
-    "velocity": "qd_actual", "enabled": "enable_status", "dragged": "drag_status",
+    "velocity": "qd_actual", "user_frame": "user_index", "tool_frame": "tool_index",
+    "enabled": "enable_status", "dragged": "drag_status",
     "error": "error_status", "model": "robot_type", "load_kg": "load",
     "load_center_mm": "load_center",
 }  # fmt: skip
