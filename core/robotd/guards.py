@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from pkgutil import resolve_name
 
 from robotd.call_timeout import CallTimeout, call_with_timeout
@@ -10,8 +12,11 @@ from robotd.descriptor import RobotDescriptor
 from robotd.entry_points import owner_of
 from robotd.errors import RobotdError, plugin_failure
 from robotd.feature import installed_features, requests
+from robotd.log import get_logger
 
 GUARD_LIMIT_S = 30.0  # to import and make one
+
+log = get_logger("robot")
 
 Make = Callable[[Callable[..., object]], object]
 
@@ -36,6 +41,13 @@ def make_guards(descriptor: RobotDescriptor, make: Make) -> None:
     for key, target in requested_guards(descriptor).items():
         if reason := _make_guard(target, make):
             raise descriptor.problem(key, f"without this guard the robot does not run: {reason}")
+
+
+@cache
+def warn_unread(path: Path | None, keys: tuple[str, ...]) -> None:
+    """Name what a file asks for and this program does not open, once: an observer or a server."""
+    if keys:
+        log.warning("keys of the robot's file have no effect in this program", keys=keys, file=path)
 
 
 def _make_guard(target: str, make: Make) -> str:

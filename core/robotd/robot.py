@@ -8,7 +8,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -46,9 +46,10 @@ from robotd.device.reconnector import Reconnector
 from robotd.device.servo_gripper import ServoGripper, servo_grippers
 from robotd.device.soft_limits import SoftLimitGuard
 from robotd.device.tool_pose import ToolPose, tool_poses
+from robotd.device.wrench import Wrenches
 from robotd.errors import InvalidArgument, RobotdError, Unsupported
 from robotd.events import EventLog
-from robotd.guards import make_guards
+from robotd.guards import make_guards, warn_unread
 from robotd.log import get_logger
 from robotd.plugin.driver_set import Drivers
 from robotd.plugin.manager import Backend, load_backend
@@ -120,7 +121,7 @@ class Robot:
         for note in notes:
             log.warning("limit of the device applies", reason=note)
         self.descriptor, self.capabilities = descriptor, capabilities
-        self.backend, self._driver = backend, driver
+        self.backend, self._driver, self._wrench_driver = backend, driver, drivers.wrenches
         self.clock = clock
         self.device: Any = getattr(drivers.device, "wrapped", drivers.device)
         self.joint_names = descriptor.joint_names
@@ -217,7 +218,7 @@ class Robot:
             RobotdError: communication or parameters failed.
         """
         self.connection.require_alive()
-        _warn_unread(self.descriptor.path, self.descriptor.unread_keys)
+        warn_unread(self.descriptor.path, self.descriptor.unread_keys)
         if not isinstance(self.clock, SimulatedClock):
             self.axes.stops.start()
         self.connection.ask_fault()
@@ -281,6 +282,11 @@ class Robot:
     def tools(self) -> tuple[ToolPose, ...]:
         """Tool of each joint group; empty for a robot without joints or a usable URDF."""
         return tool_poses(self.descriptor)
+
+    @cached_property
+    def wrenches(self) -> Wrenches:
+        """Force and torque at links, by their names; empty where the backend has none."""
+        return Wrenches(self._wrench_driver, self.descriptor, self.clock, self.backend.name)
 
     @property
     def problems(self) -> list[str]:
@@ -446,13 +452,6 @@ class Robot:
         self.axes.stop_latch.check_commandable()
         if self.joint_axes and self.axes.trajectories_on_device:
             raise Unsupported(feature, self.backend.name)
-
-
-@cache
-def _warn_unread(path: Path | None, keys: tuple[str, ...]) -> None:
-    """Name what a file asks for and this program does not open, once: an observer or a server."""
-    if keys:
-        log.warning("keys of the robot's file have no effect in this program", keys=keys, file=path)
 
 
 def build_robot(

@@ -50,6 +50,7 @@ if TYPE_CHECKING:
         Underrun,
     )
     from robotd.device.world import Shape, World, WorldCamera, WorldObject
+    from robotd.device.wrench import WrenchDriver
     from robotd.entry_points import API_VERSION
     from robotd.errors import (
         ConnectError,
@@ -164,6 +165,7 @@ __all__ = [
     "World",
     "WorldCamera",
     "WorldObject",
+    "WrenchDriver",
     "diagnose",
     "did_you_mean",
     "doctors",

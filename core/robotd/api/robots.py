@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from robotd.control.groups.reduced_speed import ReducedSpeed
     from robotd.control.loop.rearming import Interruption
     from robotd.control.loop.setpoint_source import Outcome
-    from robotd.control.sources.contact import Contact, ContactLimits
+    from robotd.control.sources.contact import Contact, ContactLimits, WrenchLimits
     from robotd.control.sources.stream_source import MovingReference, StreamMode
     from robotd.control.sources.trajectory_execution import TrajectoryExecution
     from robotd.device.axes import Jog, Move, each
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from robotd.device.motion_limits import Factors, MotionLimits, Solid
     from robotd.device.servo_gripper import ServoGripper
     from robotd.device.tool_pose import tool_link
+    from robotd.device.wrench import Wrench, Wrenches, WrenchSensor
     from robotd.entry_points import PluginOrigin
     from robotd.log import configure_logging
     from robotd.motion import (
@@ -87,6 +88,10 @@ __all__ = [
     "TrajectoryExecution",
     "TrajectoryRejected",
     "TrajectoryRequest",
+    "Wrench",
+    "WrenchLimits",
+    "WrenchSensor",
+    "Wrenches",
     "axis_limits",
     "build_robot",
     "configure_logging",

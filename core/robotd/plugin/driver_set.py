@@ -12,6 +12,7 @@ from robotd.device.passive_joints import DrivenFingers, PassiveJoints
 from robotd.device.payload import PayloadDriver
 from robotd.device.profiled_axes import ProfiledAxes
 from robotd.device.world import World
+from robotd.device.wrench import WrenchDriver
 from robotd.plugin.driver_signatures import signature_problems
 from robotd.plugin.fault_isolation import isolated
 
@@ -44,7 +45,7 @@ class Drivers:
         device, axes: always there.
         io, fieldbus: None where this robot has none.
         make_fault_injector: makes the fault injector of this device, or None.
-        passive_joints, world, payload: None where there are none.
+        passive_joints, world, payload, wrenches: None where there are none.
     """
 
     device: DeviceDriver
@@ -55,6 +56,7 @@ class Drivers:
     passive_joints: PassiveJoints | None = None
     world: World | None = None
     payload: PayloadDriver | None = None
+    wrenches: WrenchDriver | None = None
 
     def capabilities(self, declared: frozenset[Capability]) -> frozenset[Capability]:
         """Return the declared capabilities and those that follow from the drivers."""
@@ -100,6 +102,7 @@ class Drivers:
             (self.passive_joints, self._joints_contract),
             (self.world, World),
             (self.payload, PayloadDriver),
+            (self.wrenches, WrenchDriver),
             (self.make_fault_injector(), FaultInjector),
         )
         return [
@@ -121,6 +124,7 @@ class Drivers:
             and isolated(self.passive_joints, self._joints_contract, plugin, backend),
             world=self.world and isolated(self.world, World, plugin, backend),
             payload=self.payload and isolated(self.payload, PayloadDriver, plugin, backend),
+            wrenches=self.wrenches and isolated(self.wrenches, WrenchDriver, plugin, backend),
         )
 
     @property

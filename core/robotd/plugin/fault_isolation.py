@@ -24,6 +24,7 @@ from robotd.device.passive_joints import DrivenFingers, PassiveJoints
 from robotd.device.payload import PayloadDriver
 from robotd.device.state import ConnectionState
 from robotd.device.world import World
+from robotd.device.wrench import WrenchDriver
 from robotd.errors import (
     AbandonedCall,
     OperationError,
@@ -48,6 +49,7 @@ _UNTIMED = {
     PassiveJoints: {"read"},
     DrivenFingers: {"read", "stop"},
     PayloadDriver: {"payload"},
+    WrenchDriver: {"read"},
     World: {"poses", "image"},  # a call with a limit has a thread of its own, a renderer one thread
 }
 

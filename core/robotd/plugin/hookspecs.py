@@ -30,6 +30,7 @@ from robotd.device.fault_injector import FaultInjector
 from robotd.device.passive_joints import PassiveJoints
 from robotd.device.payload import PayloadDriver
 from robotd.device.world import World
+from robotd.device.wrench import WrenchDriver
 from robotd.plugin.registry import NodeRegistry, RobotRegistry
 
 hookspec = pluggy.HookspecMarker("robotd")
@@ -170,6 +171,10 @@ class RobotdHooks:
     @hookspec(firstresult=True)
     def robotd_payload(self, device: Any, context: DeviceContext[Any]) -> PayloadDriver | None:
         """Make the driver of the payload; None where the device compensates none."""
+
+    @hookspec(firstresult=True)
+    def robotd_wrenches(self, device: Any, context: DeviceContext[Any]) -> WrenchDriver | None:
+        """Make the reader of forces and torques at links; None where the device has none."""
 
     @hookspec(firstresult=True)
     def robotd_world(self, device: Any, context: DeviceContext[Any]) -> World | None:

@@ -24,6 +24,7 @@ from robotd.device.fault_injector import FaultInjector
 from robotd.device.passive_joints import PassiveJoints
 from robotd.device.payload import PayloadDriver
 from robotd.device.world import World
+from robotd.device.wrench import WrenchDriver
 from robotd.entry_points import API_VERSION, PluginOrigin, installed_names, load_entry
 from robotd.errors import (
     PluginError,
@@ -198,6 +199,7 @@ class Backend(Plugin):
             self._maybe("robotd_passive_joints", PassiveJoints, **given),
             self._maybe("robotd_world", World, **given),
             self._maybe("robotd_payload", PayloadDriver, **given),
+            self._maybe("robotd_wrenches", WrenchDriver, **given),
         )
         if missing := drivers.missing(self.info.capabilities):
             raise PluginError(f"plugin {self.origin}: {'; '.join(missing)}")

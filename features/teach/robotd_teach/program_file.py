@@ -21,7 +21,7 @@ MAX_ANGLE = 12.5  # of an arc about a centre, rad
 
 Speed = Annotated[float, Field(ge=0.01, le=1.0)]
 Seconds = Annotated[float, Field(gt=0, le=MAX_TIME_S)]
-Torque = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Limit = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Text = Annotated[str, Field(min_length=1, max_length=500)]
 # YAML reads 0.3, byte 0 and bit 3, as a number.
 IoName = Annotated[
@@ -70,14 +70,27 @@ class Target(Section):
 
 
 class Until(Section):
-    """Contact at which a motion ends.
+    """Contact at which a motion ends: by ``torque``, or by ``force_n`` and ``torque_nm``.
 
     Attributes:
         torque: change of a joint's torque since the motion began, N·m or N: of any joint, or of
             some by name.
+        force_n, torque_nm: of the wrench at the tool, in any direction; the first that is exceeded.
+        bias: of the wrench: that at the start of the motion is subtracted; null: it is.
     """
 
-    torque: Torque | Annotated[dict[Name, Torque], Field(min_length=1)]
+    torque: Limit | Annotated[dict[Name, Limit], Field(min_length=1)] | None = None
+    force_n: Limit | None = None
+    torque_nm: Limit | None = None
+    bias: bool | None = None
+
+    def problems(self) -> Iterator[SectionProblem]:
+        kinds = ("torque",), ("force_n",), ("torque_nm",), ("force_n", "torque_nm")
+        given = tuple(key for key, _ in _given(self, ("torque", "force_n", "torque_nm")))
+        if given not in kinds:
+            yield (), "needs torque, or force_n and torque_nm or one of them", ", ".join(given)
+        if self.bias is not None and self.torque is not None:
+            yield ("bias",), "belongs to `force_n` and `torque_nm`", self.bias
 
 
 class MoveToPose(Target):
@@ -160,7 +173,8 @@ class SequenceSegment(Section):
         yield from _one_of(self, ("move", "line", "arc", "spline"))
         for key, motion in (("move", self.move), ("line", self.line)):
             if motion is not None and motion.until is not None:
-                yield (key, "until"), "belongs to a step of its own", motion.until.torque
+                kinds = [name for name, _ in _given(motion.until, tuple(Until.model_fields))]
+                yield (key, "until"), "belongs to a step of its own", ", ".join(kinds)
 
 
 class Sequence_(Section):  # noqa: N801 - beside that of collections.abc

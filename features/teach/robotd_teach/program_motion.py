@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from robotd.api import (
     Unsupported,
     unknown_name,
 )
-from robotd.api.robots import ContactLimits, Robot
+from robotd.api.robots import ContactLimits, Robot, WrenchLimits
 from robotd_teach.io_names import bit_of
 from robotd_teach.joint_groups import beyond_limits, commands_at_rest, joint_group
 from robotd_teach.path_curve import PathCurve
@@ -32,6 +33,7 @@ from robotd_teach.program_file import (
     ProgramFile,
     Step,
     Target,
+    Until,
 )
 from robotd_tool_space.geometry.kinematics import Kinematics
 from robotd_tool_space.geometry.rotations import COMPONENTS, inverse_pose, pose_of, rpy_of
@@ -47,6 +49,7 @@ from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.sequences.sequence_plan import plan_sequence, trace_sequence
 from robotd_tool_space.tool_groups import ToolGroups
 
+TOOL = "the tool"
 SAMPLE_RAD = 0.02  # between two positions of a move that are checked for collisions, rad or m
 
 JointsByName = Mapping[str, float]
@@ -65,6 +68,25 @@ class Place:
     positions: FloatArray | None
     tool: str = ""
     work_frame: str = ""
+
+
+class Distance(NamedTuple):
+    """Distance between two places: of the tool, or of the joint that is farthest from its own.
+
+    Attributes:
+        what: "the tool", or the name of the joint.
+        value: in ``unit``: m, or rad.
+    """
+
+    what: str
+    value: float
+    unit: str
+
+    def __str__(self) -> str:
+        """Return ``the tool 0.21 mm`` or ``joint1 0.0012 rad``."""
+        if self.what == TOOL:
+            return f"{self.what} {1e3 * self.value:.2f} mm"
+        return f"{self.what} {self.value:.4f} {self.unit}"
 
 
 class StepPlanner:
@@ -149,17 +171,28 @@ class StepPlanner:
         self._require_within(displacement[-1])
         return displacement
 
-    def contact(self, step: Step) -> ContactLimits | None:
-        """Return the torques at which a step ends; None: at its target only.
+    def contact(self, step: Step) -> ContactLimits | WrenchLimits | None:
+        """Return the torques or the wrench at which a step ends; None: at its target only.
 
-        Raises InvalidArgument: unknown joint; NotReady: its torque is not reported.
+        Raises InvalidArgument: unknown joint; Unsupported: no wrench at the tool; NotReady: torque
+        or wrench are not known.
         """
         motion = step.move or step.line
         if motion is None or motion.until is None:
             return None
-        names, wanted = list(self.group.joint_names), motion.until.torque
-        torque = np.full(len(names), np.inf if isinstance(wanted, dict) else wanted)
-        for name, limit in wanted.items() if isinstance(wanted, dict) else ():
+        until = motion.until
+        return self._wrench(until) if until.torque is None else self._torques(until.torque)
+
+    def _wrench(self, until: Until) -> WrenchLimits:
+        sensor = self._robot.wrenches.of(self.group.name)
+        sensor.require()
+        bias = until.bias is not False
+        return WrenchLimits(sensor, until.force_n or inf, until.torque_nm or inf, bias)
+
+    def _torques(self, wanted: float | Mapping[str, float]) -> ContactLimits:
+        names = list(self.group.joint_names)
+        torque = np.full(len(names), inf if isinstance(wanted, Mapping) else wanted)
+        for name, limit in wanted.items() if isinstance(wanted, Mapping) else ():
             if name not in names:
                 raise InvalidArgument(unknown_name("joint", name, names))
             torque[names.index(name)] = limit
@@ -168,15 +201,15 @@ class StepPlanner:
         contact.require_torques(self.group.follower.limits, measured)
         return contact
 
-    def distance_between(self, first: FloatArray, last: FloatArray) -> str:
+    def distance_between(self, first: FloatArray, last: FloatArray) -> Distance:
         """Return how far the tool, or a joint, is from one to another of positions (n,)."""
         if self.tool is not None:
             kinematics = self.tool.kinematics_of(self.tool.tool_name)
             ends = (kinematics.forward(positions)[:3, 3] for positions in (first, last))
-            return f"the tool {1e3 * float(np.linalg.norm(np.subtract(*ends))):.2f} mm"
+            return Distance(TOOL, float(np.linalg.norm(np.subtract(*ends))), "m")
         limits, distances = self.group.follower.limits, np.abs(last - first)
         joint = int(distances.argmax())
-        return f"{limits.names[joint]} {distances[joint]:.4f} {limits.units[joint]}"
+        return Distance(limits.names[joint], float(distances[joint]), limits.units[joint])
 
     def need_tool(self) -> RobotTool:
         """Return the tool. Raises Unsupported: the group has none."""

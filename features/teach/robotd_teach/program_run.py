@@ -17,12 +17,20 @@ from robotd.api import (
     wait_until,
 )
 from robotd.api.features import EventKind, Level
-from robotd.api.robots import ContactLimits, Interruption, Outcome, Robot, TrajectoryExecution
+from robotd.api.robots import (
+    Contact,
+    ContactLimits,
+    Interruption,
+    Outcome,
+    Robot,
+    TrajectoryExecution,
+    WrenchLimits,
+)
 from robotd_teach.io_names import bit_of
 from robotd_teach.program_check import chosen, grip_position, gripper_of, is_motion
 from robotd_teach.program_code import Again, Begin, Branch, Do, Jump, Program
 from robotd_teach.program_file import SetGripper, Step, Wait_
-from robotd_teach.program_motion import StepPlanner
+from robotd_teach.program_motion import Distance, StepPlanner
 from robotd_tool_space.paths.path_outputs import OutputSetter
 from robotd_tool_space.paths.tool_motion import (
     ToolMotion,
@@ -54,6 +62,24 @@ class Unfinished:
     time_s: float
 
 
+class NoContact(OperationError):
+    """A motion with ``until`` has reached its target, and touched nothing."""
+
+
+class FoundContact(NamedTuple):
+    """Contact that has ended a step.
+
+    Attributes:
+        step: its number, from 1.
+        contact: what was measured when it was noticed.
+        stop: how far the arm went on, to rest.
+    """
+
+    step: int
+    contact: Contact
+    stop: Distance
+
+
 class Loop(NamedTuple):
     """Repetition that has begun: index of its ``Begin``, and times that are over."""
 
@@ -75,6 +101,7 @@ class ProgramRun:
         executed: number of steps that were executed.
         message: last text for the operator.
         confirmed: False while a message waits for the operator.
+        contact: that has ended the last step with ``until``; None: none has yet.
         done: all steps were executed.
         reason: why it has ended early; "" otherwise.
     """
@@ -88,6 +115,7 @@ class ProgramRun:
     ) -> None:
         self.program = program
         self.step: Do | None = None
+        self.contact: FoundContact | None = None
         self.executed, self.message, self.reason = 0, "", ""
         self.confirmed, self.done = True, False
         self.part = 0.0  # of the motion of this step
@@ -110,7 +138,8 @@ class ProgramRun:
 
         Raises:
             NotReady: the robot cannot move, or the arm was moved; nothing has moved.
-            OperationError: the program ended early, with step and reason.
+            OperationError: the program ended early, with step and reason; NoContact: at the end of
+                a motion that was to end at a contact.
         """
         if self.done:
             raise NotReady(f"{self.program.path} has been executed to its end: run it anew")
@@ -126,7 +155,8 @@ class ProgramRun:
         except BaseException as error:
             self._stopped(error)
             if isinstance(error, RobotdError):
-                raise OperationError(self.reason) from error
+                kind = NoContact if isinstance(error, NoContact) else OperationError
+                raise kind(self.reason) from error
             raise
 
     def _execute(self, *, single: bool) -> None:
@@ -224,7 +254,7 @@ class ProgramRun:
         self,
         motion: ToolMotion,
         after: float | None = None,
-        contact: ContactLimits | None = None,
+        contact: ContactLimits | WrenchLimits | None = None,
     ) -> None:
         """Execute a motion.
 
@@ -247,15 +277,28 @@ class ProgramRun:
                     time_s = min(execution.progress().time_s, motion.duration_s)
                     self._unfinished = Unfinished(motion, time_s)
                 self._left = self._group.motion.command()
-        wanted = Outcome.SUCCEEDED if contact is None else Outcome.CONTACT
-        if execution.outcome is not wanted:
-            raise OperationError(execution.message)
+        if execution.outcome is not (Outcome.SUCCEEDED if contact is None else Outcome.CONTACT):
+            kind = NoContact if execution.outcome is Outcome.SUCCEEDED else OperationError
+            raise kind(execution.message)
         if (found := execution.contact) is not None:
-            rest = self._robot.image.copy().position[list(self._group.joint_axes)]
-            distance = self._planner.distance_between(found.positions, rest)
-            self._note(f"{execution.message}; at rest {distance} further")
+            self._note_contact(found, execution.message)
         else:
             outputs.advance(motion.duration_s)
+
+    def _note_contact(self, contact: Contact, message: str) -> None:
+        """Keep a contact, with the way from there to rest; note it as data, too."""
+        rest = self._robot.image.copy().position[list(self._group.joint_axes)]
+        stop = self._planner.distance_between(contact.positions, rest)
+        number = self.step.number if self.step is not None else 0
+        self.contact = FoundContact(number, contact, stop)
+        data = {
+            "at": contact.joint or contact.link,
+            "change": contact.change,
+            "unit": contact.unit,
+            "stop": stop.value,
+            "stop_unit": stop.unit,
+        }
+        self._note(f"{message}; at rest {stop} further", self.step, contact=data)
 
     def _has_ended(
         self,
@@ -395,9 +438,12 @@ class ProgramRun:
             self.reason = f"{where}: stopped at {number}: {text}"
         self._note(self.reason, self.step, Level.WARNING)
 
-    def _note(self, text: str, do: Do | None = None, level: Level = Level.INFO) -> None:
+    def _note(
+        self, text: str, do: Do | None = None, level: Level = Level.INFO, **more: object
+    ) -> None:
         """Note what the program does with the robot's events, and so in recordings."""
         data: dict[str, object] = {"program": str(self.program.path), "executed": self.executed}
+        data |= more
         if do is not None:
             data |= {"step": do.number, "key": do.key, "line": do.line}
         whole = f"program {self.program.path}: {text}"

@@ -98,6 +98,12 @@ class ProgramAction(WorkerAction):
         result.message = f"{state.file}: {state.executed} steps were executed"
         if state.reason:
             result.message = f"{state.file}: {state.reason}"
+        if (found := programs.contact) is not None:
+            contact = found.contact
+            result.message += (
+                f"; contact in step {found.step}: {contact.change:.2f} {contact.unit} at"
+                f" {contact.joint or contact.link}, at rest {found.stop} further"
+            )
         return Outcome.SUCCEEDED, result.message
 
     def fill_failure(self, result: Any, error: Exception, text: str) -> None:

@@ -15,7 +15,7 @@ from robotd_teach.poses import Poses
 from robotd_teach.program_check import ProgramCheck
 from robotd_teach.program_code import Program
 from robotd_teach.program_motion import Place, StepPlanner
-from robotd_teach.program_run import ProgramRun
+from robotd_teach.program_run import FoundContact, ProgramRun
 
 OPERATOR = "by the operator"
 ACTIVE = ("running", "paused", "waiting")  # states of a program in execution
@@ -95,6 +95,14 @@ class Programs:
             "" if name != "stopped" else run.reason,
         )
 
+    @property
+    def contact(self) -> FoundContact | None:
+        """Contact that ended the last step with ``until`` of the newest program. Any thread.
+
+        None: no step of it has ended at one.
+        """
+        return None if self._run is None else self._run.contact
+
     def check(self, program: Program, wait: Callable[[], None] = lambda: None) -> None:
         """Check a whole program from where the arm is. Nothing moves. Any worker thread.
 
@@ -118,6 +126,7 @@ class Programs:
             DescriptorError, InvalidArgument: as ``check``; nothing has moved.
             NotReady: another program runs, or the robot cannot move; nothing has moved.
             OperationError: the program was stopped, with step and reason. ``resume`` continues it.
+            NoContact: the same, by a motion with ``until`` that has met nothing.
         """
         with self._exclusively(on_tick) as tick:
             self._go(self._begin(program, tick), tick)

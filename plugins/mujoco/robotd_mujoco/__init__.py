@@ -21,6 +21,7 @@ from robotd.api import (
     PayloadDriver,
     PluginError,
     World,
+    WrenchDriver,
     hookimpl,
 )
 from robotd_mujoco.options import MujocoOptions
@@ -110,6 +111,14 @@ def robotd_payload(device: MujocoDevice) -> PayloadDriver | None:
     from robotd_mujoco.payload import MujocoPayload
 
     return None if device.physics.robot_model.payload < 0 else MujocoPayload(device.physics)
+
+
+@hookimpl
+def robotd_wrenches(device: MujocoDevice) -> WrenchDriver | None:
+    """The force/torque sensors at the wrists of the arms; None without an arm."""
+    from robotd_mujoco.device import MujocoWrenches
+
+    return MujocoWrenches(device.physics) if device.physics.robot_model.wrists else None
 
 
 @hookimpl

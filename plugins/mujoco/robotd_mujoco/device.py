@@ -26,6 +26,7 @@ from robotd.api import (
     World,
     WorldCamera,
     WorldObject,
+    WrenchDriver,
 )
 from robotd_mujoco.options import MujocoOptions
 from robotd_mujoco.physics import IMAGE_BYTES, Physics
@@ -250,6 +251,29 @@ class MujocoWorld(World):
 
     def image(self, camera: str) -> NDArray[Any]:
         return self._thread.submit(self._renderer.image, camera).result()
+
+
+class MujocoWrenches(WrenchDriver):
+    """Sensors at the wrists; they measure the weight of link and tool, too."""
+
+    def __init__(self, physics: Physics) -> None:
+        self._physics = physics
+        self._values: FloatArray = np.full((len(physics.robot_model.wrists), 6), np.nan)
+        self._taken_ns = 0  # the last values before the link was frozen stay
+
+    @property
+    def links(self) -> Sequence[str]:
+        return self._physics.robot_model.wrists
+
+    def read(self, wrenches: FloatArray) -> int:
+        physics = self._physics
+        with physics.lock:
+            if not physics.talking:
+                self._values[:], self._taken_ns = np.nan, 0
+            elif not physics.frozen:
+                self._values[:], self._taken_ns = physics.wrenches(), physics.now_ns
+            wrenches[:] = self._values
+            return self._taken_ns
 
 
 class MujocoAxes(ProfiledAxes):

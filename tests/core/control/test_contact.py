@@ -5,14 +5,18 @@ The simulation has torques of acceleration and friction; what touches is in test
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from tests.core.control.harness import FAR, Harness
 
+from robotd.arrays import FloatArray
 from robotd.control.loop.setpoint_source import Outcome
-from robotd.control.sources.contact import ContactLimits, ContactWatch
+from robotd.control.sources.contact import ContactLimits, ContactWatch, WrenchLimits
 from robotd.device.process_image import ProcessImage, columns
-from robotd.errors import NotReady
+from robotd.device.wrench import WrenchDriver, WrenchSensor
+from robotd.errors import InvalidArgument, NotReady
 from robotd.motion import JointLimits, TrajectoryRequest
 
 LIMITS = JointLimits(
@@ -85,3 +89,103 @@ def test_one_reading_may_be_noise_and_a_lost_torque_ends_the_motion() -> None:
     assert not look(np.nan, np.nan)
     assert look(np.nan, np.nan) == "the torque of a is not known"
     assert watch.contact is None
+
+
+STALE_S = 0.1
+
+
+class Wrist(WrenchDriver):
+    """Sensor whose values are those of the test; of the present while it is ``alive``."""
+
+    links: Sequence[str] = ("elbow", "wrist")
+
+    def __init__(self, harness: Harness) -> None:
+        self._clock, self._taken_ns = harness.robot.clock, 0
+        self.alive = True
+        self.wrench: FloatArray = np.array([0.0, 0.0, -6.0, 0.0, 0.0, 0.0])  # its tool's weight
+
+    def read(self, wrenches: FloatArray) -> int:
+        if self.alive:
+            self._taken_ns = self._clock.now_ns()
+        wrenches[0], wrenches[1] = np.nan, self.wrench
+        return self._taken_ns
+
+    def sensor(self) -> WrenchSensor:
+        return WrenchSensor(self, "wrist", self._clock, STALE_S)
+
+
+def moved(harness: Harness, limits: WrenchLimits, event: object) -> tuple[Outcome | None, str]:
+    """Move, call ``event`` on the way, and return how it has ended: at rest, before the target."""
+    with harness.follower.follow(request(harness), contact=limits) as execution:
+        harness.run(0.3)
+        assert execution.outcome is None
+        assert callable(event)
+        event()
+        harness.end(execution)
+    before = harness.image.position.copy()
+    harness.run(0.1)
+    assert harness.image.position == pytest.approx(before, abs=1e-4)
+    assert before[0] < FAR[0] - 0.1
+    harness.setpoints.assert_smooth(12.0)
+    return execution.outcome, execution.message
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ((0.0, 0.0, 0.0, 11.0), "the force at wrist has changed by 11.00 N, limit 10 N"),
+        ((6.0, 8.5, 0.0, 0.0), "the force at wrist has changed by 10.40 N, limit 10 N"),
+        ((0.0, 0.0, 0.0, 0.0, -3.0), "the torque at wrist has changed by 3.00 N·m, limit 2 N·m"),
+    ],
+)
+def test_a_wrench_beyond_its_limit_ends_the_motion(
+    harness: Harness, change: tuple[float, ...], text: str
+) -> None:
+    wrist = Wrist(harness)
+
+    def touch() -> None:
+        for column, value in zip((0, 1, 4, 2, 5), change, strict=False):
+            wrist.wrench[column] += value
+
+    limits = WrenchLimits(wrist.sensor(), 10.0, 2.0)
+    outcome, message = moved(harness, limits, touch)
+    assert (outcome, message.partition(", at ")[0]) == (Outcome.CONTACT, f"contact: {text}")
+
+
+def test_a_wrench_that_is_lost_ends_the_motion_with_the_reason(harness: Harness) -> None:
+    wrist = Wrist(harness)
+    limits = WrenchLimits(wrist.sensor(), 10.0)
+    outcome, message = moved(harness, limits, lambda: setattr(wrist, "alive", False))
+    assert outcome is Outcome.FAULT
+    assert message.startswith(f"the wrench at wrist is {STALE_S + 0.002:.3f} s old, limit 0.1 s")
+
+
+def test_a_wrench_that_is_not_known_ends_the_motion_with_the_reason(harness: Harness) -> None:
+    wrist = Wrist(harness)
+    limits = WrenchLimits(wrist.sensor(), torque_nm=2.0)
+    outcome, message = moved(harness, limits, lambda: wrist.wrench.__setitem__(0, np.nan))
+    assert outcome is Outcome.FAULT
+    assert message.startswith("the wrench at wrist is not known, at ")
+
+
+def test_a_motion_that_may_not_begin_is_rejected(harness: Harness) -> None:
+    wrist = Wrist(harness)
+    sensor = wrist.sensor()
+    with pytest.raises(InvalidArgument, match="force_n is 0, must be above 0"):
+        WrenchLimits(sensor, 0.0)
+    with pytest.raises(InvalidArgument, match="needs force_n or torque_nm"):
+        WrenchLimits(sensor)
+    before = WrenchLimits(sensor, 5.0, bias=False)
+    reason = "in contact before the motion: the force at wrist is 6.00 N, limit 5 N"
+    with (
+        pytest.raises(NotReady, match=reason),
+        harness.follower.follow(request(harness), contact=before),
+    ):
+        pass
+    wrist.wrench[:] = np.nan
+    with (
+        pytest.raises(NotReady, match="the wrench at wrist is not known"),
+        harness.follower.follow(request(harness), contact=WrenchLimits(sensor, 5.0)),
+    ):
+        pass
+    assert not harness.setpoints.rows

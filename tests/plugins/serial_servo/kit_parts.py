@@ -19,7 +19,7 @@ DAILY = ("rejections", "fieldbus", "enable", "guiding", "faults", "torque")
 PARTS = {
     "stops": (
         "rejections", "fieldbus", "io", "io_images", "switches", "enable", "hand_moves",
-        "guiding", "payload", "connection", "ageing", "stopping", "stops_of_some_axes",
+        "guiding", "payload", "wrenches", "connection", "ageing", "stopping", "stops_of_some_axes",
         "stop_ramps", "ramps", "faults", "watchdog",
     ),
     "axes": (
@@ -50,6 +50,7 @@ NOT_APPLICABLE = "|".join(
         r"alarm 0x[0-9A-F]+: a servo has 0x3f",
         "backend measures no torque",
         "the device has no outputs",
+        "the device has no wrench",
         "takes no drive in again",
         "no confirmations are kept",
         r"stream_buffer_s is 0",

@@ -17,7 +17,7 @@ from robotd.control.groups.descriptor_limits import joint_limits, trajectory_rul
 from robotd.control.groups.joint_motion import JointMotion
 from robotd.control.loop.rearming import CommandSource, Rearming
 from robotd.control.loop.setpoint_source import Outcome
-from robotd.control.sources.contact import ContactLimits
+from robotd.control.sources.contact import ContactLimits, WrenchLimits
 from robotd.control.sources.device_trajectory import DeviceTrajectory
 from robotd.control.sources.streamed_trajectory import StreamedTrajectory
 from robotd.control.sources.trajectory_execution import (
@@ -132,7 +132,7 @@ class TrajectoryFollower:
         tolerances: Tolerances | None = None,
         start_ns: int | None = None,
         ticket: int = 0,
-        contact: ContactLimits | None = None,
+        contact: ContactLimits | WrenchLimits | None = None,
     ) -> Iterator[TrajectoryExecution]:
         """Start a trajectory as a context; leaving it cancels the execution.
 
@@ -141,13 +141,13 @@ class TrajectoryFollower:
             tolerances: for the path and the goal; None: the defaults.
             start_ns: monotonic time at which the trajectory's time 0 is; None: now.
             ticket: of ``JointMotion.ticket``, for requests that workers take up in any order.
-            contact: torques at which it ends by the ordinary stop, with ``Outcome.CONTACT``; None:
-                it ends at its last point only.
+            contact: torques, or a wrench, at which it ends by the ordinary stop, with
+                ``Outcome.CONTACT``; None: it ends at its last point only.
 
         Raises:
             TrajectoryRejected: the request is not acceptable; a running trajectory continues.
-            NotReady: a joint cannot be commanded now, a newer request was started already, or the
-                torque of a joint of ``contact`` is not reported.
+            NotReady: a joint cannot be commanded now, a newer request was started already, or what
+                ``contact`` compares is not known, or beyond its limit already.
         """
         limits, allowed = self.limits, tolerances or self.tolerances()
 
@@ -177,8 +177,7 @@ class TrajectoryFollower:
         with ExitStack() as claim:
             try:
                 if contact is not None:
-                    torque = self._axes.image.copy().torque[self._joint_axes]
-                    contact.require_torques(limits, torque)
+                    contact.require_ready(limits, self._axes.image.copy(), self._joint_axes)
                 with self._motion.lock, untimed(self._clock):
                     if start_ns is not None and len(request.times_s):
                         delay_s = (start_ns - self._clock.now_ns()) / NANOSECONDS

@@ -1,15 +1,17 @@
-"""Contact: a motion ends when the torque of a joint shows that it touches something."""
+"""Contact: a motion ends when torques of joints, or a wrench, show that it touches something."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
 
 from robotd.arrays import FloatArray, IntArray
 from robotd.device.process_image import ProcessImage
-from robotd.errors import NotReady
+from robotd.device.wrench import Wrench, WrenchSensor, magnitude
+from robotd.errors import InvalidArgument, NotReady
 from robotd.motion import JointLimits
 
 CONFIRMATIONS = 2  # consecutive readings beyond the limit; one may be noise
@@ -26,6 +28,14 @@ class ContactLimits:
 
     torque: FloatArray
 
+    def require_ready(self, limits: JointLimits, image: ProcessImage, axes: IntArray) -> None:
+        """Raise NotReady where a motion cannot begin; see ``require_torques``."""
+        self.require_torques(limits, image.torque[axes])
+
+    def watch(self, limits: JointLimits) -> ContactWatch:
+        """Return what compares torques in one motion."""
+        return ContactWatch(self, limits)
+
     def require_torques(self, limits: JointLimits, torque: FloatArray) -> None:
         """Raise NotReady where a torque (m,) that counts is not reported."""
         unknown = np.isfinite(self.torque) & ~np.isfinite(torque)
@@ -35,18 +45,72 @@ class ContactLimits:
             raise NotReady(f"{text}: motion until a contact needs it")
 
 
+@dataclass(frozen=True, eq=False)
+class WrenchLimits:
+    """Force and torque on a link at which a motion ends. Raises InvalidArgument.
+
+    Attributes:
+        sensor: at the link, of ``Robot.wrenches``.
+        force_n, torque_nm: lengths of the vectors, above 0; inf: does not count. One has to count.
+        bias: the wrench at which the motion begins is subtracted, and with it the weight of the
+            tool; False: the wrench is taken as the device reports it.
+    """
+
+    sensor: WrenchSensor
+    force_n: float = inf
+    torque_nm: float = inf
+    bias: bool = True
+
+    def __post_init__(self) -> None:
+        for name, value in (("force_n", self.force_n), ("torque_nm", self.torque_nm)):
+            if not value > 0.0:
+                raise InvalidArgument(f"{name} is {value:g}, must be above 0")
+        if self.force_n == self.torque_nm == inf:
+            raise InvalidArgument("a contact by wrench needs force_n or torque_nm")
+
+    def require_ready(self, limits: JointLimits, image: ProcessImage, axes: IntArray) -> None:
+        """Raise NotReady: the wrench is not known, or without ``bias`` beyond a limit already."""
+        wrench = self.sensor.require()
+        if not self.bias and (excess := self.excess(wrench.force, wrench.torque)):
+            raise NotReady(f"in contact before the motion: {excess[2]}")
+
+    def watch(self, limits: JointLimits) -> WrenchWatch:
+        """Return what compares wrenches in one motion."""
+        return WrenchWatch(self)
+
+    def excess(self, force: FloatArray, torque: FloatArray) -> tuple[float, str, str] | None:
+        """Return value, unit and text of a limit that vectors (3,) exceed, or None."""
+        if not magnitude(force) <= self.force_n:
+            return magnitude(force), "N", self.text("force", magnitude(force))
+        if not magnitude(torque) <= self.torque_nm:
+            return magnitude(torque), "N·m", self.text("torque", magnitude(torque))
+        return None
+
+    def text(self, quantity: str, value: float) -> str:
+        """Return a text about a "force" or "torque" and its limit."""
+        unit, limit = ("N", self.force_n) if quantity == "force" else ("N·m", self.torque_nm)
+        verb = "has changed by" if self.bias else "is"
+        what = f"the {quantity} at {self.sensor.link}"
+        return f"{what} {verb} {value:.2f} {unit}, limit {limit:g} {unit}"
+
+
 class Contact(NamedTuple):
     """Contact that has ended a motion.
 
     Attributes:
-        joint: its name.
-        change: of its torque since the motion began, N·m or N.
+        joint: its name; "" where a wrench has shown it.
+        change: of its torque since the motion began, N·m or N; of a wrench the length of the
+            vector, without ``bias`` as reported.
         positions: (m,) measured when it was noticed, rad or m.
+        link: where a wrench has shown it; "" for a joint.
+        unit: of ``change``: N or N·m.
     """
 
     joint: str
     change: float
     positions: FloatArray
+    link: str = ""
+    unit: str = "N·m"
 
 
 class ContactWatch:
@@ -80,7 +144,9 @@ class ContactWatch:
         name = self._limits.names[joint]
         if not np.isfinite(change[joint]):
             return f"the torque of {name} is not known"
-        self.contact = Contact(name, float(change[joint]), image.position[columns].copy())
+        unit = UNITS[self._limits.units[joint]]
+        positions = image.position[columns].copy()
+        self.contact = Contact(name, float(change[joint]), positions, unit=unit)
         return f"contact: the torque of {self._text(joint, change)}"
 
     @property
@@ -92,3 +158,52 @@ class ContactWatch:
         unit = UNITS[self._limits.units[joint]]
         name, limit = self._limits.names[joint], self._wanted[joint]
         return f"{name} has changed by {change[joint]:.2f} {unit}, limit {limit:g} {unit}"
+
+
+class WrenchWatch:
+    """Compares wrenches with limits, and with that at the start of a motion. Control-loop thread.
+
+    Attributes:
+        contact: the first one; None before.
+    """
+
+    def __init__(self, limits: WrenchLimits) -> None:
+        self.contact: Contact | None = None
+        self._limits = limits
+        self._begin: Wrench | None = None
+        self._taken_ns, self._beyond = 0, 0
+        self._largest = {"force": 0.0, "torque": 0.0}
+
+    def look(self, image: ProcessImage, columns: slice | IntArray) -> str:
+        """Read the wrench; return why the motion has to end, "" to go on.
+
+        A wrench that is not known, or too old, ends it at once.
+        """
+        wrench = self._limits.sensor.read()
+        if problem := self._limits.sensor.problem(wrench):
+            return problem
+        if wrench.taken_ns == self._taken_ns:
+            return ""
+        self._taken_ns = wrench.taken_ns
+        if self._begin is None:
+            self._begin = wrench
+        force, torque = wrench.force, wrench.torque
+        if self._limits.bias:
+            force, torque = force - self._begin.force, torque - self._begin.torque
+        for name, vector in (("force", force), ("torque", torque)):
+            self._largest[name] = max(self._largest[name], magnitude(vector))
+        excess = self._limits.excess(force, torque)
+        self._beyond = self._beyond + 1 if excess else 0
+        if excess is None or self._beyond < CONFIRMATIONS:
+            return ""
+        value, unit, text = excess
+        positions = image.position[columns].copy()
+        self.contact = Contact("", value, positions, self._limits.sensor.link, unit)
+        return f"contact: {text}"
+
+    @property
+    def most(self) -> str:
+        """Text about the largest values so far, of what counts."""
+        counts = {"force": self._limits.force_n, "torque": self._limits.torque_nm}
+        named = [name for name, limit in counts.items() if limit < inf]
+        return "; ".join(self._limits.text(name, self._largest[name]) for name in named)

@@ -14,7 +14,13 @@ from robotd.arrays import FloatArray, IntArray
 from robotd.clock import NANOSECONDS, Clock
 from robotd.clock.simulated import ticks
 from robotd.control.loop.setpoint_source import Outcome
-from robotd.control.sources.contact import Contact, ContactLimits, ContactWatch
+from robotd.control.sources.contact import (
+    Contact,
+    ContactLimits,
+    ContactWatch,
+    WrenchLimits,
+    WrenchWatch,
+)
 from robotd.control.sources.joint_source import (
     REST_TIMEOUT_S,
     STALL_S,
@@ -40,7 +46,7 @@ class PlannedGoal:
         axes: (m,) index of each joint's axis.
         stopped_velocity: (m,) rad/s or m/s below which a joint is at rest.
         rate_bounds: of what the joints move; None: changes of speed keep their accelerations only.
-        contact: torques at which the motion ends; None: it ends at its last point only.
+        contact: torques or wrench at which the motion ends; None: it ends at its last point only.
     """
 
     trajectory: Trajectory
@@ -49,7 +55,7 @@ class PlannedGoal:
     tolerances: Tolerances
     stopped_velocity: FloatArray
     rate_bounds: RateBounds | None = None
-    contact: ContactLimits | None = None
+    contact: ContactLimits | WrenchLimits | None = None
 
 
 class TrajectoryExecution(JointSource):
@@ -91,7 +97,7 @@ class TrajectoryExecution(JointSource):
         self._history = CommandHistory() if feedback_period_s + response_s > 0.0 else None
         goal_s = trajectory.goal_s
         self._passage = None if goal_s is None else GoalPassage(trajectory, goal_s, goal.tolerances)
-        self._contact = None if goal.contact is None else ContactWatch(goal.contact, goal.limits)
+        self._contact = None if goal.contact is None else goal.contact.watch(goal.limits)
         self._returning = False  # the command, to joints that did not follow it
 
     @property
@@ -197,8 +203,8 @@ class TrajectoryExecution(JointSource):
                 self._rest(time_ns, image)
         return self.streams
 
-    def _look_for_contact(self, watch: ContactWatch, image: ProcessImage) -> None:
-        """Request the end at a contact, and where a torque is not known."""
+    def _look_for_contact(self, watch: ContactWatch | WrenchWatch, image: ProcessImage) -> None:
+        """Request the end at a contact, and where torque or wrench are not known."""
         if reason := watch.look(image, self.columns):
             outcome = Outcome.FAULT if watch.contact is None else Outcome.CONTACT
             self.completion.request(outcome, f"{reason}, at {self.time_s:.3f} s")

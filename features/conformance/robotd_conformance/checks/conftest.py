@@ -52,7 +52,7 @@ def pytest_configure(config: pytest.Config) -> None:
 # First what moves nothing, then stops, then ever longer and faster motion; endurance at the end.
 SAFE_ORDER = (
     "rejections", "fieldbus", "io", "io_images", "switches", "enable", "hand_moves", "guiding",
-    "payload",
+    "payload", "wrenches",
     "connection", "ageing", "stopping", "stops_of_some_axes", "stop_ramps", "ramps", "faults",
     "watchdog", "axes_apart", "resumption", "units", "neighbours", "small_and_large", "profiles",
     "overrides", "command_sequences", "shown_motion", "while_it_happens", "extremes", "questions",

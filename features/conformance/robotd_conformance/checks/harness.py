@@ -133,7 +133,13 @@ class Harness:
     def _watch_calls(self) -> None:
         """Note each call of a driver that is wrong whatever a check expects: ``wrong_calls``."""
         drivers = self.drivers
-        for driver in (drivers.device, drivers.axes, drivers.io, drivers.fieldbus):
+        for driver in (
+            drivers.device,
+            drivers.axes,
+            drivers.io,
+            drivers.fieldbus,
+            drivers.wrenches,
+        ):
             for name, member in inspect.getmembers_static(type(driver)):
                 if isinstance(member, staticmethod) and not name.startswith("_"):
                     setattr(driver, name, self._watched(name, getattr(driver, name)))

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import ClassVar
+
+import numpy as np
 
 import robotd_sim
 from robotd.api import (
@@ -10,8 +13,10 @@ from robotd.api import (
     DeviceContext,
     DeviceDriver,
     FaultInjector,
+    FloatArray,
     PayloadDriver,
     ProcessImage,
+    WrenchDriver,
     hookimpl,
 )
 from robotd_sim import (
@@ -24,6 +29,20 @@ from robotd_sim import (
     SimPayload,
     Simulation,
 )
+
+
+class SimWrenches(WrenchDriver):
+    """A force of 0 at the wrist, which the simulation itself does not have."""
+
+    links: Sequence[str] = ("link6",)
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+
+    def read(self, wrenches: FloatArray) -> int:
+        world = self._simulation.world
+        wrenches[:] = 0.0 if self._simulation.communicating else np.nan
+        return world.now_ns
 
 
 class Mutant:
@@ -45,6 +64,7 @@ class Mutant:
     Io: ClassVar[type[SimIo]] = SimIo
     Fieldbus: ClassVar[type[SimFieldbus]] = SimFieldbus
     ArmPayload: ClassVar[type[SimPayload]] = SimPayload
+    Wrenches: ClassVar[type[SimWrenches] | None] = None
     Injector: ClassVar[type[SimFaultInjector]] = SimFaultInjector
 
     @hookimpl
@@ -75,6 +95,10 @@ class Mutant:
     @hookimpl
     def robotd_payload(self, device: SimDevice) -> PayloadDriver:
         return self.ArmPayload(device.simulation)
+
+    @hookimpl
+    def robotd_wrenches(self, device: SimDevice) -> WrenchDriver | None:
+        return None if self.Wrenches is None else self.Wrenches(device.simulation)
 
     @hookimpl
     def robotd_fault_injector(self, device: SimDevice) -> FaultInjector:
