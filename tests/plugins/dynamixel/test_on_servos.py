@@ -24,14 +24,14 @@ from robotd_dynamixel import dynamixel_bus
 from robotd_dynamixel.dynamixel_bus import DynamixelBus
 from robotd_serial_servo import bus_scan
 from robotd_serial_servo.bus_scan import opened, scan_servos
-from robotd_serial_servo.calibrate_command import (
+from robotd_serial_servo.calibration import write_calibration
+from robotd_serial_servo.hand_calibration import (
     calibrations,
     positions,
     release_all,
     store_all,
     store_middle,
 )
-from robotd_serial_servo.calibration import write_calibration
 from robotd_serial_servo.servo_bus import BusError, Goal
 from robotd_serial_servo.servo_faults import Fault
 

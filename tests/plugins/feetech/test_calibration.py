@@ -5,18 +5,19 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
 from robotd.api import DescriptorError, InvalidArgument, load_robot_descriptor
 from robotd_feetech.options import FeetechOptions
-from robotd_serial_servo.calibrate_command import calibrations
 from robotd_serial_servo.calibration import (
     Scale,
     half_turn_offset,
     read_calibration,
     write_calibration,
 )
+from robotd_serial_servo.hand_calibration import Ranges, calibrations
 from robotd_serial_servo.options import ServoPlan
 
 # As lerobot 0.6 writes it: draccus, indent 4.
@@ -137,3 +138,16 @@ def test_ranges_by_hand_become_a_calibration() -> None:
     assert (found["wrist_roll"].range_min, found["wrist_roll"].range_max) == (0, 4095)
     with pytest.raises(InvalidArgument, match="wrist_roll: not moved"):
         calibrations(joints, {}, {"shoulder_pan": (0, 900), "wrist_roll": (5, 6)})
+
+
+def test_a_servo_that_misses_a_read_keeps_its_range() -> None:
+    bus = Mock()
+    reads = ({1: 2000, 2: 2047}, {1: 900}, {1: 1500, 2: 3000}, {2: 2500})
+    bus.read.side_effect = [
+        {servo: Mock(position=position) for servo, position in read.items()} for read in reads
+    ]
+    ranges = Ranges(bus, {"pan": 1, "lift": 2})
+    for _ in reads[1:]:
+        ranges.follow()
+    assert ranges.found == {"pan": (900, 2000), "lift": (2047, 3000)}
+    assert ranges.now == {"lift": 2500}
