@@ -33,7 +33,7 @@ class GripperState:
     """State of the fingers at the end of a move.
 
     Attributes:
-        position_m: of the gripper, as far as it is known.
+        position_m: of the gripper, as far as it is known; rad for fingers that turn.
         reached: they are at the commanded position.
         stalled: they were stopped by a part before the commanded position.
         at_rest: they have stopped; False: the move was canceled or replaced on the way.
@@ -64,7 +64,8 @@ class Gripper:
         joints: names of the fingers.
         multipliers: position of each finger per position of the gripper; shape (fingers,).
         closed: part of the stroke that the fingers are closed by, 0 to 1.
-        open_m, closed_m: position of the gripper at the two ends; set by ``configure``.
+        open_m, closed_m: position of the gripper at the two ends, rad for fingers that turn; set
+            by ``configure``.
     """
 
     def __init__(

@@ -36,7 +36,7 @@ class ServoGripper:
     Attributes:
         name: in the robot's file.
         joints: name of the joint.
-        open_m, closed_m: position at the two ends.
+        open_m, closed_m: position at the two ends; rad, in spite of the name, for a revolute joint.
     """
 
     is_measured = True
