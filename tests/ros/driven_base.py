@@ -116,6 +116,10 @@ class Base:
             ended.set()
             thread.join()
 
+    def longest_silence_s(self, first: int) -> float:
+        """Return the longest time between two commands since the one with index ``first``."""
+        return max(later - earlier for earlier, later in pairwise(self.sent[first:]))
+
     def stands(self, messages: int = 50) -> bool:
         """Return whether it is at rest in each of the next messages of the odometry."""
         first = len(self.odometry)

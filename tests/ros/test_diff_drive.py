@@ -221,6 +221,7 @@ def test_without_a_servo_it_stands_and_says_so_once(
     base.rest()
     off = client.call(SetAxis, "/wmx/axis/set_on", index=[1], data=[0])
     assert off.success, off.message
+    first = len(base.sent)
     with base.driving(0.5, 0.0):
         assert base.stands()
         process.wait_output("right wheel: servo is off")
@@ -231,7 +232,9 @@ def test_without_a_servo_it_stands_and_says_so_once(
             )
         on = client.call(SetAxis, "/wmx/axis/set_on", index=[1], data=[1])
         assert on.success, on.message
-        assert base.stands()  # the client has not noticed: it has to be released first
+        # The client has not noticed: it has to be released first. On a busy computer its thread
+        # may be silent for as long.
+        assert base.stands() or base.longest_silence_s(first) > TIMEOUT_S - SLACK_S
         process.wait_output("cmd_vel kept commanding while motion was rejected")
     base.rest()
     with base.driving(0.5, 0.0):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -45,6 +46,8 @@ from robotd_testing.domain import own_domain
 pytestmark = pytest.mark.ros
 
 TARGET = 1.0  # rad, far from where the joints are
+MIN_STATES = 20
+SHORTEST_S, JITTER_S = 0.5, 0.1  # silence that arms a source of whole trajectories
 STANDSTILL = 2e-3  # rad; drives settle after they are switched on
 TORQUE_ROBOT = Path(__file__).parents[1] / "plugins" / "canopen" / "bus" / "torque_drives.yaml"
 EFFORTS = "forward_effort_controller/commands"
@@ -121,11 +124,15 @@ def base(topic: str, message_type: Any) -> Clients:
 
 
 class Commanders:
-    """Clients that command at ``RATE_HZ``, each on its topic, whatever robotd does."""
+    """Clients that command at ``RATE_HZ``, each on its topic, whatever robotd does.
+
+    Attributes:
+        silence_s: longest time between two rounds: their thread waits on a busy computer.
+    """
 
     def __init__(self, client: Client, clients: Clients) -> None:
         self.topics = {name.partition(" ")[0] for name in clients} - {POSES}  # named as the twists
-        self.on, self.rounds = True, 0
+        self.on, self.rounds, self.silence_s = True, 0, 0.0
         self._closing = threading.Event()
         self._publishers = [
             (client.node.create_publisher(message_type, f"/{name.partition(' ')[0]}", 10), make)
@@ -139,11 +146,14 @@ class Commanders:
         self._thread.join()
 
     def _run(self) -> None:
+        before_s = time.monotonic()
         while not self._closing.wait(1.0 / RATE_HZ):
             if self.on:
                 for publisher, make in self._publishers:
                     publisher.publish(make())
                 self.rounds += 1
+            before_s, gap_s = time.monotonic(), time.monotonic() - before_s
+            self.silence_s = max(self.silence_s, gap_s)
 
 
 class Restarted:
@@ -186,6 +196,7 @@ def restarting(
         try:
             for number in range(restarts + 1):
                 seen.forget()
+                commanders.silence_s = 0.0
                 with RobotProcess(*arguments, domain=domain, **options) as process:
                     process.wait_ready()
                     assert_all_rejected(commanders, seen)
@@ -207,8 +218,9 @@ def assert_all_rejected(commanders: Commanders, seen: Restarted) -> None:
         wait_until(lambda topic=topic: is_named(topic), f"{topic} among {seen.problems}")
     rounds = commanders.rounds
     wait_until(lambda: commanders.rounds > rounds + RATE_HZ / 2, "further commands")
-    wait_until(lambda: seen.states, "states of the axes")
-    assert seen.travel < STANDSTILL
+    wait_until(lambda: len(seen.states) > MIN_STATES, "states of the axes")
+    # Whoever was silent for as long, against its will, may move the robot.
+    assert seen.travel < STANDSTILL or commanders.silence_s > SHORTEST_S - JITTER_S
 
 
 def assert_released(commanders: Commanders, seen: Restarted, *, silence_s: float) -> None:

@@ -90,6 +90,7 @@ def add_command_subscription(
             sent_ns = times.sent_ns(source_ns, sent_at_ns(message), limit_s)
         except InvalidArgument as error:
             dropped += 1
+            reception.drop()
             robot.axes.events.count(EventKind.COMMAND, LATE)
             rejections.rejected(shown, (), str(error))
             return

@@ -429,6 +429,49 @@ def test_an_axis_of_a_topic_that_is_received_is_known_to_be_silent(harness: Harn
     send(1, SPEED, 5002)
 
 
+@pytest.mark.parametrize("late", [False, True])
+def test_a_client_whose_messages_are_dropped_is_not_silent(
+    harness: Harness, client: Client, late: bool
+) -> None:
+    """Beyond the rate limit they are not decoded; late ones are, and rejected."""
+    if isinstance(client, Program):
+        pytest.skip("it belongs to the same process, and nothing gets lost")
+    client.go(0.5)
+    harness.robot.stop()
+    harness.robot.reset()
+    for _ in range(2):
+        for _ in range(round(2 * SILENCE_S * RATE_HZ)):
+            client.sequence += 1
+            if late:
+                with client.reception.message(client.sequence):
+                    client.reception.drop()
+            harness.run(1.0 / RATE_HZ)
+        client.target += 0.5
+        client.rejections.clear()
+        assert client.go(0.5) < 1e-4
+        assert "kept commanding while motion was rejected" in client.rejections[-1]
+
+
+def test_a_publisher_that_is_discovered_late_may_have_been_commanding(harness: Harness) -> None:
+    motion, reception = AxisMotion(harness.robot), Reception(harness.robot.rearming)
+
+    def send(axis: int, velocity: float, sequence: int) -> None:
+        message = SimpleNamespace(index=[axis], velocity=[velocity], acc=[5.0], dec=[5.0])
+        with reception.message(sequence):
+            motion.jog(message, 0)
+
+    for axis in (0, 1):
+        harness.robot.axes.set_command_mode(axis, CommandMode.VELOCITY)
+    for sequence in range(100):  # nothing to be said against this one
+        send(0, SPEED, sequence + 1)
+        harness.run(1.0 / RATE_HZ)
+    with pytest.raises(NotReady, match="was commanding before robotd received it"):
+        send(1, SPEED, 5000)
+    harness.run(SILENCE_S + PERIOD_S)
+    send(1, SPEED, 5001)
+    send(0, SPEED, 101)  # armed, and silent for a while
+
+
 def test_a_stop_after_a_start_is_named_as_the_reason(harness: Harness) -> None:
     client = Positions(harness)
     client.sequence, client.target = 5000, 0.5

@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 import threading
+from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -33,11 +34,11 @@ MAX_KNOWN = 64  # sources that are looked up by name; beyond it silent ones are 
 
 Numbers = tuple[int, ...]  # of the newest interruptions that concern a source
 
-# Of the first message received on the topic being handled: its number among those of its publisher,
-# and ``listened_ns`` then.
-_first_message: ContextVar[tuple[float, float]] = ContextVar(
-    "first_message", default=(1, -math.inf)
-)
+MAX_PUBLISHERS = 16  # of a topic that are told apart
+
+# Of the topic being handled: number of a message among those of its publisher, and ``listened_ns``
+# at which it was received. What commanded before it is not known.
+_heard_since: ContextVar[tuple[float, float]] = ContextVar("heard_since", default=(1, -math.inf))
 
 
 class Rearming:
@@ -93,17 +94,19 @@ class Rearming:
 
 
 class Reception:
-    """Time for which a topic was received: evidence that its sources were silent. One thread.
+    """Since when nothing on a topic was missed: only then is no command a silence. One thread.
 
     DDS may discover a client at any time after the start, also one that has commanded since before
-    a restart of robotd. So that no message has come does not show that the client was silent:
-    silence counts from its first message on. The exception is a first message whose sequence
-    number shows that its publisher was silent before, or had just begun.
+    a restart of robotd. On a busy computer messages are dropped, too. So that no command of a
+    source has come shows its silence only since the last message that does not continue the
+    numbers of a publisher, or was dropped. The exception is a number that shows that its publisher
+    was silent before, or had just begun.
     """
 
     def __init__(self, rearming: Rearming) -> None:
         self._rearming = rearming
-        self._first: tuple[float, float] | None = None  # None: nothing was received
+        self._since: tuple[float, float] | None = None  # None: nothing was received
+        self._numbers: deque[int] = deque(maxlen=MAX_PUBLISHERS)  # the last one of each publisher
 
     @contextmanager
     def message(self, sequence: int | None) -> Iterator[None]:
@@ -111,14 +114,25 @@ class Reception:
 
         ``sequence``: its number among those of its publisher, from 1 on; None: unknown.
         """
-        if self._first is None:
-            number = math.inf if sequence is None else sequence
-            self._first = number, -math.inf if number == 1 else self._rearming.listened_ns
-        token = _first_message.set(self._first)
+        if sequence is None:
+            if self._since is None:
+                self._since = math.inf, self._rearming.listened_ns
+        elif sequence - 1 in self._numbers:
+            self._numbers.remove(sequence - 1)
+            self._numbers.append(sequence)
+        else:
+            self._numbers.append(sequence)
+            if sequence > 1:
+                self._since = sequence, self._rearming.listened_ns
+        token = _heard_since.set(self._since or (1, -math.inf))
         try:
             yield
         finally:
-            _first_message.reset(token)
+            _heard_since.reset(token)
+
+    def drop(self) -> None:
+        """Note that the message is not handled: its sources do not learn of it."""
+        self._since = math.inf, self._rearming.listened_ns
 
 
 @dataclass(frozen=True)
@@ -234,16 +248,16 @@ class CommandSource:
         armed it.
         """
         now_ns, silence_ns = self._rearming.listened_ns, self.silence_s * NANOSECONDS
+        number, since_ns = _heard_since.get()
+        was_silent = now_ns - since_ns > silence_ns
+        # The first messages get lost while a publisher is discovered. Had it commanded without a
+        # silence since before motion was allowed, it would have sent one in each; the last may have
+        # been on its way for as long.
+        was_silent |= since_ns - self._rearming.settled_ns > (number + 1) * silence_ns
         if self._received_ns is None:
-            number, first_ns = _first_message.get()
-            was_silent = now_ns - first_ns > silence_ns
-            # The first messages get lost while a publisher is discovered. Had it commanded without
-            # a silence since before motion was allowed, it would have sent one in each; the last
-            # may have been on its way for as long.
-            was_silent |= first_ns - self._rearming.settled_ns > (number + 1) * silence_ns
             self._is_found = not was_silent
         else:
-            was_silent = now_ns - self._received_ns > silence_ns
+            was_silent &= now_ns - self._received_ns > silence_ns
         self._received_ns = now_ns
         present, follows_speed = self._rearming.interruptions.present, self._follows_speed
         if error := present(self.axes, self._modes, follows_speed=follows_speed):
