@@ -30,6 +30,8 @@ from tests.plugins.serial_servo.joints import Arm
 from tests.plugins.serial_servo.simulated_servo import SimulatedServo
 
 TICK_S = 0.01
+LONGEST_WAIT_S = 0.1
+"""For the wire: a servo keeps no more than the reply to the last request."""
 TCGETS2 = 0x802C542A
 """Linux: terminal settings with the bit rate as a number, which ``termios`` does not return."""
 
@@ -292,6 +294,8 @@ class SerialLine(ABC):
         if not frames:
             return start
         data = collide(frames, self._random)
+        if self._reply_time[1] - start > LONGEST_WAIT_S:
+            return start
         start = max(start, self._reply_time[1])
         end = start + len(data) * 10 / (self.baud or 1)
         self._reply_time = (start, end)
