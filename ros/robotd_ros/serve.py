@@ -137,6 +137,7 @@ def _run(
 ) -> None:
     """Start the robot, wait, shut it down; in threads, so that signals are handled."""
     enable = any(node.enables_servos for node in nodes)
+    # After a start that failed the process goes on where something can repeat the start.
     may_repeat = robot.descriptor.engine.reconnect or any(node.keeps_failed_start for node in nodes)
     start = _in_thread("robotd-start", lambda: _begin(robot, lifecycle, enable, events))
     failure: Exception | None = None

@@ -219,7 +219,7 @@ def assert_all_rejected(commanders: Commanders, seen: Restarted) -> None:
     rounds = commanders.rounds
     wait_until(lambda: commanders.rounds > rounds + RATE_HZ / 2, "further commands")
     wait_until(lambda: len(seen.states) > MIN_STATES, "states of the axes")
-    # Whoever was silent for as long, against its will, may move the robot.
+    # A commander that was silent for as long, against its will, may move the robot.
     assert seen.travel < STANDSTILL or commanders.silence_s > SHORTEST_S - JITTER_S
 
 

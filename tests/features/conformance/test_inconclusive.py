@@ -97,7 +97,7 @@ def run(
 
 
 def test_what_failed_on_a_stalled_computer_is_repeated_at_the_end(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     reports, repeats = run(tmp_path, monkeypatch, stall_s=2 * STALL_S)
     assert reports.outcomes == {
@@ -113,6 +113,8 @@ def test_what_failed_on_a_stalled_computer_is_repeated_at_the_end(
     assert reports.calls.index("test_passes") < len(reports.calls) - ATTEMPTS
     assert reports.calls.count("test_always_fails") == ATTEMPTS
     assert set(repeats.repeated) == set(reports.outcomes) - {"test_certain", "test_passes"}
+    stalled = "repeated 2×, the computer stalled for up to 30 ms, limit 15 ms: test_always_fails"
+    assert stalled in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

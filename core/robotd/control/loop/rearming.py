@@ -34,7 +34,7 @@ MAX_KNOWN = 64  # sources that are looked up by name; beyond it silent ones are 
 
 Numbers = tuple[int, ...]  # of the newest interruptions that concern a source
 
-MAX_PUBLISHERS = 16  # of a topic that are told apart
+MAX_PUBLISHERS = 16  # of a topic that are distinguished
 
 # Of the topic being handled: number of a message among those of its publisher, and ``listened_ns``
 # at which it was received. What commanded before it is not known.

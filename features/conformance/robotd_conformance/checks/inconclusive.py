@@ -123,13 +123,13 @@ class Repeats:
     fails any attempt that the computer leaves alone.
 
     Attributes:
-        repeated: names of the checks that were put off.
+        repeated: by name of a check that was put off: longest stall of each such attempt, seconds.
     """
 
     def __init__(self, target: CheckTarget) -> None:
         self._target = target
         self._attempts: Counter[str] = Counter()
-        self.repeated: list[str] = []
+        self.repeated: dict[str, list[float]] = {}
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtest_protocol(self, item: pytest.Item, nextitem: pytest.Item | None) -> bool:
@@ -155,7 +155,7 @@ class Repeats:
                 self._target.clear(item)
             if self._attempts[item.nodeid] < ATTEMPTS:
                 item.session.items.append(item)  # the loop of pytest comes to it in the end
-                self.repeated.append(item.name)
+                self.repeated.setdefault(item.name, []).append(stalls.longest_s)
                 return True
             reports = [_as_inconclusive(report, stalls.longest_s) for report in reports]
         for report in reports:
@@ -165,8 +165,11 @@ class Repeats:
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         """Name the checks that were repeated."""
-        for name, times in Counter(self.repeated).items():
-            terminalreporter.write_line(f"repeated {times}×, the computer stalled: {name}")
+        limit_ms = 1e3 * self._target.stall_s
+        for name, stalls_s in self.repeated.items():
+            stall = f"{1e3 * max(stalls_s):.0f} ms, limit {limit_ms:.0f} ms"
+            what = f"repeated {len(stalls_s)}×, the computer stalled for up to {stall}"
+            terminalreporter.write_line(f"{what}: {name}")
 
 
 def load() -> str:
