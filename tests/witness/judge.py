@@ -76,6 +76,8 @@ class Judge:
         may_catch: it was let go for a hand: a stop may switch it on again, once.
         max_jitter: of the time between two commands, in periods; where it is more, their change
             is not judged, nor that of the next one: the drive's own ramp is between.
+        repeats_until_s: a target may come twice until then, and changes are not judged: two
+            threads without a common clock have changed their order.
         rounding: rad, of a target; counts of the encoders.
         speed_rounding: rad/s, of the speed register of a drive that plans its motions.
         findings: what was wrong, in order.
@@ -97,6 +99,7 @@ class Judge:
     may_wait: int = 0
     may_catch: bool = False
     max_jitter: float = float("inf")
+    repeats_until_s: float = float("-inf")
     rounding: float = ROUNDING
     speed_rounding: float = 0.0
     findings: list[str] = field(default_factory=list)
@@ -236,7 +239,8 @@ class Judge:
             self.max_jitter * self.period_s
         )
         was_irregular, self._irregular = self._irregular, bool(irregular)
-        if silent or last is None or irregular or was_irregular:
+        repeats = command.time_s < self.repeats_until_s
+        if silent or last is None or irregular or was_irregular or repeats:
             self._rate = None
             return
         self._judge_change(command.time_s, rate, slack)

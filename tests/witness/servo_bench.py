@@ -183,6 +183,9 @@ class ServoBench(Bench):
         for judge in self.judges:
             judge.lose_answer(self.now_s + judge.period_s)  # one more target is under way
         super().stall(seconds)
+        for judge in self.judges:
+            if seconds < judge.period_s:  # the bus thread may be first from now on
+                judge.repeats_until_s = self.now_s + 3 * judge.period_s
 
     def silence(self, seconds: float, axes: Sequence[int] = (), how: str = "both") -> None:
         servos = [self.servos[axis] for axis in axes] or self.servos
