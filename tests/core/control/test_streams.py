@@ -20,7 +20,7 @@ from robotd.control.groups.streams import OpenStream
 from robotd.control.loop.setpoint_source import Outcome
 from robotd.device.axes import Axes
 from robotd.device.process_image import ProcessImage
-from robotd.device.state import Operation
+from robotd.device.state import EXTRAPOLATION_PERIODS, Operation
 from robotd.errors import InvalidArgument, NotReady, Unsupported
 from robotd.motion import TrajectoryRejected
 
@@ -434,8 +434,13 @@ def test_a_starved_control_loop_keeps_the_joints_within_their_limits(
         for target in (2.0, 2.0, 2.0, 0.0, 0.0, 0.0, 2.0, 0.0):
             stream.send([target] * 3)
             robot.run(0.33)
+            _, position, velocity = robot.setpoints.rows[-1]
             robot.stall(stall_s)
-            commands.append(robot.simulation.servo.command.copy())
+            with robot.simulation.world.lock:
+                robot.simulation.world.advance()
+                commands.append(robot.simulation.servo.command.copy())
+            held = position + EXTRAPOLATION_PERIODS * PERIOD_S * velocity
+            assert commands[-1] == pytest.approx(held, abs=1e-6), "the drives hold"
         assert stream.open
     places = np.concatenate([robot.setpoints.position, commands])
     assert places.max() > 1.5, "they move"
