@@ -23,7 +23,7 @@ def reserve_report(path: Path) -> None:
 def write_report(path: Path, control_loop: ControlLoop) -> None:
     """Write figures and samples of a stopped control loop, by the names of the classes.
 
-    ``LoopReport`` and ``CycleSamples`` say what they mean.
+    ``LoopReport`` and ``PeriodSamples`` say what they mean.
     """
     figures = {
         key: None if math.isnan(value) else value

@@ -62,6 +62,7 @@ class BusStatus:
         axes: number of axes on the bus.
         input_size, output_size: process data, bytes.
         lost_frames, timeouts, late_cycles: counters since the start or ``reset_statistics``.
+            ``late_cycles`` counts late exchanges: "over cycle" in ``/diagnostics``.
         nodes: ``BusNode``, in the order of the bus.
         note: a sentence for people about what the backend cannot fill in; "" without one.
         details: for ``/diagnostics``: name, with its unit, and value.

@@ -1,4 +1,9 @@
-"""Grippers and hands at the ends of the arms of a URDF, and the frames of its tools."""
+"""Grippers and hands at the ends of the arms of a URDF, and the frames of its tools.
+
+A *finger* is a joint that grips, a *jaw* the only one of its gripper. *Coupled* fingers follow one
+another. A *hand* is all fingers on one link, also of a gripper. In a robot's file a *gripper* is a
+hand that opens and closes as a whole.
+"""
 
 from __future__ import annotations
 

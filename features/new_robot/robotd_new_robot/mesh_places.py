@@ -1,4 +1,4 @@
-"""Meshes of a URDF that moves into another folder: found, renamed, copied."""
+"""Copy the meshes of a URDF into the folder of a new robot, and rename them in its text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Meshes of a URDF: files by URL, and names in a text that is written to another place."""
+"""Files of the meshes in a URDF by URL, and their new names in a copy of its text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Shapes of links in the text of a URDF: their place, their numbers, triangles of STL files."""
+"""Geometry of the links of a URDF: pose and size of shapes, triangles of STL files."""
 
 from __future__ import annotations
 

@@ -239,7 +239,7 @@ class Node(FieldbusNode):
             effect = "the node does not notice that robotd is lost"
             log.warning("object not written", node=self.name, reason=reason, effect=effect)
 
-    def missing(self, period_ns: int, limit_ns: int) -> str:
+    def loss_cause(self, period_ns: int, limit_ns: int) -> str:
         """Return why the node is lost, ``period_ns`` later; "" if it is not. Control loop."""
         self._silence_ns += period_ns
         if self._heartbeats != self._seen_heartbeats:

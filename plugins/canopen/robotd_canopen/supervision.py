@@ -113,7 +113,7 @@ class Supervision:
             return [node for node in nodes if self._lose(node, bus_fault)]
         lost = []
         for node in nodes:
-            cause = node.missing(period_ns, self._limit_ns)
+            cause = node.loss_cause(period_ns, self._limit_ns)
             if cause and self._lose(node, cause):
                 lost.append(node)
             elif cause == RESET and node.number in self.lost and node.number not in self._reset:

@@ -128,15 +128,15 @@ def fieldbus_status(part: str, network: BusStatus, *, losing: bool) -> PartStatu
     return PartStatus(part, level, message, values)
 
 
-def cycle_status(
-    report: LoopReport, rate_hz: float, realtime: str, *, running: bool, missing: bool
+def control_loop_status(
+    report: LoopReport, rate_hz: float, realtime: str, *, running: bool, missed: bool
 ) -> PartStatus:
     """Status of the control loop: ERROR when stopped, WARN for missed deadlines.
 
     Args:
         rate_hz: nominal rate.
         realtime: the scheduling that was granted, for people.
-        running, missing: whether it ran, and missed deadlines, lately.
+        running, missed: whether it ran, and missed deadlines, lately.
     """
     values = {
         "rate (Hz)": f"{report.rate_hz:.1f}",
@@ -154,7 +154,7 @@ def cycle_status(
         return PartStatus("cycle", DiagnosticLevel.STALE, "not started", values)
     if not running:
         return PartStatus("cycle", DiagnosticLevel.ERROR, "has stopped", values)
-    if missing:
+    if missed:
         return PartStatus("cycle", DiagnosticLevel.WARN, "deadlines are being missed", values)
     if report.rate_hz < SLOW * rate_hz:
         message = f"{report.rate_hz:.0f} Hz instead of {rate_hz:g} Hz"

@@ -12,7 +12,7 @@ from robotd_ros.diagnostics.part_status import (
     DiagnosticLevel,
     PartStatus,
     axis_status,
-    cycle_status,
+    control_loop_status,
     engine_status,
     fieldbus_status,
     gripper_status,
@@ -97,12 +97,12 @@ class Health:
         control_loop, settings = self._robot.control_loop, self._robot.descriptor.cycle
         report = control_loop.stats.report()
         granted = f"SCHED_FIFO {settings.realtime_priority}" if control_loop.realtime else "none"
-        return cycle_status(
+        return control_loop_status(
             report,
             settings.rate_hz,
             granted,
             running=self._cycles.is_recent(report.cycles, now_ns),
-            missing=self._missed.is_recent(report.missed, now_ns),
+            missed=self._missed.is_recent(report.missed, now_ns),
         )
 
 

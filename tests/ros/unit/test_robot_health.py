@@ -17,7 +17,7 @@ from robotd_ros.diagnostics.part_status import (
     DiagnosticLevel,
     PartStatus,
     axis_status,
-    cycle_status,
+    control_loop_status,
     engine_status,
     fieldbus_status,
     gripper_status,
@@ -187,7 +187,7 @@ def test_the_fieldbus(
 
 
 @pytest.mark.parametrize(
-    ("report", "running", "missing", "level", "message"),
+    ("report", "running", "missed", "level", "message"),
     [
         (ON_TIME, True, False, DiagnosticLevel.OK, "500 Hz"),
         (ON_TIME, True, True, DiagnosticLevel.WARN, "deadlines are being missed"),
@@ -209,9 +209,9 @@ def test_the_fieldbus(
     ],
 )
 def test_the_cycle(
-    report: LoopReport, running: bool, missing: bool, level: DiagnosticLevel, message: str
+    report: LoopReport, running: bool, missed: bool, level: DiagnosticLevel, message: str
 ) -> None:
-    status = cycle_status(report, 500.0, "none", running=running, missing=missing)
+    status = control_loop_status(report, 500.0, "none", running=running, missed=missed)
     assert (status.level, status.message) == (level, message)
     assert status.values["missed deadlines"] == str(report.missed)
     assert status.values["late setpoints"] == str(report.late_setpoints)

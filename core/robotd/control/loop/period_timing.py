@@ -29,7 +29,7 @@ class LoopReport:
     """Timing snapshot; times in microseconds, over the last ``samples`` periods.
 
     Attributes:
-        cycles, missed: periods run and deadlines missed since the start.
+        cycles, missed: control periods run and deadlines missed since the start.
         late_setpoints: setpoints that came too late and were not sent, since the start.
         rate_hz: measured rate over the window; NaN before the second period.
         lateness_p50_us, lateness_p99_us, lateness_max_us: wake-up after the deadline.
@@ -50,7 +50,7 @@ class LoopReport:
 
 
 @dataclass(frozen=True, eq=False)
-class CycleSamples:
+class PeriodSamples:
     """Timing of the last periods, oldest first; int64 nanoseconds of shape (samples,).
 
     Attributes:
@@ -91,11 +91,11 @@ class LoopStatistics:
         self.last = (start_ns, late_ns, end_ns - start_ns)
         self.cycles += 1
 
-    def samples(self) -> CycleSamples:
+    def samples(self) -> PeriodSamples:
         """Return the last ``STATISTICS_PERIODS``; consistent once the control loop has ended."""
         first = max(0, self.cycles - STATISTICS_PERIODS)
         order = np.arange(first, self.cycles) % STATISTICS_PERIODS
-        return CycleSamples(
+        return PeriodSamples(
             self._start_ns[order], self._lateness_ns[order], self._execution_ns[order]
         )
 

@@ -1,6 +1,7 @@
 """Curves of a tool in space: lines, arcs, splines through poses, and the corner between two.
 
-The parameter s of a curve is the time it takes at full speed of the tool.
+The parameter s of a curve is the time it takes at full speed of the tool, in seconds: names of such
+values end in ``_s``. The times of a motion along it are those of ``timing.py``.
 """
 
 from __future__ import annotations
@@ -118,14 +119,14 @@ class ArcCurve:
 
     Attributes:
         start: (4, 4) first pose.
-        spoke: (3,) from the centre to the first position.
+        radius: (3,) vector from the centre to the first position, m.
         axis: (3,) unit vector that the arc turns about.
         angle: of the arc, rad; above 0.
         turn: (3,) rotation vector of the tool on the whole arc.
     """
 
     start: FloatArray
-    spoke: FloatArray
+    radius: FloatArray
     axis: FloatArray
     angle: float
     turn: FloatArray
@@ -152,10 +153,10 @@ class ArcCurve:
         squares = np.roll(lengths**2, -1)  # opposite to the first, the second, the third
         weights = squares * (squares.sum() - 2.0 * squares)
         centre = (weights[:, None] * np.array([first, second, third])).sum(axis=0) / weights.sum()
-        axis, spoke = axis / size, first - centre
+        axis, radius = axis / size, first - centre
         to = third - centre
-        angle = np.arctan2(to @ np.cross(axis, spoke), to @ spoke) % (2.0 * np.pi)
-        return cls._of(start, spoke, axis, float(angle), pose_differences(start, end)[3:], speed)
+        angle = np.arctan2(to @ np.cross(axis, radius), to @ radius) % (2.0 * np.pi)
+        return cls._of(start, radius, axis, float(angle), pose_differences(start, end)[3:], speed)
 
     @classmethod
     def about(
@@ -169,34 +170,34 @@ class ArcCurve:
         """
         axis = centre[:3, 2] * np.sign(angle)
         off = start[:3, 3] - centre[:3, 3]
-        spoke = off - (off @ axis) * axis
-        if np.linalg.norm(spoke) < SAME_M:
+        radius = off - (off @ axis) * axis
+        if np.linalg.norm(radius) < SAME_M:
             raise InvalidArgument("the tool is on the axis of the arc: `centre` must be beside it")
         turn = axis * abs(angle) if turns else np.zeros(3)
-        return cls._of(start, spoke, axis, abs(angle), turn, speed)
+        return cls._of(start, radius, axis, abs(angle), turn, speed)
 
     @classmethod
     def _of(
         cls,
         start: FloatArray,
-        spoke: FloatArray,
+        radius: FloatArray,
         axis: FloatArray,
         angle: float,
         turn: FloatArray,
         speed: ToolSpeed,
     ) -> ArcCurve:
-        length_s = speed.time_s(float(np.linalg.norm(spoke)) * angle, float(np.linalg.norm(turn)))
-        return cls(start, spoke, axis, angle, turn, length_s)
+        length_s = speed.time_s(float(np.linalg.norm(radius)) * angle, float(np.linalg.norm(turn)))
+        return cls(start, radius, axis, angle, turn, length_s)
 
     @property
     def rates(self) -> FloatArray:
-        distances = np.array([np.linalg.norm(self.spoke) * self.angle, np.linalg.norm(self.turn)])
+        distances = np.array([np.linalg.norm(self.radius) * self.angle, np.linalg.norm(self.turn)])
         return distances / self.length_s
 
     def poses(self, at_s: FloatArray) -> FloatArray:
         part = (at_s / self.length_s)[:, None]
-        angle, across = part * self.angle, np.cross(self.axis, self.spoke)
-        displacement = (np.cos(angle) - 1.0) * self.spoke + np.sin(angle) * across
+        angle, across = part * self.angle, np.cross(self.axis, self.radius)
+        displacement = (np.cos(angle) - 1.0) * self.radius + np.sin(angle) * across
         turned = rotation_matrices(part * self.turn) @ self.start[:3, :3]
         return _poses(self.start[:3, 3] + displacement, turned)
 
@@ -209,13 +210,13 @@ class SplineCurve:
         start: (4, 4) first pose.
         knots_s: (p,) s of the poses.
         points: (p, 6) translation and rotation vector from the start, in the base.
-        bends: (p, 6) second derivatives there.
+        second_derivatives: (p, 6) of ``points``, by s.
     """
 
     start: FloatArray
     knots_s: FloatArray
     points: FloatArray
-    bends: FloatArray
+    second_derivatives: FloatArray
 
     @classmethod
     def through(cls, poses: Sequence[FloatArray], speed: ToolSpeed) -> SplineCurve:
@@ -238,7 +239,7 @@ class SplineCurve:
         raw = cls(poses[0], knots_s, points, _natural_second_derivatives(knots_s, points))
         # At its fastest place the tool is at full speed where s passes as time does.
         factor = float((raw.rates / speed.velocities).max())
-        return cls(poses[0], factor * knots_s, points, raw.bends / factor**2)
+        return cls(poses[0], factor * knots_s, points, raw.second_derivatives / factor**2)
 
     @property
     def length_s(self) -> float:
@@ -262,8 +263,8 @@ class SplineCurve:
             width**2
             / 6.0
             * (
-                (before**3 - before) * self.bends[index]
-                + (passed**3 - passed) * self.bends[index + 1]
+                (before**3 - before) * self.second_derivatives[index]
+                + (passed**3 - passed) * self.second_derivatives[index + 1]
             )
         )
         turned = rotation_matrices(displacement[:, 3:]) @ self.start[:3, :3]
@@ -273,14 +274,14 @@ class SplineCurve:
 def _natural_second_derivatives(knots_s: FloatArray, points: FloatArray) -> FloatArray:
     """Return the second derivatives (p, 6) of the cubic spline that has none at its ends."""
     count = len(knots_s)
-    bends = np.zeros_like(points)
+    second_derivatives = np.zeros_like(points)
     if count > 2:
         widths = np.diff(knots_s)
         matrix = np.diag(2.0 * (widths[:-1] + widths[1:]))
         matrix += np.diag(widths[1:-1], 1) + np.diag(widths[1:-1], -1)
         slopes = np.diff(points, axis=0) / widths[:, None]
-        bends[1:-1] = np.linalg.solve(matrix, 6.0 * np.diff(slopes, axis=0))
-    return bends
+        second_derivatives[1:-1] = np.linalg.solve(matrix, 6.0 * np.diff(slopes, axis=0))
+    return second_derivatives
 
 
 @dataclass(frozen=True, eq=False)
