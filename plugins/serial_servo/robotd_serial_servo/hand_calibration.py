@@ -1,17 +1,23 @@
 """Calibration of an arm by hand, as LeRobot does it: the middle of its range, then its ends.
 
-``release_all``, ``store_middle``, ``Ranges.follow`` as often as the joints are moved,
-``calibrations``, ``store_all``: all on an open bus, by one thread.
+``release_all``, ``store_middle``, ``Ranges.follow`` as often as the joints are moved, ``save``: all
+on an open bus, by one thread.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robotd.api import InvalidArgument
-from robotd_serial_servo.calibration import MIDDLE, JointCalibration, half_turn_offset
+from robotd_serial_servo.calibration import (
+    MIDDLE,
+    JointCalibration,
+    half_turn_offset,
+    write_calibration,
+)
 from robotd_serial_servo.servo_bus import BusError, NoReply
 
 if TYPE_CHECKING:
@@ -21,6 +27,7 @@ if TYPE_CHECKING:
 
 READ_TRIES = 5
 POLL_S = 0.1
+SILENCE_LIMIT_S = 2.0  # without a reply while joints are moved by hand
 MIDDLE_TICKS = 300  # that a loose joint may sink meanwhile; a wrong offset is seen all the same
 STORED_S = 3.0  # some servos show 0 for a moment after their offset was stored
 LAST_TICK = 4095
@@ -40,21 +47,40 @@ class Ranges:
         """Begin at the present positions. Raises NoReply: a servo does not answer."""
         self._bus = bus
         self._joints = joints
+        self._silent_since = dict[str, float]()
         present = positions(bus, list(joints.values()))
         self.now = {joint: present[servo] for joint, servo in joints.items()}
         self.found = {joint: (position, position) for joint, position in self.now.items()}
 
     def follow(self) -> None:
-        """Read all positions once; a servo that does not answer keeps its range."""
+        """Read all positions once; a servo that does not answer keeps its range.
+
+        Raises NoReply: one has not answered for ``SILENCE_LIMIT_S``. Raises BusError: one is on.
+        """
         states = self._bus.read(list(self._joints.values()))
-        self.now = {
-            joint: states[servo].position
-            for joint, servo in self._joints.items()
-            if servo in states
-        }
-        for joint, position in self.now.items():
+        self.now.clear()
+        for joint, servo in self._joints.items():
+            if servo not in states:
+                self._check_silence(joint, servo)
+                continue
+            if states[servo].torque:
+                what = f"servo {servo}, {joint}, is on without a command"
+                raise BusError(f"{what}: end the program that writes to the bus, calibrate again")
+            self._silent_since.pop(joint, None)
+            position = self.now[joint] = states[servo].position
             low, high = self.found[joint]
             self.found[joint] = min(low, position), max(high, position)
+
+    def not_moved(self) -> list[str]:
+        """Return the joints that were not moved enough to have a range."""
+        return [joint for joint, (low, high) in self.found.items() if high - low < MIN_RANGE]
+
+    def _check_silence(self, joint: str, servo: int) -> None:
+        now_s = time.monotonic()
+        # From the first lost reply, not from the last one that came: a stall is no silence.
+        if now_s - self._silent_since.setdefault(joint, now_s) > SILENCE_LIMIT_S:
+            what = f"servo {servo}, {joint}, has not answered for {SILENCE_LIMIT_S:g} s"
+            raise NoReply(f"{what}: cable or supply")
 
 
 def joint_servos(robot: RobotDescriptor, options: SerialServoOptions) -> dict[str, int]:
@@ -110,13 +136,28 @@ def positions(bus: ServoBus, servos: Sequence[int]) -> dict[int, int]:
     raise NoReply(f"servo {silent} does not answer: cable or supply")
 
 
+def save(
+    bus: ServoBus,
+    joints: Mapping[str, int],
+    offsets: Mapping[str, int],
+    ranges: Ranges,
+    path: Path,
+) -> None:
+    """Store the calibration in the servos, then write it to ``path``.
+
+    Raises InvalidArgument: a joint was not moved. Raises OSError: the file cannot be written.
+    """
+    if still := ranges.not_moved():
+        raise InvalidArgument(f"{', '.join(still)}: not moved, no file is written; calibrate again")
+    found = calibrations(joints, offsets, ranges.found)
+    store_all(bus, joints, found)
+    write_calibration(path, found)
+
+
 def calibrations(
     joints: Mapping[str, int], offsets: Mapping[str, int], ranges: Mapping[str, tuple[int, int]]
 ) -> dict[str, JointCalibration]:
-    """Return the content of a file. Raises InvalidArgument: a joint was not moved."""
-    still = [joint for joint in joints if ranges[joint][1] - ranges[joint][0] < MIN_RANGE]
-    if still:
-        raise InvalidArgument(f"{', '.join(still)}: not moved, no file is written; calibrate again")
+    """Return the content of a file."""
     found = {}
     for joint, servo in joints.items():
         low, high = ranges[joint]

@@ -8,6 +8,8 @@ from pathlib import Path
 from unittest.mock import Mock
 
 import pytest
+from tests.fakes import FakeClock
+from tests.plugins.feetech.fake_bus import FakeServo, FakeServoBus
 
 from robotd.api import DescriptorError, InvalidArgument, load_robot_descriptor
 from robotd_feetech.options import FeetechOptions
@@ -17,8 +19,9 @@ from robotd_serial_servo.calibration import (
     read_calibration,
     write_calibration,
 )
-from robotd_serial_servo.hand_calibration import Ranges, calibrations
+from robotd_serial_servo.hand_calibration import Ranges, calibrations, save
 from robotd_serial_servo.options import ServoPlan
+from robotd_serial_servo.servo_bus import BusError, NoReply
 
 # As lerobot 0.6 writes it: draccus, indent 4.
 LEROBOT = {
@@ -136,15 +139,54 @@ def test_ranges_by_hand_become_a_calibration() -> None:
     )  # fmt: skip
     assert found["shoulder_pan"].range_min == 800
     assert (found["wrist_roll"].range_min, found["wrist_roll"].range_max) == (0, 4095)
-    with pytest.raises(InvalidArgument, match="wrist_roll: not moved"):
-        calibrations(joints, {}, {"shoulder_pan": (0, 900), "wrist_roll": (5, 6)})
+
+
+def bus_of(servos: dict[int, FakeServo]) -> FakeServoBus:
+    return FakeServoBus(FakeClock(), servos)
+
+
+def test_a_joint_that_was_not_moved_is_named_and_nothing_is_written(tmp_path: Path) -> None:
+    bus = bus_of({1: FakeServo(), 2: FakeServo()})
+    ranges = Ranges(bus, {"pan": 1, "lift": 2})
+    bus.servos[1].position += 900
+    ranges.follow()
+    with pytest.raises(InvalidArgument, match="lift: not moved"):
+        save(bus, {"pan": 1, "lift": 2}, {"pan": 0, "lift": 0}, ranges, tmp_path / "arm.json")
+    assert bus.calls == []
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_servo_that_is_on_ends_the_calibration() -> None:
+    bus = bus_of({1: FakeServo()})
+    ranges = Ranges(bus, {"pan": 1})
+    ranges.follow()
+    bus.servos[1].torque = True
+    with pytest.raises(BusError, match="servo 1, pan, is on without a command"):
+        ranges.follow()
+
+
+def test_a_servo_that_is_silent_ends_the_calibration(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = 100.0
+    monkeypatch.setattr("time.monotonic", lambda: now_s)
+    bus = bus_of({1: FakeServo(), 2: FakeServo()})
+    ranges = Ranges(bus, {"pan": 1, "lift": 2})
+    now_s += 60.0  # a stall
+    bus.servos[2].silent = True
+    ranges.follow()
+    now_s += 1.9
+    ranges.follow()
+    assert ranges.now == {"pan": 2000}
+    now_s += 0.2
+    with pytest.raises(NoReply, match="servo 2, lift, has not answered for 2 s"):
+        ranges.follow()
 
 
 def test_a_servo_that_misses_a_read_keeps_its_range() -> None:
     bus = Mock()
     reads = ({1: 2000, 2: 2047}, {1: 900}, {1: 1500, 2: 3000}, {2: 2500})
     bus.read.side_effect = [
-        {servo: Mock(position=position) for servo, position in read.items()} for read in reads
+        {servo: Mock(position=position, torque=False) for servo, position in read.items()}
+        for read in reads
     ]
     ranges = Ranges(bus, {"pan": 1, "lift": 2})
     for _ in reads[1:]:

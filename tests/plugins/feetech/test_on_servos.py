@@ -3,12 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import pty
-import re
-import select
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
@@ -20,6 +14,7 @@ import yaml
 from click.testing import CliRunner
 from tests.plugins.serial_servo.sts_bus import StsBus
 from tests.plugins.serial_servo.sts_servo import Servo
+from tests.plugins.serial_servo.terminal import Terminal
 
 from robotd import ConnectError, NotReady, Robot, RobotdError, open_robot
 from robotd.api import MonotonicClock, Profile, wait_until
@@ -256,47 +251,6 @@ def test_a_scan_becomes_a_robot(
     robot = yaml.safe_load((tmp_path / "axes" / "robot.yaml").read_text())
     assert robot["backends"]["feetech"]["port"] == bus.port
     assert [joint["name"] for joint in robot["joints"]] == ["servo1", "servo2"]
-
-
-class Terminal:
-    """A command of robotd at a terminal of its own."""
-
-    def __init__(self, *words: str) -> None:
-        self._master, slave = pty.openpty()
-        program = "import sys; from robotd.cli.main import main; sys.exit(main())"
-        self.process = subprocess.Popen(
-            [sys.executable, "-c", program, *words],
-            stdin=slave, stdout=slave, stderr=slave, start_new_session=True,
-        )  # fmt: skip
-        os.close(slave)
-        self.shown = ""
-
-    def expect(self, text: str) -> None:
-        """Wait until it has shown ``text``."""
-        self._expect(re.compile(re.escape(text)))
-
-    def _expect(self, pattern: re.Pattern[str]) -> None:
-        deadline = time.monotonic() + WAIT_S
-        while not pattern.search(self.shown):
-            left_s = deadline - time.monotonic()
-            assert left_s > 0, self.shown
-            if select.select([self._master], [], [], left_s)[0]:
-                self.shown += os.read(self._master, 4096).decode(errors="replace")
-
-    def expect_row(self, joint: str, ticks: int) -> None:
-        """Wait for a row of the table that shows a position within two ticks."""
-        near = "|".join(str(ticks + off) for off in range(-2, 3))
-        self._expect(re.compile(rf"{joint}\s.*\b({near})\b"))
-
-    def answer(self, line: str) -> None:
-        """Type a line; what was shown before is left behind."""
-        self.shown = ""
-        os.write(self._master, f"{line}\n".encode())
-
-    def close(self) -> None:
-        self.process.kill()
-        self.process.wait()
-        os.close(self._master)
 
 
 def test_a_calibration_by_hand_is_in_servos_and_file(bus: StsBus, tmp_path: Path) -> None:
