@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from robotd.clock.simulated import ticks, untimed
     from robotd.descriptor import RobotDescriptor, load_robot_descriptor, validate_section
     from robotd.descriptor.files import read_limited
-    from robotd.descriptor.problems import validate
     from robotd.descriptor.urdf import (
         GravityModel,
         UrdfJoint,
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
         read_urdf_text,
     )
     from robotd.descriptor.urdf.package_files import find_mesh
+    from robotd.descriptor.validation_errors import validate
     from robotd.descriptor.yaml_tree import read_yaml
     from robotd.device.bus_status import BusNode, BusState, BusStatus
     from robotd.device.camera_picture import due_cameras, jpeg

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     )
     from robotd.descriptor.files import beside, is_file, read_limited
     from robotd.descriptor.group_settings import ALL_JOINTS
-    from robotd.descriptor.problems import validate
     from robotd.descriptor.section import MAX_AXES, NAME
     from robotd.descriptor.urdf import (
         JointFrames,
@@ -45,6 +44,7 @@ if TYPE_CHECKING:
     )
     from robotd.descriptor.urdf.urdf_model import frame
     from robotd.descriptor.urdf.urdf_text import MAX_URDF_BYTES, is_xacro, xml_root
+    from robotd.descriptor.validation_errors import validate
     from robotd.descriptor.yaml_tree import YamlNode, parse_yaml, read_yaml
 else:
     __getattr__, __dir__ = lazy_names(__name__)

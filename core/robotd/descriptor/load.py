@@ -13,8 +13,8 @@ from robotd.descriptor.files import beside, is_file
 from robotd.descriptor.inheritance import extended, overlaid, variants_of
 from robotd.descriptor.model import RobotDescriptor
 from robotd.descriptor.overrides import Override, overridden
-from robotd.descriptor.problems import Model, join, problems_of, validate
 from robotd.descriptor.search_path import find_robot, robots_in
+from robotd.descriptor.validation_errors import Model, join, problems_of, validate
 from robotd.descriptor.yaml_tree import YamlNode
 from robotd.errors import DescriptorError, PluginError, unknown_name
 from robotd.feature import feature_errors, installed_features

@@ -29,7 +29,7 @@ class Odometry:
         """Move on to the wheels' positions in rad, which are finite.
 
         False, and a new baseline, when a wheel is further from its last position than
-        ``longest_step`` rad: it was not turned, its position was given another number.
+        ``longest_step`` rad: its encoder was reset, or it was homed; it has not turned.
         """
         last, self._last = self._last, positions
         if last is None:

@@ -1,6 +1,7 @@
-"""A MoveIt configuration that can be started: the package that its Setup Assistant would write.
+"""MoveIt configuration package: URDF, SRDF with named states, limits, controllers, launch file.
 
-Layout and names are those that ``MoveItConfigsBuilder`` of moveit_configs_utils reads (Jazzy).
+It is the package that the Setup Assistant would write. Layout and names are those that
+``MoveItConfigsBuilder`` of moveit_configs_utils reads (Jazzy).
 """
 
 from __future__ import annotations

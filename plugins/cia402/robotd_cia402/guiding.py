@@ -144,7 +144,7 @@ def guiding_problems(
         return
     joints = {joint.axis: joint for joint in robot.joints}
     model = GravityModel(read_urdf(robot.urdf), [joint.name for joint in robot.joints])
-    if links := model.weightless:
+    if links := model.massless:
         yield guided[0], f"hand guiding takes the masses of all links; none has {', '.join(links)}"
     for place in guided:
         joint = joints.get(drives[place].axis)

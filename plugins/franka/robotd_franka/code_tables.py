@@ -1,4 +1,4 @@
-"""Modes and errors of the arm as alarms, with remedies, for ``robotd explain`` and the page.
+"""Modes, reflexes and errors of the arm as alarms with remedies.
 
 Those from 100 on are 100 + the number of an error on the wire of FCI.
 """

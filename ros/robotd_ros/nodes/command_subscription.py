@@ -166,8 +166,8 @@ class RejectionLog:
     """Log of the first rejection of each kind, until a command is accepted again.
 
     Two rejections are of one kind when they concern the same axes of the same topic and their
-    texts differ in numbers only. A flood of ever other axes or texts is cut off until a command
-    is accepted, so that no client can fill the memory or the disk. All is forgotten after
+    texts differ in numbers only. Beyond a number of axes and texts nothing is logged until a
+    command is accepted, so that no client can fill the memory or the disk. All is forgotten after
     ``PAUSE_S``. Any thread.
 
     Args:

@@ -310,7 +310,7 @@ def test_homing_a_wheel_is_no_motion(harness: BaseHarness) -> None:
         harness.run(0.1)
     assert harness.base.pose == pose
     assert [log["event"] for log in logs] == [
-        "a wheel's position was renumbered; odometry goes on from there"
+        "a wheel's position has jumped; odometry goes on from there"
     ]
 
 

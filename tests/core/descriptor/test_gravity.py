@@ -97,7 +97,7 @@ def test_torques_are_those_of_mujoco() -> None:
 
 
 def test_links_without_a_mass_are_named_unless_one_is_fixed_to_them() -> None:
-    assert GravityModel(mixed(), ["lift", "turn", "roll"]).weightless == []
+    assert GravityModel(mixed(), ["lift", "turn", "roll"]).massless == []
     without = MIXED.replace('<mass value="2.5"/>', '<mass value="0"/>')
     model = GravityModel(parse_urdf(without, Path("mixed.urdf")), ["lift", "turn"])
-    assert model.weightless == ["slide", "copy", "arm"]
+    assert model.massless == ["slide", "copy", "arm"]

@@ -33,7 +33,6 @@ from robotd.motion.rejection import TrajectoryRejected
 from robotd.robot import build_robot
 from robotd_tool_space import ToolGroups, Unreachable
 from robotd_tool_space.collision.bodies import Bodies, enclosing_body
-from robotd_tool_space.collision.collision_check import check_collisions
 from robotd_tool_space.collision.collisions import Collisions
 from robotd_tool_space.collision.distances import (
     Shapes,
@@ -42,6 +41,7 @@ from robotd_tool_space.collision.distances import (
     segment_ways,
     widest_gaps,
 )
+from robotd_tool_space.collision.unchecked_pairs import check_collisions
 from robotd_tool_space.geometry.kinematics import Kinematics
 from robotd_tool_space.geometry.rotations import pose_of
 from robotd_tool_space.settings import CollisionSettings, ToolSpaceKeys

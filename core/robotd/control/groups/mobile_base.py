@@ -1,4 +1,4 @@
-"""Mobile base: velocity commands in, wheel commands and odometry out."""
+"""Mobile base: velocity commands in, wheel commands out; odometry without jumps of positions."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ from robotd.motion.planar import ORIGIN, ZERO_TWIST, PlanarTwist, Pose
 log = get_logger("base")
 
 NEUTRAL = "a zero twist"
-RENUMBERED_SPEED_FACTOR = 3.0  # of the wheel speed limit: a larger step means a renumbered position
-LATE_S = 0.1  # that positions may be older than their time says: those of a turning wheel catch up
+JUMP_SPEED_FACTOR = 3.0  # of the wheel speed limit: a larger step is a jump of the position
+LATE_S = 0.1  # positions may be older than their time stamp: then they catch up in one step
 
 
 class MobileBase:
@@ -74,7 +74,7 @@ class MobileBase:
         self._odometry = Odometry(self.wheels, settings.wheel_wrap_rad)
         self._limits, wheel = twist_limits(settings), wheel_limits(settings)
         self._wheel_acceleration = wheel.acceleration
-        self._jump = RENUMBERED_SPEED_FACTOR * wheel.velocity
+        self._jump = JUMP_SPEED_FACTOR * wheel.velocity
         self._tracked_ns = 0
 
     @property
@@ -200,7 +200,7 @@ class MobileBase:
         with self._odometry_lock:
             moved = self._odometry.update(positions, longest_step)
         if not moved:
-            log.warning("a wheel's position was renumbered; odometry goes on from there")
+            log.warning("a wheel's position has jumped; odometry goes on from there")
 
     def on_ready(self, ready: bool) -> None:
         """Accept commands, and continue from new wheel positions, when the engine is ready."""

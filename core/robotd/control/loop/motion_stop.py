@@ -22,7 +22,7 @@ class MotionStop:
     """Ends all motion while the latch is engaged, and engages it by an input.
 
     Setpoint sources come to rest along their paths, moves, jogs and homing by their own ramps.
-    Hand guiding ends, and what the device begins after its call was given up is stopped, too.
+    Hand guiding ends. A motion that the device begins after its call has timed out is stopped, too.
 
     ``stop_input``: forbids motion, and counts while the device is ready; None: there is none.
     """

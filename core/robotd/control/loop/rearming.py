@@ -1,6 +1,6 @@
-"""Re-arming: a client that went on commanding while motion was rejected has to begin anew.
+"""Re-arming: who commanded on through a stop, a fault or a restart of robotd has to begin anew.
 
-Otherwise its next command would move the robot as soon as a stop or a fault ends, to a target that
+Otherwise the next command would move the robot as soon as the stop or fault ends, to a target that
 has moved on meanwhile.
 """
 
@@ -32,13 +32,15 @@ log = get_logger("commands")
 SILENCE_S = 0.5  # at least: the jitter of a client at 10 Hz must not pass for silence
 MAX_KNOWN = 64  # sources that are looked up by name; beyond it silent ones are forgotten
 
-Numbers = tuple[int, ...]  # of the newest interruptions that concern a source
-
 MAX_PUBLISHERS = 16  # of a topic that are distinguished
 
-# Of the topic being handled: number of a message among those of its publisher, and ``listened_ns``
-# at which it was received. What commanded before it is not known.
-_heard_since: ContextVar[tuple[float, float]] = ContextVar("heard_since", default=(1, -math.inf))
+Numbers = tuple[int, ...]  # of the newest interruptions that concern a source
+
+# Of the topic being handled: sequence number of the last message before which others can have been
+# missed, and ``listened_ns`` when it was received.
+_complete_since: ContextVar[tuple[float, float]] = ContextVar(
+    "complete_since", default=(1, -math.inf)
+)
 
 
 class Rearming:
@@ -94,13 +96,13 @@ class Rearming:
 
 
 class Reception:
-    """Since when nothing on a topic was missed: only then is no command a silence. One thread.
+    """Evidence that the sources of a topic were silent. One thread.
 
-    DDS may discover a client at any time after the start, also one that has commanded since before
-    a restart of robotd. On a busy computer messages are dropped, too. So that no command of a
-    source has come shows its silence only since the last message that does not continue the
-    numbers of a publisher, or was dropped. The exception is a number that shows that its publisher
-    was silent before, or had just begun.
+    A source that sent nothing was silent only if no message can have been missed. Messages
+    can be missed before a publisher is discovered, which may be at any time after a restart of
+    robotd, and on a busy computer. So silence counts from the last message that was dropped, or
+    whose sequence number does not follow the last one of a known publisher. The exception is a
+    number so low that its publisher was silent before, or had just begun.
     """
 
     def __init__(self, rearming: Rearming) -> None:
@@ -112,7 +114,7 @@ class Reception:
     def message(self, sequence: int | None) -> Iterator[None]:
         """Admit the commands of a message in the block.
 
-        ``sequence``: its number among those of its publisher, from 1 on; None: unknown.
+        ``sequence``: its sequence number, from 1 on for each publisher; None: unknown.
         """
         if sequence is None:
             if self._since is None:
@@ -124,11 +126,11 @@ class Reception:
             self._numbers.append(sequence)
             if sequence > 1:
                 self._since = sequence, self._rearming.listened_ns
-        token = _heard_since.set(self._since or (1, -math.inf))
+        token = _complete_since.set(self._since or (1, -math.inf))
         try:
             yield
         finally:
-            _heard_since.reset(token)
+            _complete_since.reset(token)
 
     def drop(self) -> None:
         """Note that the message is not handled: its sources do not learn of it."""
@@ -248,11 +250,10 @@ class CommandSource:
         armed it.
         """
         now_ns, silence_ns = self._rearming.listened_ns, self.silence_s * NANOSECONDS
-        number, since_ns = _heard_since.get()
+        number, since_ns = _complete_since.get()
         was_silent = now_ns - since_ns > silence_ns
-        # The first messages get lost while a publisher is discovered. Had it commanded without a
-        # silence since before motion was allowed, it would have sent one in each; the last may have
-        # been on its way for as long.
+        # The first messages get lost while a publisher is discovered. Without a silence since
+        # motion was allowed, it would have sent more: one in each ``silence_s``, one on its way.
         was_silent |= since_ns - self._rearming.settled_ns > (number + 1) * silence_ns
         if self._received_ns is None:
             self._is_found = not was_silent

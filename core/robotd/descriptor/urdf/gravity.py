@@ -1,4 +1,4 @@
-"""Torques that carry the weight of a robot, from the masses of its URDF."""
+"""Gravity compensation: torques that carry the links, from the masses of the URDF."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ STANDARD_GRAVITY = 9.80665  # m/s²
 
 @dataclass(frozen=True, eq=False)
 class _Body:
-    """A joint that follows known positions, and all that is fixed to its child.
+    """A joint with a known position, perhaps as a mimic joint, and all that is fixed to its child.
 
     Attributes:
         parent: number of the body that holds it; -1: the root.
@@ -87,7 +87,7 @@ class GravityModel:
         return torques
 
     @property
-    def weightless(self) -> list[str]:
+    def massless(self) -> list[str]:
         """Links that a joint moves and that have no mass, nor has anything fixed to them."""
         return [body.joint.child for body in self._bodies if not body.mass > 0.0]
 

@@ -16,7 +16,7 @@ log = get_logger("tool")
 MAX_OBJECTS = 16  # beside those of the robot's file: each takes time in every control period
 
 Use = Callable[[Sequence[SceneObject], str], str]
-"""Takes the objects (first) into account, and returns what the change of one (name) has caused."""
+"""Applies the objects, of which the named one has changed; returns what that has caused."""
 
 
 class Scene:
@@ -69,7 +69,7 @@ class Scene:
     def with_planned(self, objects: Iterable[SceneObject]) -> dict[str, SceneObject]:
         """Return the objects beside those of the file, with ``objects`` of MoveIt's planning scene.
 
-        These are in the place of all others of it. Raises InvalidArgument: see ``add``.
+        They replace its earlier ones. Raises InvalidArgument: see ``add``.
         """
         changed = {name: one for name, one in self._added.items() if not one.in_planning_scene}
         for item in objects:
