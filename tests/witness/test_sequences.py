@@ -142,6 +142,8 @@ FAILED = [
     ("dynamixel", 206),
     # The engine's buffer was emptied 1 % faster, all at once: half as much acceleration again.
     ("wmx-base", 338),
+    # A goal came while the loop stalled: its first setpoint was two periods ahead on its path.
+    ("wmx-base", 10002),
     # A blocked engine took the stop of the wheels when it was free again; before it nothing could.
     ("wmx-base", 313),
     # The robot's file allowed goals that ask for twice the acceleration.

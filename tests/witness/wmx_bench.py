@@ -143,6 +143,7 @@ class WmxBench(Bench):
         self._senders: list[Any] = []
         self._send_s = self._late_s = 0.0  # no turn of the sender before; then so far apart
         self._excused_s = 0.0
+        self._left_alone: set[int] = set()  # axes that moved when robotd was killed
         self._velocities = SentAtOnce(lambda: self.now_s, self._send_velocities)
         self._sends_velocities = False
         self._ran_ns = self.clock.now_ns()
@@ -180,6 +181,8 @@ class WmxBench(Bench):
         self.port("reset")
 
     def unplug(self) -> None:
+        rows = enumerate(self._before)
+        self._left_alone = {axis for axis, row in rows if row is not None and row.velocity}
         self._engine.standin_kill()
         self._senders.clear()
         self._velocities.end()
@@ -265,8 +268,12 @@ class WmxBench(Bench):
             self._judge_end(judge, before, row, time_s)
             if row.queue != WAITING:
                 judge.own_ramp()
-                judge.profile(time_s, (row.command - before.command) / CYCLE_S)
-                judge.bounds(time_s, row.command, before.command)
+                speed = (row.command - before.command) / CYCLE_S
+                judge.profile(time_s, speed)
+                if not speed:
+                    self._left_alone.discard(axis)
+                if axis not in self._left_alone:  # else nobody watches its limits
+                    judge.bounds(time_s, row.command, before.command)
 
     def _judge_wheel(self, judge: Judge, before: Row | None, row: Row, time_s: float) -> None:
         """Judge a velocity that the engine commands; it goes on by itself until the next one.

@@ -47,3 +47,11 @@ def test_after_a_longer_gap_the_axes_rest_at_the_last_setpoint(recovery: StallRe
     setpoint = path(due_ns)
     assert recovery.correct(setpoint, due_ns, PERIOD_NS * 1e-9)
     np.testing.assert_allclose(setpoint, [[SPEED * 0.1], [0.0]])
+
+
+def test_before_the_first_setpoint_no_buffer_bridges_a_gap() -> None:
+    recovery = StallRecovery(path(0) * 0.0, 0, LIMITS, 0.0, BUFFER_S)
+    due_ns = round(BUFFER_S * 1e9)
+    setpoint = path(due_ns)
+    assert recovery.correct(setpoint, due_ns, PERIOD_NS * 1e-9)
+    np.testing.assert_allclose(setpoint, 0.0)

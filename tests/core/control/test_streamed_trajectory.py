@@ -93,3 +93,15 @@ def test_no_return_to_a_joint_that_follows_a_deviating_command() -> None:
         execution.sent(time_ns + PERIOD_NS)
     assert execution.outcome is Outcome.GOAL_TOLERANCE, execution.message
     assert execution.setpoint[:2] == pytest.approx(np.array([[0.5], [0.0]]))
+
+
+@pytest.mark.parametrize("buffer_s", [0.0, 0.02])
+@pytest.mark.parametrize("late_ms", [0.0, 0.5, 2.0, 20.0, 200.0])
+def test_the_first_setpoint_is_a_period_ahead_on_the_path(late_ms: float, buffer_s: float) -> None:
+    """Nothing bridges the time before it: the joints rest until then."""
+    execution = streamed(half_a_radian(), buffer_s)
+    image, time_ns = ProcessImage(1), round(late_ms * 1e6)
+    image.servo_on[:], image.offline[:], image.operation[:] = True, False, Operation.STREAM
+    assert execution.advance(time_ns, PERIOD_NS, image)
+    path = execution.trajectory.evaluate(np.array([PERIOD_NS * 1e-9]))
+    np.testing.assert_allclose(execution.setpoint[:2], [path[0][0], path[1][0]], atol=1e-12)

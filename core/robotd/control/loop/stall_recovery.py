@@ -56,6 +56,7 @@ class StallRecovery:
         active: the present setpoint deviates from the path.
         pause_s: duration of the last underrun.
         left_plan: a source has left the motion that its successor was planned from.
+        begins: the path begins at rest, and nothing was sent yet.
     """
 
     def __init__(
@@ -67,11 +68,13 @@ class StallRecovery:
         buffer_s: float = 0.0,
     ) -> None:
         self.active = self.left_plan = False
+        self.begins = True
         self.pause_s = self._longest_s = self._silence_s = 0.0  # the latter two: of the deviation
         self._extrapolation_s = extrapolation_s
         self._sent, self._sent_ns = start.copy(), start_ns
         self._sent_time_s = 0.0
         self._buffer_s = buffer_s
+        self._filled_s = 0.0  # what the device holds ahead: nothing before the first setpoint
         self._buffered: deque[tuple[int, float, FloatArray]] = (
             deque([(start_ns, 0.0, start.copy())]) if buffer_s > 0.0 else deque()
         )
@@ -132,8 +135,13 @@ class StallRecovery:
             self._continue(elapsed_s, out)
         return self._sent_time_s + min(elapsed_s, self._extrapolation_s)
 
+    def rest_until(self, start_ns: int) -> None:
+        """Let the joints rest until ``start_ns``, while ``begins``: the first setpoint is late."""
+        self._sent_ns = start_ns
+
     def begin_path(self, start_ns: int) -> None:
         """Count trajectory time from ``start_ns``: a successor continues from here."""
+        self.begins = False
         self._sent_time_s = (self._sent_ns - start_ns) / NANOSECONDS
         self._buffered = deque(
             (due_ns, (due_ns - start_ns) / NANOSECONDS, setpoint)
@@ -269,6 +277,7 @@ class StallRecovery:
         """
         self._sent[:], self._sent_ns, self._sent_time_s = setpoint, due_ns, time_s
         self._deviation[:] = self._next
+        self.begins, self._filled_s = False, self._buffer_s
         if self._buffered:
             self._buffered.append((due_ns, time_s, setpoint.copy()))
 
@@ -278,7 +287,7 @@ class StallRecovery:
             self.active, self._longest_s, self._silence_s = True, 0.0, 0.0
 
     def _is_underrun(self, elapsed_s: float, period_s: float) -> bool:
-        return elapsed_s > UNDERRUN_PERIODS * period_s + self._buffer_s
+        return elapsed_s > UNDERRUN_PERIODS * period_s + self._filled_s
 
     def _of_buffer(self, time_ns: int) -> tuple[float, FloatArray]:
         """The last setpoint that was due by ``time_ns``, and its time; older ones are forgotten."""

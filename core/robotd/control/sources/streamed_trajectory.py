@@ -168,6 +168,10 @@ class StreamedTrajectory(TrajectoryExecution):
 
     def _advance_time(self, due_ns: int, period_ns: int, *, nobody_answers: bool) -> bool:
         """Set ``time_s`` for ``due_ns``; return True while the rate is not 1."""
+        if self.stall_recovery.begins and due_ns - period_ns > self.start_ns:
+            # However late the first setpoint is, it is as far on the path as in time.
+            self.start_ns = due_ns - period_ns
+            self.stall_recovery.rest_until(self.start_ns)
         time_s = self.stall_recovery.wait(due_ns, period_ns, self._rate.value, self._position_at)
         if time_s is not None:  # the device holds until this period
             self._due_ns = due_ns - period_ns
