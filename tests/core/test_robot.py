@@ -258,6 +258,15 @@ def test_a_servo_off_is_final_for_an_earlier_request_to_switch_on(harness: Harne
     assert harness.simulation.states.servo_on[1]
 
 
+def test_all_servos_off_is_final_for_one_that_is_not_on_yet(harness: Harness) -> None:
+    harness.robot.start(enable=False)
+    offs = harness.robot.axes.servo_offs
+    harness.robot.servos.disable()
+    with pytest.raises(NotReady, match="its servo was switched off meanwhile"):
+        harness.robot.axes.servo(0, True, offs=offs)
+    assert not harness.simulation.states.servo_on.any()
+
+
 def test_simulated_time_is_not_paused_in_a_shutdown() -> None:
     """A client of the simulation goes on stepping it."""
     clock = PacedClock()

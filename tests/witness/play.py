@@ -316,9 +316,9 @@ class WitnessPlay(ArmPlay):
         super()._servo(axis, on)
 
     def _disable(self) -> None:
+        super()._disable()  # brings to rest first, a guided joint too
         for judge in self.bench.judges:
             judge.may_catch = False
-        super()._disable()
 
     # Faults and the life cycle
 

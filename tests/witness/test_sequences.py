@@ -144,6 +144,8 @@ FAILED = [
     ("wmx-base", 338),
     # A goal came while the loop stalled: its first setpoint was two periods ahead on its path.
     ("wmx-base", 10002),
+    # All servos off brings to rest first, a joint that was just let go, too.
+    ("feetech", 20023),
     # A blocked engine took the stop of the wheels when it was free again; before it nothing could.
     ("wmx-base", 313),
     # The robot's file allowed goals that ask for twice the acceleration.

@@ -14,7 +14,7 @@ from robotd.control.loop.motion_stop import QUICK_STOP_TIMEOUT_S
 from robotd.descriptor import RobotDescriptor
 from robotd.device.axes import Axes, each
 from robotd.device.process_image import ProcessImage
-from robotd.device.state import COMMUNICATES, CommandMode
+from robotd.device.state import COMMUNICATES, CommandMode, Operation
 from robotd.errors import ConnectError, RobotdError, reason_of
 from robotd.log import get_logger
 
@@ -116,17 +116,18 @@ class Servos:
         if self.read_only or self._connection.state not in COMMUNICATES:
             return
         self._bring_to_rest()
-        shown, on = self._axes.wait_for_servos(), self._axes.image.servo_on
-        # An image from before may miss one that was switched on: then each counts as on.
-        enabled = [axis for axis in range(len(self._axes)) if on[axis] or not shown]
-        for axis, failure in self._axes.servos_off(enabled).items():
+        shown, image = self._axes.wait_for_servos(), self._axes.image
+        # Another worker, or a stop that catches a joint, may be switching on what is shown off.
+        off = image.offline & ~image.servo_on & (image.operation == Operation.IDLE)
+        reached = [axis for axis in range(len(self._axes)) if not (shown and off[axis])]
+        for axis, failure in self._axes.servos_off(reached).items():
             if failure is not None:
                 log.error(
                     "servo off failed", axis=self._axes.names[axis], reason=reason_of(failure)
                 )
             else:
                 self._on[axis] = False
-        log.info("servos off", axes=len(enabled))
+        log.info("servos off", axes=len(reached))
         if self._base is not None:  # without its servos it cannot move
             self._base.allow()
 
