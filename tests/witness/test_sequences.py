@@ -146,6 +146,8 @@ FAILED = [
     ("wmx-base", 10002),
     # All servos off brings to rest first, a joint that was just let go, too.
     ("feetech", 20023),
+    # A ramp with limited jerk that was to end sped up on while the engine took nothing.
+    ("wmx-base", 21000),
     # A blocked engine took the stop of the wheels when it was free again; before it nothing could.
     ("wmx-base", 313),
     # The robot's file allowed goals that ask for twice the acceleration.

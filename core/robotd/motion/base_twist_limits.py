@@ -108,9 +108,18 @@ class TwistLimiter:
 
     def reset(self) -> None:
         """Stand still, at once."""
-        self._ramp = ZERO_TWIST
-        self._recent = deque([ZERO_TWIST] * self._length)
-        self._sum = ZERO_TWIST
+        self._keep(ZERO_TWIST)
+
+    def speed_up_no_more(self) -> None:
+        """Let the last step be the fastest one of a ramp that speeds up."""
+        present = self._sum.scaled(1.0 / self._length)
+        if any(abs(ramp) > abs(part) for ramp, part in zip(self._ramp, present, strict=True)):
+            self._keep(present)
+
+    def _keep(self, twist: PlanarTwist) -> None:
+        self._ramp = twist
+        self._recent = deque([twist] * self._length)
+        self._sum = twist.scaled(self._length)
         self._same = self._length  # how many of the newest of ``_recent`` are equal
 
     def _towards(self, command: PlanarTwist) -> PlanarTwist:

@@ -160,3 +160,25 @@ def test_reset_stands_still_at_once() -> None:
     limiter.reset()
     assert limiter.at_rest
     assert limiter.step(ZERO_TWIST) == ZERO_TWIST
+
+
+@given(smooth_limits, twists, st.integers(1, 60))
+def test_a_ramp_that_speeds_up_no_more_goes_on_from_its_last_step(
+    all_limits: TwistLimits, command: PlanarTwist, count: int
+) -> None:
+    limiter = TwistLimiter(all_limits, PERIOD_S)
+    fastest = driven(limiter, [(command, count)])[-1]
+    limiter.speed_up_no_more()
+    for twist in driven(limiter, [(ZERO_TWIST, 2000)])[1:]:
+        for part, limit in zip(twist, fastest, strict=True):
+            assert abs(part) <= abs(limit) + ROUNDING
+    assert twist == ZERO_TWIST
+
+
+def test_a_stop_that_slows_down_already_goes_on() -> None:
+    ramp = RampLimits(1.0, 1.0, 1.0, 20.0)
+    one, other = (TwistLimiter(TwistLimits(ramp, ramp), PERIOD_S) for _ in range(2))
+    for limiter in (one, other):
+        driven(limiter, [(PlanarTwist(1.0, 0.0), 200), (ZERO_TWIST, 3)])
+    one.speed_up_no_more()
+    assert driven(one, [(ZERO_TWIST, 100)]) == driven(other, [(ZERO_TWIST, 100)])

@@ -144,8 +144,10 @@ class WheelMotion(SetpointSource):
         ending = self.completion.requested
         twist = ZERO_TWIST if ending else self._command.target(time_ns)
         twist = twist.scaled(self._axes.speed.scale * self._nearness)
-        silent = image.silent[self.columns]
-        waits = twist != ZERO_TWIST and bool(silent.any())
+        silent = bool(image.silent[self.columns].any())
+        if silent:  # a stop, too, would go on speeding up within the limits of jerk
+            self._limiter.speed_up_no_more()
+        waits = twist != ZERO_TWIST and silent
         if self._sent and not waits:
             is_at_rest = self._limiter.at_rest and self._follower.at_rest and not self._deviates
             if is_at_rest and (ending or self._command.ended):
