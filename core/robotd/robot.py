@@ -408,7 +408,7 @@ class Robot:
     def _look_each_period(self, rate_hz: float) -> None:
         """Add what the control loop looks at in each period."""
         drive = self.descriptor.drive
-        guard = SoftLimitGuard(self.axes, 1.0 / rate_hz, drive.axes if drive else ())
+        guard = SoftLimitGuard(self.axes, drive.axes if drive else ())
         every = self.control_loop.every
         every(rate_hz, "silence", self.rearming.listen, first=True)
         every(rate_hz, "stop", self._motion_stop.enforce, first=True)

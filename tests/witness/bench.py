@@ -123,10 +123,17 @@ class Bench:
         self.clock.sleep_until_ns(self.clock.now_ns() + round(seconds * NANOSECONDS))
 
     def stall(self, seconds: float) -> None:
-        """Suspend the control loop, as on an overloaded computer; the drives go on."""
+        """Suspend the control loop, as on an overloaded computer; the drives go on.
+
+        Its periods begin anew from then on. A real loop keeps to their grid: after less than a
+        period nothing is judged that the new one changes.
+        """
         self.clock.detach()
         self.run(seconds)
         self.clock.attach(self.robot.control_loop.period_ns, self.robot.control_loop.period)
+        for judge in self.judges:
+            if seconds < judge.period_s:
+                judge.repeats_until_s = self.now_s + 3 * judge.period_s
 
     def close(self) -> None:
         """Give back what the bench has taken, after the shutdown of its robot."""

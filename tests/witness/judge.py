@@ -76,8 +76,8 @@ class Judge:
         may_catch: it was let go for a hand: a stop may switch it on again, once.
         max_jitter: of the time between two commands, in periods; where it is more, their change
             is not judged, nor that of the next one: the drive's own ramp is between.
-        repeats_until_s: a target may come twice until then, and changes are not judged: two
-            threads without a common clock have changed their order.
+        repeats_until_s: a target may come twice until then, and changes are not judged: periods
+            have another grid, or two threads without a common clock another order.
         rounding: rad, of a target; counts of the encoders.
         speed_rounding: rad/s, of the speed register of a drive that plans its motions.
         findings: what was wrong, in order.

@@ -182,10 +182,7 @@ class ServoBench(Bench):
         """Suspend the control loop; the bus thread goes on, and the servos hold."""
         for judge in self.judges:
             judge.lose_answer(self.now_s + judge.period_s)  # one more target is under way
-        super().stall(seconds)
-        for judge in self.judges:
-            if seconds < judge.period_s:  # the bus thread may be first from now on
-                judge.repeats_until_s = self.now_s + 3 * judge.period_s
+        super().stall(seconds)  # after a short one the bus thread may be first from now on
 
     def silence(self, seconds: float, axes: Sequence[int] = (), how: str = "both") -> None:
         servos = [self.servos[axis] for axis in axes] or self.servos
@@ -249,3 +246,4 @@ class ServoBench(Bench):
         for tap in self.taps:
             tap.let_go()
         self.line.advance()
+        self.run(max((servo.boot_s for servo in self.servos if not servo.answering), default=0.0))

@@ -319,6 +319,8 @@ class WmxBench(Bench):
                 self._until(seconds, ("slave_lost", axis), ("slave_back", axis))
         else:
             self._until(seconds, ("freeze", 1), ("freeze", 0))
+            for judge in self.judges[self.joints :]:
+                judge.rest_s += seconds  # a ramp waits, too
 
     def delay(self, seconds: float, delay_s: float, axes: Sequence[int] = ()) -> None:
         """Let the sending thread run late."""

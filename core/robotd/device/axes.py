@@ -12,6 +12,7 @@ from typing import TypeVar
 from robotd.arrays import FloatArray
 from robotd.clock import Clock, wait_until
 from robotd.device.axis_stops import AxisStops
+from robotd.device.braking import Braking
 from robotd.device.capabilities import Capability
 from robotd.device.connection import Connection
 from robotd.device.drivers import AxisDriver
@@ -98,12 +99,11 @@ class Axes(NamedAxes):
         backend: name, for errors.
         stop_latch: no motion starts while it is engaged.
         stops: stops of axes that are not confirmed to be at rest.
-        device_limits, feedback_period_s, response_s, stream_buffer_s: of the driver when it was
-            made.
+        device_limits, feedback_period_s, response_s, stream_buffer_s: of the driver when made.
         extrapolation_s: time by which a streaming axis continues without setpoints, s; 0: it holds.
         speed: of all motion.
         motion_limits: of the joint groups.
-        deceleration: ramp by which the move or velocity command of each axis ends, rad/s² or m/s².
+        braking: decelerations of moves and velocity commands.
         given_up: axes whose last command was not answered in time; its motion may begin later.
     """
 
@@ -132,7 +132,7 @@ class Axes(NamedAxes):
         self.speed = SpeedScale()
         self.speed.on_change(self._note_speed)
         self.motion_limits: list[MotionLimits] = []
-        self.deceleration = [math.inf] * len(names)
+        self.braking = Braking(self.limits, image, period_s, self.feedback_period_s)
         self.given_up: set[int] = set()
         self._driver = driver
         self._capabilities = capabilities
@@ -297,6 +297,7 @@ class Axes(NamedAxes):
         """Start position moves together. Returns when all are accepted, not when they end.
 
         A relative target counts from the position command. What is stopped meanwhile is not begun.
+        A deceleration that is too gentle to stop within the limits is not taken (``Braking``).
         """
         stops = list(self.stops.counts)
         with self._lock:
@@ -600,9 +601,8 @@ class Axes(NamedAxes):
             try:
                 with self.naming(axis):
                     self._check_not_stopped(axis, stops)
-                    self.deceleration[axis] = command.profile.deceleration
                     self.given_up.discard(axis)
-                    begin(command)
+                    begin(replace(command, profile=self.braking.begin(axis, command.profile)))
                     begun.append(axis)
                     self._commanded_ns = self.clock.now_ns()
                     self._check_not_stopped(axis, stops)

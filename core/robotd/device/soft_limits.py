@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,11 +11,8 @@ from robotd.device.axes import Axes
 from robotd.device.process_image import ProcessImage
 from robotd.device.state import Operation
 from robotd.log import get_logger
-from robotd.motion.limits import room_to_stop
 
 log = get_logger("axes")
-
-REACTION_PERIODS = 3.0  # values are a period old, a stop begins a period later; one to spare
 
 
 class SoftLimitGuard:
@@ -28,11 +24,10 @@ class SoftLimitGuard:
     ``streamed``: axes that are stopped in a stream, too.
     """
 
-    def __init__(self, axes: Axes, period_s: float, streamed: Sequence[int] = ()) -> None:
+    def __init__(self, axes: Axes, streamed: Sequence[int] = ()) -> None:
         self._axes, self._streamed = axes, frozenset(streamed)
         self._lower, self._upper = np.array([limits.measured for limits in axes.limits]).T
         self._outside: BoolArray = np.ones(len(axes), np.bool_)  # until they are seen inside
-        self._reaction_s = REACTION_PERIODS * period_s + axes.feedback_period_s
         self._ended: set[int] = set()  # axes whose velocity command was ended, until it shows
 
     def look(self, image: ProcessImage) -> None:
@@ -45,7 +40,7 @@ class SoftLimitGuard:
         jogged = [
             axis for axis, operation in enumerate(operations) if operation == Operation.VELOCITY
         ]
-        ended = [axis for axis in jogged if self._ends(axis)]
+        ended = [axis for axis in jogged if not self._axes.braking.can_stop(axis)]
         if ended:
             self._axes.stops.request(ended)
         new = [self._axes.names[axis] for axis in ended if axis not in self._ended]
@@ -64,14 +59,3 @@ class SoftLimitGuard:
                 log.error("stopped outside its limits", axis=self._axes.names[axis], reason=excess)
                 self._axes.stops.request([axis])
         self._outside = outside
-
-    def _ends(self, axis: int) -> bool:
-        axes, image = self._axes, self._axes.image
-        # A device may measure no velocity.
-        known = filter(math.isfinite, (image.velocity[axis], image.velocity_command[axis]))
-        velocity, position = float(max(known, key=abs, default=0.0)), float(image.position[axis])
-        command = float(image.position_command[axis])
-        if (command - position) * velocity > 0.0:
-            position = command  # the axis is behind it, and will get there
-        room = room_to_stop(axes.limits[axis], position, velocity, axes.deceleration[axis])
-        return not room > abs(velocity) * self._reaction_s  # also of a position that is not known

@@ -161,7 +161,7 @@ class _GroupGuard:
             return
         chosen = list(self._tool.group.joint_axes)
         position, velocity = image.position[chosen], image.velocity[chosen]
-        ramps = np.array([self._axes.deceleration[axis] for axis in chosen])
+        ramps = np.array([self._axes.braking.deceleration[axis] for axis in chosen])
         seconds = self._reaction_s + 0.5 * np.abs(velocity) / np.minimum(ramps, self._acceleration)
         if self.obstacle(position, position + velocity * seconds):
             self._axes.stops.request(moved)

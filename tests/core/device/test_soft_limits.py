@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.core.device.harness import Harness
 
-from robotd.device.axes import Jog
+from robotd.device.axes import Jog, Move
 from robotd.device.soft_limits import SoftLimitGuard
 from robotd.device.state import CommandMode, Operation
 from robotd.errors import InvalidArgument
 from robotd.motion.limits import AxisLimits, room_to_stop
 from robotd.motion.profile import Profile
 
-PERIOD_S = 0.002
 LIMITS = AxisLimits(-1.0, 2.0, 3.0, 10.0)
 
 
@@ -37,7 +37,7 @@ def place(harness: Harness, axis: int, position: float, velocity: float) -> None
 
 
 def stopped(harness: Harness) -> list[object]:
-    SoftLimitGuard(harness.axes, PERIOD_S).look(harness.image)
+    SoftLimitGuard(harness.axes).look(harness.image)
     return [call[1] for call in harness.driver.calls if call[0] == "stop"]
 
 
@@ -120,3 +120,29 @@ def test_braking_uses_up_exactly_what_is_not_left(
         assert room == pytest.approx(expected, abs=1e-9)
     else:
         assert room == math.inf
+
+
+GENTLE = Profile(0.1, 5.0, 1.0)
+
+
+@pytest.mark.parametrize(("position", "kept"), [(1.0, False), (1.6, True)])
+def test_a_gentler_command_near_a_limit_keeps_the_deceleration_in_force(
+    jogged: Harness, position: float, kept: bool
+) -> None:
+    """At 1 rad/s it would need 0.5 rad."""
+    jogged.axes.jog([Jog(0, Profile(1.0, 5.0, 5.0))])
+    place(jogged, 0, position, 1.0)
+    jogged.axes.jog([Jog(0, GENTLE)])
+    profile: Any = jogged.driver.calls[-1][2]
+    assert profile.deceleration == (5.0 if kept else 1.0)
+    assert profile.velocity == GENTLE.velocity
+
+
+def test_so_does_a_move_back(harness: Harness) -> None:
+    harness.axes.move([Move(0, 1.9, Profile(1.0, 5.0, 5.0))])
+    place(harness, 0, 1.6, 1.0)
+    harness.driver.image.operation[0] = Operation.POSITION
+    harness.refresh()
+    harness.axes.move([Move(0, 0.0, GENTLE)])
+    profile: Any = harness.driver.calls[-1][3]
+    assert profile.deceleration == 5.0

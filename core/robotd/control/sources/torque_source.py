@@ -9,10 +9,10 @@ from robotd.clock import NANOSECONDS
 from robotd.control.loop.setpoint_source import Outcome
 from robotd.control.sources.joint_source import JointSource, SourcePhase
 from robotd.device.axes import Axes
+from robotd.device.braking import REACTION_PERIODS
 from robotd.device.drivers import AxisDriver
 from robotd.device.motion_limits import MotionLimits
 from robotd.device.process_image import ProcessImage
-from robotd.device.soft_limits import REACTION_PERIODS
 from robotd.motion import JointLimits
 from robotd.motion.limits import room_to_stop
 
