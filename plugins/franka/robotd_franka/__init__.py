@@ -17,6 +17,7 @@ from robotd.api import (
     IoDriver,
     PassiveJoints,
     PayloadDriver,
+    WrenchDriver,
     hookimpl,
 )
 from robotd_franka.options import FrankaOptions
@@ -77,3 +78,14 @@ def robotd_io(device: FrankaDevice) -> IoDriver | None:
 def robotd_passive_joints(device: FrankaDevice) -> PassiveJoints | None:
     """Return the hand, which measures its fingers; None where the arm has none."""
     return device.hand
+
+
+@hookimpl
+def robotd_wrenches(
+    device: FrankaDevice, context: DeviceContext[FrankaOptions]
+) -> WrenchDriver | None:
+    """Return the estimate of the external wrench; None without a URDF."""
+    from robotd_franka.wrench import FrankaWrenches, last_link
+
+    link = last_link(context.robot)
+    return FrankaWrenches(device, link) if link is not None else None

@@ -54,6 +54,7 @@ class ArmState:
         mode: number of libfranka's ``RobotMode``.
         errors: names of its errors in a reflex.
         followed: the impedance controller follows targets.
+        reported: all that the library has of the state.
     """
 
     time_ns: int
@@ -63,6 +64,7 @@ class ArmState:
     mode: int
     errors: tuple[str, ...]
     followed: bool
+    reported: franky.RobotState
 
 
 class ArmLink:
@@ -224,7 +226,7 @@ class ArmLink:
             flags = found.current_errors or found.last_motion_errors
             errors = tuple(name for name in ERRORS if getattr(flags, name))
         return ArmState(
-            self._clock.now_ns(), found.q, found.dq, found.tau_J, mode, errors, followed
+            self._clock.now_ns(), found.q, found.dq, found.tau_J, mode, errors, followed, found
         )
 
     def _hold(self) -> None:

@@ -31,6 +31,7 @@ class Truth:
         width: between the fingers of the hand, m.
         hand_commands: names of those that its client has begun: move, grasp, stop.
         hand_force: of the last grasp, N.
+        wrench: force and torque that a push on the hand has on the last link, N and N·m.
     """
 
     position: list[float]
@@ -40,6 +41,7 @@ class Truth:
     width: float
     hand_commands: list[str]
     hand_force: float
+    wrench: list[float]
 
 
 class Controller:

@@ -10,9 +10,12 @@ Reads commands as lines of JSON and answers each by one:
     {"mode": "idle"}                     the person at the arm has released it
     {"silent_s": 0.2}                    no states are sent, and nothing is read, for so long
     {"push": [axis, torque]}             a person at one joint, N·m; 0: it lets go
+    {"force": [x, y, z]}                 a force on the hand, at its centre of mass, base frame, N
+    {"is_singular": true}                that force has no estimate, as near singularities
     {"part": 0.03}                       a part of this width between the fingers, m; 0: none
     {}                                   the state, as ``Truth`` of ``controller.py``
 
+The state has the estimate of that force as libfranka documents it, which franky-sim leaves at zero.
 A reflex is ended by the client's recovery; user stop and guiding are not. The hand answers a
 command that is stopped with *aborted*, as libfranka documents it: franky-sim never answers it.
 """
@@ -27,6 +30,7 @@ import time
 from typing import Any
 
 import franky_sim
+import numpy as np
 from franky_sim import franka_gripper_protocol, franka_robot_server
 from franky_sim import franka_robot_protocol as protocol
 from franky_sim.franka_gripper_server import FrankaGripperServer
@@ -42,6 +46,8 @@ MODES = {
     "recovery": 6,
 }
 IDLE, REFLEX = MODES["idle"], MODES["reflex"]
+HAND, LINK = "robot0_hand", "robot0_fr3_link7"
+BIAS_N = 1e-3  # an estimate is not exactly zero, except near singular positions
 ANSWER_S = (
     0.05  # for one period of the arm's time; far below the 1 s after which libfranka gives up
 )
@@ -53,9 +59,12 @@ class Arm(FrankaRobotServer):
     Attributes:
         mode: the mode that is reported; None: that of franky-sim, idle or move.
         motions, recoveries: numbers of those that were begun.
+        force: on the hand, base frame, N.
+        is_singular: the arm has no estimate of it.
     """
 
     def __init__(self, *arguments: Any) -> None:
+        self.force, self.is_singular = np.zeros(3), False
         self.mode: int | None = None
         self.errors = (False,) * 41
         self.motions = self.recoveries = 0
@@ -115,11 +124,24 @@ class Arm(FrankaRobotServer):
     @property
     def robot_state(self) -> Any:
         state = super().robot_state
+        if not self.is_singular:
+            state = state.replace(K_F_ext_hat_K=self._estimate(state))
         if self.mode is None:
             return state
         return state.replace(
             robot_mode=protocol.RobotMode(self.mode), errors=self.errors, reflex_reason=self.errors
         )
+
+    def _estimate(self, state: Any) -> tuple[float, ...]:
+        """Return the wrench of the arm on what pushes it: along the axes of K, about its origin."""
+        pose, to_k = (
+            np.reshape(columns, (4, 4), order="F") for columns in (state.O_T_EE, state.EE_T_K)
+        )
+        frame = pose @ to_k
+        center = self.robot.data.xipos[self.robot.model.body(HAND).id]
+        torque = np.cross(center - frame[:3, 3], self.force)
+        on_arm = np.concatenate([frame[:3, :3].T @ self.force, frame[:3, :3].T @ torque])
+        return tuple((BIAS_N - on_arm).tolist())
 
 
 class Hand(FrankaGripperServer):
@@ -211,6 +233,8 @@ def serve(server: Any, arm: Arm, robot: Any, commands: queue.Queue[dict[str, Any
             if "silent_s" in command:
                 speaks_s = time.monotonic() + command["silent_s"]
             push = tuple(command.get("push", push))
+            arm.force = np.array(command.get("force", arm.force))
+            arm.is_singular = command.get("is_singular", arm.is_singular)
             hand = arm.gripper_server
             hand.part_m = command.get("part", hand.part_m)
             state = {
@@ -221,6 +245,7 @@ def serve(server: Any, arm: Arm, robot: Any, commands: queue.Queue[dict[str, Any
                 "width": robot.hand_width,
                 "hand_commands": hand.commands,
                 "hand_force": hand.force,
+                "wrench": wrench_on_link(arm, robot),
             }
             answer(state)
         if time.monotonic() > speaks_s:
@@ -233,9 +258,18 @@ def serve(server: Any, arm: Arm, robot: Any, commands: queue.Queue[dict[str, Any
         time.sleep(max(0.0, due_s - time.monotonic()))
 
 
+def wrench_on_link(arm: Arm, robot: Any) -> list[float]:
+    """Return force and torque of the push on the last link, by the frames of MuJoCo."""
+    hand, link = robot.model.body(HAND).id, robot.model.body(LINK).id
+    turned = robot.data.xmat[link].reshape(3, 3).T
+    torque = np.cross(robot.data.xipos[hand] - robot.data.xpos[link], arm.force)
+    return [*(turned @ arm.force), *(turned @ torque)]
+
+
 def period(server: Any, arm: Arm, robot: Any, push: tuple[int, float]) -> None:
     """Step by 1 ms, with the hand's torque on top of the motor's, and send the state."""
     axis, torque = push
+    robot.data.xfrc_applied[robot.model.body(HAND).id, :3] = arm.force
     if torque:
         robot.data.qfrc_applied[robot._dof_addrs[axis]] += torque
     server.sim.step()
