@@ -123,16 +123,22 @@ def _calibrate_on_page(
 
 
 def _calibrate_on_terminal(bus: ServoBus, joints: Mapping[str, int], path: Path) -> None:
-    from robotd_serial_servo.hand_calibration import Ranges, save, store_middle
+    from robotd_serial_servo.hand_calibration import Ranges, new_offsets, save, store_middle
 
+    offsets = dict[str, int]()
     click.echo("Move every joint to the middle of its range, then press Enter.")
     if not sys.stdin.readline():
         raise click.Abort
-    offsets = store_middle(bus, joints)
-    click.echo("Move each joint from one end to the other, then press Enter.")
-    ranges = Ranges(bus, joints)
-    _follow_until_enter(ranges)
-    save(bus, joints, offsets, ranges, path)
+    try:
+        store_middle(bus, joints, offsets)
+        click.echo("Move each joint from one end to the other, then press Enter.")
+        ranges = Ranges(bus, joints)
+        _follow_until_enter(ranges)
+        save(bus, joints, offsets, ranges, path)
+    except BaseException:  # also Ctrl-C
+        if offsets:
+            click.echo(f"\n{new_offsets([*offsets])}", err=True)
+        raise
 
 
 def _follow_until_enter(ranges: Ranges) -> None:

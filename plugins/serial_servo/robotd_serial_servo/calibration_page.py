@@ -18,7 +18,14 @@ from typing import TYPE_CHECKING
 import click
 
 from robotd.api import RobotdError
-from robotd_serial_servo.hand_calibration import POLL_S, Ranges, release_all, save, store_middle
+from robotd_serial_servo.hand_calibration import (
+    POLL_S,
+    Ranges,
+    new_offsets,
+    release_all,
+    save,
+    store_middle,
+)
 from robotd_serial_servo.servo_bus import TICKS_PER_TURN
 
 if TYPE_CHECKING:
@@ -38,10 +45,6 @@ STEPS: dict[str, tuple[str, tuple[str, ...]]] = {  # text and buttons of each
     "ranges": ("Move each joint from one end to the other.", ("done", "abort")),
     "saving": ("The calibration is being stored.", ()),
 }
-NEW_OFFSETS = (
-    "The servos have new offsets: calibrate again, or store the old file with"
-    " 'robotd calibrate --store --file OLD.json'."
-)
 HEADERS = (
     ("Cross-Origin-Resource-Policy", "same-origin"),
     ("Referrer-Policy", "no-referrer"),  # the address has the token
@@ -174,7 +177,7 @@ def calibrate_on_page(
 
     Raises RobotdError, OSError: it has ended without a file.
     """
-    advice = ""
+    offsets = dict[str, int]()
     try:
         if ask:
             page.wait("support")
@@ -182,13 +185,13 @@ def calibrate_on_page(
         release_all(bus, joints)
         page.wait("middle", Ranges(bus, joints))
         page.show("storing")
-        advice = NEW_OFFSETS
-        offsets = store_middle(bus, joints)
+        store_middle(bus, joints, offsets)
         ranges = Ranges(bus, joints)
         page.wait("ranges", ranges)
         page.show("saving")
         save(bus, joints, offsets, ranges, path)
     except (RobotdError, OSError) as error:
+        advice = new_offsets([*offsets]) if offsets else ""
         page.end("failed", f"Calibration ended: {error}\n{advice}".strip())
         if advice:
             click.echo(advice, err=True)

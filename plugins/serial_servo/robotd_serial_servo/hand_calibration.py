@@ -99,12 +99,14 @@ def release_all(bus: ServoBus, joints: Mapping[str, int]) -> None:
         bus.set_torque(servo, on=False)
 
 
-def store_middle(bus: ServoBus, joints: Mapping[str, int]) -> dict[str, int]:
-    """Make the present positions the middle; return the offsets.
+def store_middle(bus: ServoBus, joints: Mapping[str, int], offsets: dict[str, int]) -> None:
+    """Make the present positions the middle.
+
+    Args:
+        offsets: filled with the offset of each joint, before it is stored.
 
     Raises BusError: a servo does not show the middle afterwards.
     """
-    offsets = {}
     for joint, servo in joints.items():
         identity = bus.identify(servo)
         position = positions(bus, [servo])[servo]
@@ -112,7 +114,14 @@ def store_middle(bus: ServoBus, joints: Mapping[str, int]) -> dict[str, int]:
         bus.store(servo, offsets[joint], (0, LAST_TICK))
     for servo in joints.values():
         _wait_for_middle(bus, servo)
-    return offsets
+
+
+def new_offsets(joints: Sequence[str]) -> str:
+    """Return what to do where a calibration has ended after ``store_middle`` of ``joints``."""
+    return (
+        f"The servos of {', '.join(joints)} have new offsets: calibrate again, or store the old"
+        " file with 'robotd calibrate --store --file OLD.json'."
+    )
 
 
 def _wait_for_middle(bus: ServoBus, servo: int) -> None:

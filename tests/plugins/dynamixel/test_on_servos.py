@@ -301,9 +301,11 @@ def test_a_calibration_is_in_servos_and_file_in_the_sense_of_lerobot(
     bus.arm[2].move(-2.5)  # its offset does not fit into position mode
     raw = positions(own, [1, 2])
     release_all(own, joints)
-    offsets = store_middle(own, joints)
+    offsets, again = dict[str, int](), dict[str, int]()
+    store_middle(own, joints, offsets)
     assert offsets == {joint: 2047 - raw[servo] for joint, servo in joints.items()}
-    assert store_middle(own, joints) == offsets
+    store_middle(own, joints, again)
+    assert again == offsets
     assert [bus[1].get("mode"), bus[2].get("mode")] == [3, 4]
     assert positions(own, [1, 2]) == {1: 2047, 2: 2047}
     ranges = {"joint1": (1500, 2600), "joint2": (1400, 2700)}

@@ -162,7 +162,7 @@ def test_a_servo_that_comes_on_ends_it(
     expect(page.get_by_role("button")).to_have_count(0)
     terminal.expect("servo 3, elbow_flex, is on without a command")
     assert terminal.process.wait(WAIT_S) == 1
-    assert "The servos have new offsets" in terminal.shown
+    assert "wrist_roll, gripper have new offsets" in terminal.shown
     assert not file.exists()
 
 
@@ -183,7 +183,7 @@ def test_abort_says_that_the_servos_have_new_offsets(
     to_the_ranges(page, terminal)
     press(page, "Abort")
     says(page, "aborted, no file is written")
-    says(page, "The servos have new offsets")
+    says(page, "wrist_roll, gripper have new offsets")
     assert terminal.process.wait(WAIT_S) == 1
     assert not file.exists()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
@@ -285,6 +286,27 @@ def test_a_calibration_by_hand_is_in_servos_and_file(bus: StsBus, tmp_path: Path
     bus[2].set("offset", 7)
     with pytest.raises(RobotdError, match="has the offset 7"), served(bus, tmp_path, **options):
         pass
+
+
+def test_a_calibration_that_ends_after_the_middle_names_the_servos_with_new_offsets(
+    bus: StsBus, tmp_path: Path
+) -> None:
+    robot, file = str(write_robot(tmp_path, bus.port)), tmp_path / "arm.json"
+    arguments = ("calibrate", "--robot", robot, "--file", str(file), "--yes")
+    advice = "joint1, joint2 have new offsets"
+    with closing(Terminal(*arguments)) as terminal:
+        terminal.expect("middle of its range, then press Enter")
+        terminal.process.send_signal(signal.SIGINT)
+        assert terminal.process.wait(WAIT_S) == 130
+        assert "new offsets" not in terminal.shown
+    with closing(Terminal(*arguments)) as terminal:
+        terminal.expect("middle of its range, then press Enter")
+        terminal.answer("")
+        terminal.expect("end to the other, then press Enter")
+        terminal.process.send_signal(signal.SIGINT)
+        terminal.expect(advice)
+        assert terminal.process.wait(WAIT_S) == 130
+    assert not file.exists()
 
 
 def test_a_leader_stays_free(bus: StsBus, tmp_path: Path) -> None:
