@@ -299,16 +299,18 @@ class WitnessPlay(ArmPlay):
         self, axis: int, displacement: float, drawn: tuple[str, list[int], int, str, int], s: float,
         periods: int,
     ) -> None:  # fmt: skip
-        """Guide a joint by hand, perhaps with a fault in the midst; the end is a stop."""
+        """Guide a joint, with those switched with it, perhaps with a fault; the end is a stop."""
         self._bring_back()
         self.release()
-        self.bench.judges[axis].may_catch = True
-        self.robot.axes.begin_guiding([axis])
+        group = self.robot.axes.servo_group(axis)
+        for guided in group:
+            self.bench.judges[guided].may_catch = True
+        self.robot.axes.begin_guiding(group)
         self.bench.push(axis, displacement)
         if s:
             self._disturb(drawn, s)
         self._step(periods)
-        self.robot.axes.stop([axis])
+        self.robot.axes.stop(group)
         self._step(periods)
 
     def _servo(self, axis: int, on: bool) -> None:

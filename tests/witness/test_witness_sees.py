@@ -291,11 +291,13 @@ def test_a_guided_joint_that_is_not_braked_where_it_is_caught(
     """As when its target had the velocity of the joint."""
     if not brakes:
         monkeypatch.setattr(FrankaAxes, "send_targets", send_with_velocities)
-    franka.judges[0].may_catch = True
-    franka.robot.axes.begin_guiding([0])
+    group = franka.robot.axes.servo_group(0)
+    for axis in group:
+        franka.judges[axis].may_catch = True
+    franka.robot.axes.begin_guiding(group)
     franka.push(0, 0.6)
     franka.run(0.5)
-    franka.robot.axes.stop([0])
+    franka.robot.axes.stop(group)
     caught = float(franka.robot.image.position[0])
     franka.run(0.5)
     travel = abs(franka.robot.image.position[0] - caught)

@@ -19,6 +19,7 @@ from robotd.api import (
     OperationError,
     ProcessImage,
     ProfiledAxes,
+    Unsupported,
 )
 from robotd_franka.arm_link import NO_VELOCITY, ArmLink
 from robotd_franka.code_tables import GUIDING, RECOVERY, REFLEX, alarm_of
@@ -126,6 +127,8 @@ class FrankaAxes(ProfiledAxes):
             )
 
     def let_go(self, axes: Sequence[int], timeout_s: float) -> None:
+        if len({*axes}) < JOINTS:
+            raise Unsupported("hand guiding of single joints: they are switched together")
         with self._device.switching:
             link = self._connected()
             with self._lock:  # which ``catch`` and ``is_let_go`` are called with

@@ -212,6 +212,9 @@ def test_a_hand_leads_the_arm_which_is_held_where_it_lets_go(
     assert unit.command().position[0] == pytest.approx(start[0], abs=0.03)  # stiffness holds it
     unit.command(push=[0, 0.0])
 
+    with pytest.raises(RobotdError, match="hand guiding of single joints"):
+        robot.axes.begin_guiding([0])
+    assert not robot.image.copy().operation.any()
     robot.axes.begin_guiding(range(7))
     unit.command(push=[0, 4.0])
     wait_until(lambda: abs(unit.command().position[0] - start[0]) > 0.1, "the arm is led")
