@@ -35,6 +35,7 @@ PARTS = {
     "process": (
         "silences", "reopening", "open_again", "cost", "process", "leaks", "locks", "threads",
     ),
+    "again": ("again",),
 }  # fmt: skip
 """All themes of the kit."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +59,7 @@ SAFE_ORDER = (
     "feedback", "last_axis", "velocity_commands", "streams", "setpoints", "whole_streams",
     "underrun", "dry_buffers", "silences",
     "trajectories", "bus_objects", "lost_nodes", "limits", "torque", "scaling", "scale_and_home",
-    "parameters", "reopening", "open_again", "cost", "process", "leaks", "locks",
+    "parameters", "reopening", "open_again", "again", "cost", "process", "leaks", "locks",
     "threads",
 )  # fmt: skip
 # Checks that change what a position means, or that use the whole travel of a simulated axis.
@@ -79,7 +79,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         mark = item.get_closest_marker("needs")
         capability = mark.args[0] if mark else Capability.AXES
         item.user_properties.append(("capability", str(capability)))
-        clauses = [name for mark in item.iter_markers("clause") for name in mark.args]
+        clauses = [name for mark in _clause_marks(item) for name in mark.args]
         item.user_properties.append(("clauses", " ".join(dict.fromkeys(clauses))))
     if config.getoption("--robotd-quick"):
         quick = quick_checks()
@@ -91,6 +91,14 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         left, passed = results.split(items)
         config.hook.pytest_deselected(items=passed)
         items[:] = left
+
+
+def _clause_marks(item: pytest.Item) -> Iterable[pytest.Mark]:
+    """Return the marks with the clauses of a check; a repeated one has those of its own."""
+    repeated = item.callspec.params.get("check") if hasattr(item, "callspec") else None
+    if repeated is None:
+        return item.iter_markers("clause")
+    return [mark for mark in vars(repeated)["pytestmark"] if mark.name == "clause"]
 
 
 def _function(item: pytest.Item) -> str:

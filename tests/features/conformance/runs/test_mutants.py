@@ -20,7 +20,8 @@ GOAL = 0.95
 def assert_found(mutant: type[Mutant], install_mutant: InstallMutant) -> None:
     """Run the checks that name the mutant's fault: these fail, and say what they have to."""
     checks = (mutant.found_by,) if isinstance(mutant.found_by, str) else mutant.found_by
-    outcome = run_kit(install_mutant(mutant), *checks, robot=mutant.robot)
+    chosen = [f"{check}[{mutant.only}]" if mutant.only else check for check in checks]
+    outcome = run_kit(install_mutant(mutant), *chosen, robot=mutant.robot)
     failed = outcome.failed | outcome.inconclusive  # on a busy computer no attempt has passed
     assert {name.partition("[")[0] for name in failed} == set(checks)
     assert all(re.search(mutant.says, failure) for failure in failed.values())

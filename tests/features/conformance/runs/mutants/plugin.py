@@ -53,12 +53,14 @@ class Mutant:
         found_by: check, or checks, that must fail on it; "": no check finds it yet.
         says: regular expression that the failure matches.
         robot: on which it is found; None: that of the kit.
+        only: parameters of the checks that find it, ``move-quick_stop``; "": each set of them.
     """
 
     breaks: ClassVar[tuple[str, str]]
     found_by: ClassVar[str | tuple[str, ...]] = ""
     says: ClassVar[str] = ""
     robot: ClassVar[str | None] = None
+    only: ClassVar[str] = ""
     Device: ClassVar[type[SimDevice]] = SimDevice
     Axes: ClassVar[type[SimAxes]] = SimAxes
     Io: ClassVar[type[SimIo]] = SimIo
