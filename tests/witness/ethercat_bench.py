@@ -55,6 +55,7 @@ class EthercatBench(Bench):
     ) -> None:
         self.prepare(axes, rate_hz, base=base)
         self.cable = Cable(lambda: self.clock.now_ns() / NANOSECONDS)
+        self.cable.sleep = self.run
         for judge in self.judges:
             judge.may_wait = 1
         self.slaves = [

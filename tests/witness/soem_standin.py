@@ -70,6 +70,7 @@ class Cable:
         self.deaf_s = self.mute_s = self.slow_s = self.blocked_s = self.delay_s = 0.0
         self.cut_at: int | None = None
         self.now_s, self._last_s = now_s, now_s()
+        self.sleep: Callable[[float], None] = lambda seconds: None  # of a thread, in this time
         self._queue: deque[Frame] = deque()
         self._late: deque[tuple[float, bytes]] = deque()  # when they come back, and the heads
         self._sent = 0
@@ -168,8 +169,8 @@ def _socket_pair() -> tuple[socket.socket, socket.socket]:
 class Slave:
     """``pysoem.CdefSlave`` of one slave."""
 
-    def __init__(self, place: int, cable: Cable, device: EthercatSlave) -> None:
-        self._place, self._cable, self._device = place, cable, device
+    def __init__(self, master: Master, place: int, cable: Cable, device: EthercatSlave) -> None:
+        self._master, self._place, self._cable, self._device = master, place, cable, device
         self.name = device.name
         self.man, self.id, self.rev, self._serial = device.identity
         self.output = self.input = b""
@@ -208,11 +209,13 @@ class Slave:
         self._device.registers[0x0981] = 3 if act else 0
 
     def sdo_read(self, index: int, sub: int, size: int = 0, *, release_gil: bool = False) -> bytes:
+        self._await_answer(self._master.sdo_read_timeout)
         return bytes(self._transfer(lambda: self._device.upload(index, sub)))
 
     def sdo_write(
         self, index: int, sub: int, data: bytes, ca: bool = False, *, release_gil: bool = False
     ) -> None:
+        self._await_answer(self._master.sdo_write_timeout)
         self._transfer(lambda: self._device.download(index, sub, data))
 
     def mbx_receive(self) -> int:
@@ -235,6 +238,12 @@ class Slave:
 
     def _disable_complete_access(self) -> None:
         pass
+
+    def _await_answer(self, timeout_us: int) -> None:
+        delay_s, timeout_s = self._device.drive.knobs.sdo_delay_s, timeout_us * 1e-6
+        self._cable.sleep(min(delay_s, timeout_s))
+        if delay_s > timeout_s:
+            raise WkcError
 
     def _transfer(self, action: Callable[[], Any]) -> Any:
         self._require_answer()
@@ -274,7 +283,7 @@ class Master:
         if cable.now_s() < max(cable.deaf_s, cable.mute_s, cable.blocked_s):
             self.slaves = []
             return 0
-        self.slaves = [Slave(n, cable, one) for n, one in enumerate(cable.reachable)]
+        self.slaves = [Slave(self, n, cable, one) for n, one in enumerate(cable.reachable)]
         for device in cable.reachable:
             device.addressed = True
             device.request(Al.INIT | 0x10)

@@ -50,7 +50,8 @@ class TappedDrive(ServoDrive):
     @property
     def demand_rad(self) -> float:
         """The drive's own demand, in the units of the joint."""
-        return (self.axis.demand - self.axis.counts_at_zero) / self._counts_per_rad
+        units = (self.axis.demand - self.axis.counts_at_zero) * self.axis.scale
+        return units / self._counts_per_rad
 
     def apply(self, values: list[tuple[int, int, bytes]]) -> None:
         place, zero = self.demand_rad, self.axis.counts_at_zero
@@ -77,7 +78,7 @@ class TappedDrive(ServoDrive):
         raw = self[TARGETS[mode]]
         target = raw * RATED_TORQUE / 1000 if mode == CST else raw / self._counts_per_rad
         if mode == CSV:
-            place = self.axis.velocity / self._counts_per_rad
+            place = self.axis.velocity * self.axis.scale / self._counts_per_rad
         word = self[0x6040]
         sent = self._frame_s, self._data_s
         self.judge.execute(Command(self.now, target, KINDS[mode], *sent, place, word, mode))
@@ -93,7 +94,8 @@ class TappedDrive(ServoDrive):
         if by_itself or self._halted or (mode, zero) != self._seen:
             self.judge.own_ramp()
         elif mode in OWN_PROFILES:
-            self.judge.profile(self.now, self.axis._speed / self._counts_per_rad)
+            speed = self.axis._speed * self.axis.scale / self._counts_per_rad
+            self.judge.profile(self.now, speed)
         self._seen = mode, zero
         self.judge.power(self.now, self.power in ENERGISED)
 

@@ -23,7 +23,7 @@ from robotd_cia402.controlword import (
 )
 from robotd_cia402.drive_access import DriveAccess, DriveReport
 from robotd_cia402.modes import OperationMode, rest_mode
-from robotd_cia402.motion import Activity, ProfileEstimate, Setpoint, towards
+from robotd_cia402.motion import Activity, HoldingBrake, ProfileEstimate, Setpoint, towards
 from robotd_cia402.object_numbers import DEMAND
 from robotd_cia402.options import DriveOptions
 from robotd_cia402.scaling import Scaling, wrapped
@@ -48,7 +48,7 @@ class Axis(Generic[DriveT]):
     Attributes:
         options, drive, scaling: its section, the objects of its drive, and the drive's units.
         lock: held by the worker whose command runs.
-        report, power, mode, setpoint, activity, estimate: the parts.
+        report, power, mode, setpoint, activity, estimate, holding_brake: the parts.
         acknowledgement: of the setpoints, by the drive.
         controlword: of the last frame; -1 before the first.
     """
@@ -61,6 +61,7 @@ class Axis(Generic[DriveT]):
         self.mode = ModeControl(rest_mode(options, CommandMode.POSITION))
         self.setpoint = Setpoint(options.stop_deceleration_rad_s2)
         self.activity = Activity()
+        self.holding_brake = HoldingBrake(options.brake_release_s)
         self.estimate = ProfileEstimate(options.quick_stop_deceleration_rad_s2)
         self.acknowledgement = Acknowledgement(drive.latency, drive.settling)
         self.controlword = _NOTHING_SENT
@@ -120,6 +121,7 @@ class Axis(Generic[DriveT]):
             self.hold()
         else:
             self._rejoin()
+            self.holding_brake.watch(report.period_s, powered=report.powered)
             if not report.powered:
                 self._note_off()
             elif report.state is DriveState.QUICK_STOP_ACTIVE:
@@ -130,7 +132,8 @@ class Axis(Generic[DriveT]):
                 self._watch_operation()
             self._fill_values(image)
         self._fill_state(image)
-        image.silent[self.number] = report.known and self.acknowledgement.withholds
+        waits = self.acknowledgement.withholds or (report.powered and self.holding_brake.holds)
+        image.silent[self.number] = report.known and waits
 
     def follow(self, position: float, velocity: float) -> None:
         """Control loop: a streamed setpoint; the position does not count in a velocity mode."""

@@ -65,6 +65,24 @@ class Activity:
         return self._resting_frames >= _REST_FRAMES * turn
 
 
+class HoldingBrake:
+    """Brake of a drive, which needs ``release_s`` after operation was enabled. Control loop.
+
+    Attributes:
+        holds: until then, in which the drive ignores setpoints. Any thread.
+    """
+
+    def __init__(self, release_s: float) -> None:
+        self._release_s, self._enabled_s = release_s, 0.0
+        self.holds = release_s > 0.0
+
+    def watch(self, period_s: float, *, powered: bool) -> None:
+        """Count a period of a drive that answers; ``powered``: its operation is enabled."""
+        if self._release_s:
+            self._enabled_s = self._enabled_s + period_s if powered else 0.0
+            self.holds = self._enabled_s < self._release_s
+
+
 class Setpoint:
     """Position and velocity that the next frame carries, rad (or m) and seconds.
 

@@ -132,6 +132,14 @@ class DriveOptions(BackendSection):
         " overcome. Given only where the masses of the URDF are those of the arm, tool included:"
         " they carry it. null: the axis is not guided.",
     )
+    brake_release_s: float = Field(
+        0.0,
+        ge=0,
+        le=10,
+        description="Time that the brake needs after the drive reports *operation enabled*, where"
+        " the drive ignores setpoints meanwhile: switching on ends, and paths begin, after it."
+        " Less than `engine.servo_timeout_s`.",
+    )
     check_modes: bool = Field(
         True,
         description="Require the modes in object 0x6502; false: for a drive without it, or with 0.",

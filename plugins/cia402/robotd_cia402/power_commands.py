@@ -54,9 +54,16 @@ class PowerCommands(CommandSteps):
                         raise self._error(DeviceTimeout, text)
                 self._enter(axis.mode.requested)
                 step(Control.ENABLE_OPERATION, done=True)
+                self.wait_for_brake(left_s())
             except RobotdError:
                 axis.power.control = int(Control.DISABLE_VOLTAGE)
                 raise
+
+    def wait_for_brake(self, timeout_s: float) -> None:
+        """Wait until the brake is released. Raises DeviceTimeout after ``timeout_s``."""
+        brake_s = self._axis.options.brake_release_s
+        late = f"the {brake_s:g} s of brake_release_s do not fit into engine.servo_timeout_s"
+        self._require(lambda: not self._axis.holding_brake.holds, timeout_s, late)
 
     def _has_left(self, state: DriveState, releases: int) -> bool:
         return self._report.state is not state or self._axis.power.releases != releases

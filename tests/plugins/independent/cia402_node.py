@@ -282,6 +282,7 @@ class ServoDrive(CanopenDevice):
         if state is State.ENABLED:
             self.counts["enabled"] += 1
             self.counts["enabled_blind"] += 0x6064 not in self.reported
+            self.axis.enable()
             self.axis.begin_mode()
 
     def fault(self, code: int, register: int = 0x20) -> None:

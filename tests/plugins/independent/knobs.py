@@ -22,6 +22,9 @@ class Knobs:
     rated_torque_nm: float = 20.0  # 0x6076
     external_torque_nm: float = 0.0  # on the link, as of a hand
     supported_modes: int = 0x3A5  # 0x6502
+    brake_release_s: float = 0.0  # from "operation enabled" on it ignores set-points: bit 12 is 0
+    negative_limit: float = -math.inf  # switch that is closed here and below, counts
+    positive_limit: float = math.inf
     sdo_delay_s: float = 0.0
     sdo_missing: int = 0  # number of SDO responses that do not come; -1 for all
     sdo_mute: tuple[int, ...] = ()  # indexes whose responses never come

@@ -17,7 +17,8 @@ GRAVITY, MOTOR_INERTIA = 9.81, 0.05  # m/s², kg·m² of the joint
 TORQUE = 10.0  # per mille of the rated torque for one turn/s²
 PP, PV, HOMING, CSP, CSV, CST = 1, 3, 6, 8, 9, 10
 MODES = {0, PP, PV, HOMING, CSP, CSV, CST}
-HOMING_METHODS = {0, 33, 34, 35, 37}  # none needs a switch: 33, 34 search the index pulse
+# 17 and 18 search the limit switch, 33 and 34 the index pulse; 35 and 37 do not move.
+HOMING_METHODS = {0, 17, 18, 33, 34, 35, 37}
 FOLLOWING_ERROR = 0x8611
 
 
@@ -39,6 +40,8 @@ class Axis:
         self._end: float | None = None  # set-point whose profile has ended
         self._acknowledged = self._reached = False
         self._homing = "idle"
+        self._on_switch = False  # of a homing: the limit switch was reached
+        self._braked_s = 0.0  # time until the brake is released
 
     @property
     def scale(self) -> float:
@@ -58,7 +61,16 @@ class Axis:
         slow = self.drive.get(0x6084, 0, self.drive[0x6083])
         return max(slow if option == 1 else self.drive.get(0x6085, 0, slow), 1) / self.scale
 
+    @property
+    def is_braked(self) -> bool:
+        """The brake holds the axis, and set-points are ignored."""
+        return self._braked_s > 0.0
+
     # Commands
+
+    def enable(self) -> None:
+        """Begin to release the brake."""
+        self._braked_s = self.drive.knobs.brake_release_s
 
     def begin_mode(self) -> None:
         """Start the mode of operation, at enable or when it is changed."""
@@ -75,15 +87,21 @@ class Axis:
             self._interpolate(target, self.counts_of(self.drive[0x607A]))
 
     def _interpolate(self, target: int, previous: float) -> None:
-        self.max_step = max(self.max_step, abs(self.counts_of(target) - previous))
+        end = self._nearest(self.counts_of(target))
+        self.max_step = max(self.max_step, abs(end - self._nearest(previous)))
         period_s = self.drive.get(0x60C2, 1) * 10.0 ** self.drive.get(0x60C2, 2)
         self._interpolated_s = max(period_s, 1e-4)
-        self._rate = (self.counts_of(target) - self.demand) / self._interpolated_s
+        self._rate = (end - self.demand) / self._interpolated_s
+
+    def _nearest(self, counts: float) -> float:
+        """Return the place next to the demand that has the same position object."""
+        span = 2**32 / self.scale
+        return counts - span * round((counts - self.demand) / span)
 
     def start(self, controlword: int) -> None:
         """Obey a rising bit 4: new set-point, start of homing."""
         if self.drive[0x6061] == HOMING:
-            self._homing = "running"
+            self._homing, self._on_switch = "running", False
         elif self.drive[0x6061] == PP:
             self._take_setpoint(controlword)
 
@@ -107,6 +125,11 @@ class Axis:
         if not energised:
             self.velocity *= math.exp(-step_s / COAST_S)
             self._demand_velocity(step_s)
+        elif self.is_braked:
+            self._braked_s -= step_s
+            self.velocity, self.demand = 0.0, self.position
+            if not self.is_braked:
+                self.begin_mode()
         elif self.braking is not None or halted:
             stop = self.deceleration(self.drive.get(0x605D, 0, 1))
             deceleration = stop if self.braking is None else self.braking
@@ -225,6 +248,8 @@ class Axis:
             self._homing = "idle"
         elif method in {35, 37}:
             self._set_home(self.position)
+        elif method in {17, 18}:
+            self._search_limit(-1 if method == 17 else 1, step_s)
         elif method in {33, 34}:
             before = math.floor(self.position / turn)
             after = math.floor((self.position + self.velocity * step_s) / turn)
@@ -235,6 +260,20 @@ class Axis:
             self._speed = ramped(self._speed, speed, acceleration, acceleration, step_s)
         else:
             self._homing = "error"
+
+    def _search_limit(self, direction: int, step_s: float) -> None:
+        """Go to the limit switch, and back to its edge with the lower speed."""
+        knobs = self.drive.knobs
+        closed = not knobs.negative_limit < self.position < knobs.positive_limit
+        edge = knobs.negative_limit if direction < 0 else knobs.positive_limit
+        self._on_switch = self._on_switch or closed
+        if self._on_switch and not closed:
+            self._set_home(edge)
+            return
+        sub, towards = (2, -direction) if self._on_switch else (1, direction)
+        speed = towards * self.drive[0x6099, sub] / self.scale
+        acceleration = self.drive[0x609A] / self.scale
+        self._speed = ramped(self._speed, speed, acceleration, acceleration, step_s)
 
     def _set_home(self, counts: float) -> None:
         self.counts_at_zero = counts - self.drive[0x607C] / self.scale
@@ -264,7 +303,7 @@ class Axis:
             reached = still and self._homing != "running"
             bit12, bit13 = self._homing == "attained", self._homing == "error"
         elif mode in {CSP, CSV, CST}:
-            bit12, bit13 = not halted, self._beyond_s > 0
+            bit12, bit13 = not (halted or self.is_braked), self._beyond_s > 0
         return 0x400 * (still if halted else reached) | 0x1000 * bit12 | 0x2000 * bit13
 
 

@@ -122,7 +122,7 @@ def test_error_history_has_the_newest_first_and_can_be_cleared(bench: Bench) -> 
         (struct.pack("<BHBI", 0x2B, 0x607C, 0, 1), 0x0607_0013),
         (struct.pack("<BHBI", 0x23, 0x6040, 0, 1), 0x0607_0012),
         (struct.pack("<BHBI", 0x2F, 0x6060, 0, 5), 0x0609_0030),
-        (struct.pack("<BHBI", 0x2F, 0x6098, 0, 17), 0x0609_0030),
+        (struct.pack("<BHBI", 0x2F, 0x6098, 0, 1), 0x0609_0030),
         (struct.pack("<BHBI", 0x23, 0x1010, 1, 1), 0x0800_0020),
         (b"\x60", 0x0504_0001),
         (b"\x00", 0x0504_0001),

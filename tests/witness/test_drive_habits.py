@@ -1,0 +1,200 @@
+"""Habits of real drives, on both fieldbuses: homing, wraps, brakes, gears, late power, slow SDO."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+from tests.plugins.independent.cia402_node import State
+from tests.witness.bench import COUNTS_PER_RAD, Bench
+from tests.witness.canopen_bench import CanopenBench
+from tests.witness.ethercat_bench import EthercatBench
+
+from robotd.errors import ConnectError, RobotdError
+from robotd.motion import TrajectoryRequest
+from robotd_cia402.power_commands import PowerCommands
+from robotd_ethercat.soem import Soem
+
+HabitBench = CanopenBench | EthercatBench
+BUSES: dict[str, type[HabitBench]] = {"canopen": CanopenBench, "ethercat": EthercatBench}
+EACH_BUS = pytest.mark.parametrize("bus", BUSES)
+SPEEDS = {
+    "homing_speed_rad_s": 0.5, "homing_creep_rad_s": 0.2, "homing_acceleration_rad_s2": 5.0,
+}  # fmt: skip
+
+
+@contextmanager
+def opened(bus: str | type[HabitBench], **options: Any) -> Iterator[HabitBench]:
+    kind = BUSES[bus] if isinstance(bus, str) else bus
+    bench = kind(**{"axes": 1, **options})
+    try:
+        yield bench
+    finally:
+        bench.robot.shutdown()
+        bench.close()
+
+
+@contextmanager
+def started(bus: str, **options: Any) -> Iterator[HabitBench]:
+    with opened(bus, **options) as bench:
+        start(bench)
+        yield bench
+
+
+def start(bench: HabitBench) -> None:
+    with bench.requested():
+        bench.robot.start()
+
+
+def move(bench: HabitBench, target: float, seconds: float = 1.0) -> None:
+    names = bench.robot.joint_names
+    request = TrajectoryRequest.from_rows(names, [seconds], [[target] * len(names)])
+    with bench.robot.follower.follow(request):
+        bench.run(seconds + 0.5)
+
+
+def require_followed(bench: HabitBench, target: float) -> None:
+    move(bench, target)
+    assert bench.drives[0].position_rad == pytest.approx(target, abs=1e-3)
+    assert bench.findings == []
+
+
+@EACH_BUS
+@pytest.mark.parametrize(
+    ("method", "home"),
+    [(35, 100_000), (37, 100_000), (17, 20_000), (18, 400_000), (33, 0), (34, 1_000_000)],
+)
+def test_homing_ends_at_its_mark_and_the_axis_holds_there(bus: str, method: int, home: int) -> None:
+    """Methods 35 and 37 stay, 17 and 18 search a limit switch, 33 and 34 the index pulse."""
+    switches = {"negative_limit": 20_000, "positive_limit": 400_000}
+    homing = {"homing_method": method, **SPEEDS}
+    with started(bus, drive=homing, power_on_position=100_000, **switches) as bench:
+        bench.robot.axes.home(0)
+        axis = bench.drives[0].axis
+        assert axis.counts_at_zero == home
+        assert bench.robot.image.home_done[0]
+        assert bench.robot.image.position[0] == pytest.approx(bench.drives[0].position_rad)
+        held = (axis.demand - home) / COUNTS_PER_RAD
+        assert bench.robot.image.position_command[0] == pytest.approx(held, abs=1e-3)
+        require_followed(bench, 0.2)
+
+
+@EACH_BUS
+@pytest.mark.parametrize("method", [-1, 1])
+def test_a_homing_method_that_the_drive_lacks_moves_nothing(bus: str, method: int) -> None:
+    with started(bus, drive={"homing_method": method}, power_on_position=100_000) as bench:
+        with pytest.raises(RobotdError, match="0x6098"):
+            bench.robot.axes.home(0)
+        bench.run(0.2)
+        assert not bench.robot.image.home_done[0]
+        assert bench.drives[0].axis.max_velocity < 10
+        require_followed(bench, 0.2)
+
+
+class Endless(Bench):
+    """The joint has no position limits, and neither has its judge."""
+
+    def describe(self, rate_hz: float, engine: dict[str, Any] | None = None) -> dict[str, Any]:
+        found = super().describe(rate_hz, engine)
+        for joint, judge in zip(found["joints"], self.judges, strict=True):
+            joint["type"] = "continuous"
+            del joint["lower_rad"], joint["upper_rad"]
+            judge.lower, judge.upper = -math.inf, math.inf
+        return found
+
+
+class EndlessCanopen(Endless, CanopenBench):
+    pass
+
+
+class EndlessEthercat(Endless, EthercatBench):
+    pass
+
+
+@pytest.mark.parametrize("bus", [EndlessCanopen, EndlessEthercat])
+def test_a_path_goes_on_where_the_position_runs_over_32_bits(bus: type[HabitBench]) -> None:
+    with opened(bus, power_on_position=2**31 - 100_000) as bench:
+        start(bench)
+        before, axis = bench.robot.image.position[0], bench.drives[0].axis
+        move(bench, before + 0.2)
+        assert bench.drives[0][0x6064] < 0
+        assert axis.position == pytest.approx(2**31 + 100_000, abs=1_000)
+        assert axis.max_velocity < 3.14 * COUNTS_PER_RAD
+        assert bench.robot.image.position[0] == pytest.approx(before + 0.2, abs=1e-3)
+
+
+@EACH_BUS
+def test_no_setpoint_runs_ahead_of_a_brake(bus: str) -> None:
+    brake = {"drive": {"brake_release_s": 0.4}, "brake_release_s": 0.35}
+    with started(bus, engine={"servo_timeout_s": 1.0}, **brake) as bench:
+        assert not bench.drives[0].axis.is_braked
+        require_followed(bench, 0.5)
+        assert bench.drives[0].axis.max_velocity < 3.14 * COUNTS_PER_RAD
+
+
+@EACH_BUS
+def test_a_path_that_begins_before_the_brake_is_released_waits(
+    bus: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As that of a client that sees the servo on while another one switches it on."""
+    brake = {"drive": {"brake_release_s": 0.4}, "brake_release_s": 0.35}
+    monkeypatch.setattr(PowerCommands, "wait_for_brake", lambda *_: None)
+    with started(bus, **brake) as bench:
+        assert bench.drives[0].axis.is_braked
+        require_followed(bench, 0.5)
+        assert bench.drives[0].axis.max_velocity < 3.14 * COUNTS_PER_RAD
+
+
+@EACH_BUS
+def test_a_brake_that_needs_longer_than_a_servo_may_is_named(bus: str) -> None:
+    with opened(bus, drive={"brake_release_s": 0.8}) as bench:
+        with pytest.raises(RobotdError, match="brake_release_s"):
+            start(bench)
+        bench.run(0.1)
+        assert bench.drives[0].power is not State.ENABLED
+
+
+@EACH_BUS
+@pytest.mark.parametrize(("feed", "gear"), [(2_000_000, 1), (36_000, 1), (COUNTS_PER_RAD, 4)])
+def test_a_gear_ratio_in_the_drive(bus: str, feed: int, gear: int) -> None:
+    """``counts_per_rad`` has position units of the drive, which differ from encoder counts."""
+    with opened(bus, feed=feed) as bench:
+        bench.drives[0].objects[0x6091, 1].value = gear
+        start(bench)
+        require_followed(bench, 0.2)
+        turns = 0.2 * COUNTS_PER_RAD / feed * gear
+        counts = bench.drives[0].axis.position
+        assert counts == pytest.approx(turns * COUNTS_PER_RAD, rel=1e-3)
+
+
+def test_slow_answers_of_sdo_on_ethercat() -> None:
+    with started("ethercat", section={"sdo_timeout_s": 1.5}, sdo_delay_s=1.0) as bench:
+        require_followed(bench, 0.2)
+
+
+def test_answers_of_sdo_that_are_slower_than_their_time_name_the_object() -> None:
+    with opened("ethercat", sdo_delay_s=1.0) as bench:
+        with pytest.raises(ConnectError, match=r"0x[0-9A-F]{4}"):
+            bench.robot.start()
+        assert bench.drives[0].power is not State.ENABLED
+
+
+def test_a_slave_that_gets_power_late_is_awaited(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Slave 1 has power at the third of the tries."""
+    search, tries = Soem.find_slaves, list[int]()
+    with opened("ethercat", axes=2, engine={"open_tries": 5, "open_retry_s": 0.01}) as bench:
+        bench.cable.cut_at = 1
+
+        def find(bus: Soem) -> int:
+            if len(tries) == 2:
+                bench.cable.cut_at = None
+            tries.append(search(bus))
+            return tries[-1]
+
+        monkeypatch.setattr(Soem, "find_slaves", find)
+        start(bench)
+        assert tries == [1, 1, 2]
+        require_followed(bench, 0.2)
