@@ -13,7 +13,7 @@ from robotd.arrays import FloatArray
 from robotd.clock import NANOSECONDS, Clock
 from robotd.device.drivers import AxisDriver
 from robotd.device.process_image import ProcessImage
-from robotd.device.state import STREAMING, CommandMode, Operation, Underrun
+from robotd.device.state import CommandMode, Operation, Underrun
 from robotd.errors import NotReady, Unsupported
 from robotd.motion.profile import (
     Profile,
@@ -120,9 +120,15 @@ class ProfiledAxes(AxisDriver):
             self._note_pause(now_ns)
             lost = now_ns - image.fresh_ns > self._feedback_lost_s * NANOSECONDS
             self._read_ns = now_ns
+            # Lists: a number of an array takes several times longer to read or write by itself.
+            position, commanded = image.position.tolist(), image.position_command.tolist()
+            on, silent = image.servo_on.tolist(), image.silent.tolist()
+            faulty = (image.amp_alarm | image.offline).tolist()
             for axis, motion in enumerate(self._motions):
-                faulty = image.amp_alarm[axis] or image.offline[axis]
-                enabled = bool(image.servo_on[axis] and not faulty)
+                enabled = on[axis] and not faulty[axis]
+                in_time = self._streamed and not (is_new or lost or silent[axis])
+                if in_time and enabled and motion.streams:
+                    continue  # its target is the setpoint
                 if is_new:  # the controller may have kept the servo on, but no command
                     motion.enabled = False
                 if motion.guided and not self._goes_on_guiding(axis, motion, image, is_new):
@@ -130,21 +136,20 @@ class ProfiledAxes(AxisDriver):
                 if motion.guided:
                     continue
                 motion.end_profile(image.fresh_ns - response_ns)
-                motion.track(float(image.position[axis]), enabled=enabled, lost=lost)
+                motion.track(position[axis], enabled=enabled, lost=lost)
                 if motion.operation is Operation.STREAM and not self._streamed:
                     self._hold(motion)  # a setpoint is late: its target is held
                 if lost and motion.operation is not Operation.STOPPING:
                     motion.brake(self._quick_stop_deceleration)
-                if image.silent[axis]:
+                if silent[axis]:
                     # Until its drive answers it keeps the command that it has.
-                    self._hold(motion, float(image.position_command[axis]))
+                    self._hold(motion, commanded[axis])
                     motion.strayed = motion.strayed and lost  # where it is held is known
                 else:
                     motion.advance(self._period_s, now_ns)
-                self._show(axis, motion, image)
-        streams = (image.operation == STREAMING).any() and self._streamed
+            streams = self._show(image) and self._streamed
         self._streamed = False
-        if image.servo_on.any() and not streams:
+        if True in on and not streams:
             self._send(now_ns)
 
     def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
@@ -156,10 +161,10 @@ class ProfiledAxes(AxisDriver):
                 for axis, motion in enumerate(self._motions)
                 if motion.operation is Operation.STREAM
             ]
-            self._speed_up([float(velocity[axis]) for axis, motion in followers if motion.rolls])
+            positions, velocities = position.tolist(), velocity.tolist()
+            self._speed_up([velocities[axis] for axis, motion in followers if motion.rolls])
             for axis, motion in followers:
-                target, speed = float(position[axis]), float(velocity[axis])
-                motion.setpoint(target, speed, self._rate, self._period_s)
+                motion.setpoint(positions[axis], velocities[axis], self._rate, self._period_s)
                 self._targets[axis] = motion.position
         self._streamed = bool(followers)
         if followers:  # else ``read`` has sent the targets of this period
@@ -240,12 +245,10 @@ class ProfiledAxes(AxisDriver):
     def _goes_on_guiding(
         self, axis: int, motion: _AxisMotion, image: ProcessImage, is_new: bool
     ) -> bool:
-        """Show an axis that was let go; return False once it is held, off or lost. Lock held."""
+        """Track an axis that was let go; return False once it is held, off or lost. Lock held."""
         motion.position, motion.velocity = float(image.position[axis]), 0.0
-        if is_new or image.amp_alarm[axis] or image.offline[axis] or not self.is_let_go(axis):
-            return False
-        self._show(axis, motion, image)
-        return True
+        faulty = image.amp_alarm[axis] or image.offline[axis]
+        return not (is_new or faulty) and self.is_let_go(axis)
 
     def _send(self, now_ns: int) -> None:
         self._sent_ns = now_ns
@@ -285,13 +288,16 @@ class ProfiledAxes(AxisDriver):
             raise NotReady(f"takes no command while it is {busy}", axis=axis)
         return motion
 
-    def _show(self, axis: int, motion: _AxisMotion, image: ProcessImage) -> None:
-        self._targets[axis] = motion.position
-        image.position_command[axis] = motion.position
-        image.velocity_command[axis] = motion.velocity
-        image.operation[axis] = motion.operation
-        image.mode[axis] = motion.mode
-        image.motion_complete[axis] = motion.complete
+    def _show(self, image: ProcessImage) -> bool:
+        """Show commands and states; return True while an axis streams. Lock held."""
+        motions = self._motions
+        operations = [motion.operation for motion in motions]
+        self._targets[:] = image.position_command[:] = [motion.position for motion in motions]
+        image.velocity_command[:] = [motion.velocity for motion in motions]
+        image.operation[:] = operations
+        image.mode[:] = [motion.mode for motion in motions]
+        image.motion_complete[:] = [motion.complete for motion in motions]
+        return Operation.STREAM in operations
 
 
 class _AxisMotion:
@@ -315,6 +321,11 @@ class _AxisMotion:
     def rolls(self) -> bool:
         """True while the axis follows velocities."""
         return self.mode is CommandMode.VELOCITY
+
+    @property
+    def streams(self) -> bool:
+        """True while the axis is enabled and follows setpoints."""
+        return self.operation is Operation.STREAM and self.enabled and not self.guided
 
     def begin(
         self, operation: Operation, plan: Plan | None = None, deceleration: float = 0.0
