@@ -287,5 +287,6 @@ def name_and_scaling(robot: RobotDescriptor, options: DriveOptions) -> tuple[str
     """Return name and units of an axis, which may be no joint."""
     for joint in robot.joints:
         if joint.axis == options.axis:
-            return joint.name, Scaling(options, joint.rated_effort, joint.velocity)
+            limits = (joint.lower, joint.upper)
+            return joint.name, Scaling(options, joint.rated_effort, joint.velocity, limits)
     return f"axis {options.axis}", Scaling(options, None)

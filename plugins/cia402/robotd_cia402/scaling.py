@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from robotd_cia402.options import DriveOptions
 
 SPAN = 1 << 32
@@ -17,10 +19,12 @@ class Scaling:
     Args:
         rated_torque_nm: None where it is not known.
         velocity_limit: rad/s or m/s; None for an axis that is no joint.
+        position_limits: lowest and highest in rad or m; infinite where there is none.
 
     Attributes:
         counts_per_unit, polarity: set by ``change``.
         joint_velocity: as ``velocity_limit`` was given.
+        position_limits: as given.
         position: rad or m for one count.
         velocity: rad/s or m/s for one velocity unit of the drive.
         torque: N·m for one per mille of the rated torque; NaN where that is not known.
@@ -31,9 +35,11 @@ class Scaling:
         options: DriveOptions,
         rated_torque_nm: float | None,
         velocity_limit: float | None = None,
+        position_limits: tuple[float, float] = (-math.inf, math.inf),
     ) -> None:
         self.rated_torque_nm = float("nan") if rated_torque_nm is None else rated_torque_nm
         self.joint_velocity = velocity_limit
+        self.position_limits = position_limits
         self.velocity_limit = velocity_limit or _UNLIMITED
         self._velocity = options.velocity_per_rad_s
         self._acceleration = options.acceleration_per_rad_s2
