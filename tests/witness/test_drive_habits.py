@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import pytest
+from tests.plugins.independent.canopen_objects import Entry
 from tests.plugins.independent.cia402_node import State
 from tests.witness.bench import COUNTS_PER_RAD, Bench
 from tests.witness.canopen_bench import CanopenBench
@@ -124,6 +125,49 @@ def test_a_path_goes_on_where_the_position_runs_over_32_bits(bus: type[HabitBenc
         assert axis.position == pytest.approx(2**31 + 100_000, abs=1_000)
         assert axis.max_velocity < 3.14 * COUNTS_PER_RAD
         assert bench.robot.image.position[0] == pytest.approx(before + 0.2, abs=1e-3)
+
+
+def set_position_range(bench: HabitBench, lowest: int, highest: int) -> None:
+    low, high = Entry("Min", "i", lowest), Entry("Max", "i", highest)
+    bench.drives[0].add(0x607B, "Position range limit", low, high)
+
+
+@pytest.mark.parametrize(
+    ("bus", "lowest", "highest"),
+    [
+        (CanopenBench, -COUNTS_PER_RAD, COUNTS_PER_RAD),  # the joint has -3 to 3 rad
+        (EthercatBench, 0, 100 * COUNTS_PER_RAD),
+        (EndlessCanopen, -(2**30), 2**30),
+        (EndlessEthercat, -(2**30), 2**30),
+    ],
+)
+def test_a_position_range_that_the_joint_leaves_ends_the_start(
+    bus: type[HabitBench], lowest: int, highest: int
+) -> None:
+    """A target beyond it would be taken for one at the other end (CiA 402-2, 0x607B)."""
+    with opened(bus) as bench:
+        set_position_range(bench, lowest, highest)
+        with pytest.raises(ConnectError, match=f"0x607B.* wrap at {lowest} and {highest} counts"):
+            bench.robot.start()
+        assert bench.drives[0].power is not State.ENABLED
+
+
+@pytest.mark.parametrize(
+    ("bus", "lowest", "highest"),
+    [
+        (CanopenBench, 0, 0),
+        (EthercatBench, -4 * COUNTS_PER_RAD, 4 * COUNTS_PER_RAD),
+        (EndlessCanopen, -(2**31), 2**31 - 1),
+        (EndlessEthercat, 0, 0),
+    ],
+)
+def test_a_position_range_that_the_joint_stays_in_is_accepted(
+    bus: type[HabitBench], lowest: int, highest: int
+) -> None:
+    with opened(bus) as bench:
+        set_position_range(bench, lowest, highest)
+        start(bench)
+        require_followed(bench, 0.2)
 
 
 @EACH_BUS

@@ -1,4 +1,4 @@
-"""Set-up of a drive axis before its first cyclic frame: supported modes and option codes."""
+"""Set-up of a drive axis before its first cyclic frame: modes, position range, option codes."""
 
 from __future__ import annotations
 
@@ -11,11 +11,14 @@ from robotd_cia402.drive_access import SdoAbort
 from robotd_cia402.drive_limits import report_velocity_limits
 from robotd_cia402.modes import needed_modes
 from robotd_cia402.options import DriveOptions
+from robotd_cia402.scaling import wrapped
 
 log = get_logger("cia402")
 
 _SUPPORTED_MODES, _QUICK_STOP_RAMP, _PERIOD = 0x6502, 0x6085, 0x60C2
 _CONNECTION_LOST = 0x6007  # reaction to it
+_POSITION_RANGE = 0x607B
+_MAX_COUNTS = (1 << 31) - 1  # of a position of 32 bits
 _STOPPING = (
     1,
     2,
@@ -30,7 +33,7 @@ _OPTION_CODES = {
 
 
 def set_up(axis: Axis[Any], period_s: float) -> None:
-    """Check the supported modes, write the option codes, report limits. Nothing moves. Worker.
+    """Check modes and position range, write option codes, report limits. Nothing moves. Worker.
 
     The objects in ``STARTUP_WRITES`` are optional: one that is missing, cannot be written or is
     skipped keeps the value of the drive, which is logged once.
@@ -39,10 +42,12 @@ def set_up(axis: Axis[Any], period_s: float) -> None:
         axis: its node is configured; what is known of its state is forgotten.
         period_s: between two cyclic frames, the interpolation time period (object 0x60C2).
 
-    Raises OperationError naming the option that needs a mode, and DeviceTimeout.
+    Raises OperationError naming the option that needs a mode, or a position range that the joint
+    leaves, and DeviceTimeout.
     """
     if axis.options.check_modes:
         _check_modes(axis)
+    _check_position_range(axis)
     for index, (value, otherwise) in _OPTION_CODES.items():
         written = _write(axis, index, 0, value, otherwise)
         if index == _CONNECTION_LOST:
@@ -83,6 +88,30 @@ def _check_modes(axis: Axis[Any]) -> None:
         raise OperationError(f"modes: {error.reason}; {_WITHOUT_MODES}") from error
     if reason := missing_mode(supported, axis.options):
         raise OperationError(f"modes: {reason}")
+
+
+def _check_position_range(axis: Axis[Any]) -> None:
+    """Raise OperationError where positions wrap (object 0x607B) within the limits of the joint.
+
+    A target beyond the range would be taken for one at its other end. Both values are 0 where
+    the drive does not use the object (CiA 402-2, 0x607B).
+    """
+    drive = axis.drive
+    try:
+        lowest, highest = (wrapped(drive.read(_POSITION_RANGE, sub)) for sub in (1, 2))
+    except SdoAbort:
+        return
+    if lowest >= highest or (lowest <= -_MAX_COUNTS and highest >= _MAX_COUNTS):
+        return
+    ends = sorted(limit / axis.scaling.position for limit in axis.scaling.position_limits)
+    if lowest <= ends[0] and ends[1] <= highest:
+        return
+    needed = " to ".join(f"{end:.0f}" if math.isfinite(end) else "no limit" for end in ends)
+    raise OperationError(
+        f"object 0x607B: positions of {drive.node.label} wrap at {lowest} and {highest} counts,"
+        f" axis {axis.number} needs {needed}; let the range span 32 bits, or set both of its values"
+        " to 0"
+    )
 
 
 def missing_mode(supported: int, options: DriveOptions) -> str:
