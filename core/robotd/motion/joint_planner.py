@@ -58,6 +58,7 @@ class JointPlanner:
         self._anywhere = [False] * joints
         self._origin = self._zeros = [0.0] * joints
         self._bounds: Bounds | None = None
+        self._jerk: Row = []  # of the last plan
 
     def plan(self, state: Sequence[Row], target: Row, velocity: Row, bounds: Bounds) -> bool:
         """Plan from ``state`` to each joint's target, without acceleration.
@@ -104,7 +105,10 @@ class JointPlanner:
         parameters.max_acceleration = bounds.highest_acceleration
 
     def _calculate(self, jerk: Row, share: float) -> bool:
-        self._input.max_jerk = [limit * share for limit in jerk]
+        shared = jerk if share == 1.0 else [limit * share for limit in jerk]
+        if shared != self._jerk:
+            self._input.max_jerk = shared
+            self._jerk = [*shared]
         try:
             self._ruckig.calculate(self._input, self._trajectory)
         except (RuckigError, ValueError):  # ValueError: a result that its enum does not have

@@ -55,6 +55,16 @@ class SetpointLimiter:
             limits.velocity.tolist(), limits.acceleration.tolist(), limits.jerk.tolist()
         )
         self._planner, self._stop_planner = JointPlanner(joints), JointPlanner(joints)
+        strong, jerk = self._bounds.highest_acceleration, self._bounds.jerk
+        self._twice_jerk = [2.0 * value for value in jerk]
+        self._stop_factors = [  # of ``_surely_stops``
+            (value / 2.0, 2.0 * value, change, 2.0 * change)
+            for value, change in zip(strong, jerk, strict=True)
+        ]
+        self._trackable_velocity = [
+            TRACKABLE_SHARE * value for value in self._bounds.highest_velocity
+        ]
+        self._trackable_acceleration = [TRACKABLE_SHARE * value for value in strong]
         dt = period_s
         self._back = np.array([[1.0, -dt, dt**2 / 2.0], [0.0, 1.0, -dt], [0.0, 0.0, 1.0]])
         self._stoppable = _stoppable_states(limits)
@@ -249,12 +259,10 @@ class SetpointLimiter:
 
     def _trackable(self, reference: FloatArray) -> list[bool]:
         """Return the joints that can track their reference."""
-        limits = self._bounds.highest_velocity, self._bounds.highest_acceleration
+        limits = self._trackable_velocity, self._trackable_acceleration
         rows = (*reference.tolist(), *limits, self._lower, self._upper)
         return [
-            abs(v) <= TRACKABLE_SHARE * fastest
-            and abs(a) <= TRACKABLE_SHARE * strongest
-            and low <= p <= high
+            -fastest <= v <= fastest and -strongest <= a <= strongest and low <= p <= high
             for p, v, a, fastest, strongest, low, high in zip(*rows, strict=True)
         ]
 
@@ -318,10 +326,12 @@ class SetpointLimiter:
     def _too_fast(self, state: Sequence[Row]) -> list[bool]:
         """Return the joints whose acceleration cannot end within the range of velocities."""
         _, velocity, acceleration = state
-        limits = *self._range_of_velocity, self._bounds.jerk
+        limits = *self._range_of_velocity, self._twice_jerk
         return [
-            not slowest <= v + a * abs(a) / (2.0 * jerk) <= fastest
-            for v, a, slowest, fastest, jerk in zip(velocity, acceleration, *limits, strict=True)
+            not slowest <= v + a * abs(a) / twice_jerk <= fastest
+            for v, a, slowest, fastest, twice_jerk in zip(
+                velocity, acceleration, *limits, strict=True
+            )
         ]
 
     def _unstoppable(self, state: Sequence[Row], lower: Row, upper: Row) -> list[bool]:
@@ -338,15 +348,16 @@ class SetpointLimiter:
         With acceleration limit A and jerk limit J, the acceleration a ends within |a|/J, at a speed
         of at most v_p = v + a²/2J, and the stop from there takes at most v_p/A + A/J.
         """
-        bounds = self._bounds
-        limits = bounds.highest_acceleration, bounds.jerk
-        for p, v, a, low, high, strong, jerk in zip(*state, lower, upper, *limits, strict=True):
-            peak = v + a * abs(a) / (2.0 * jerk)
-            forward, backward = max(v, peak, 0.0), max(-v, -peak, 0.0)
-            seconds = (abs(a) + strong / 2.0) / jerk
-            if p + forward * (seconds + forward / (2.0 * strong)) > high:
+        joints = zip(*state, lower, upper, self._stop_factors, strict=True)
+        for p, v, a, low, high, (half_strong, twice_strong, jerk, twice_jerk) in joints:
+            peak = v + a * abs(a) / twice_jerk
+            slowest, fastest = (v, peak) if v < peak else (peak, v)
+            seconds = (abs(a) + half_strong) / jerk
+            forward = fastest if fastest > 0.0 else 0.0
+            if p + forward * (seconds + forward / twice_strong) > high:
                 return False
-            if p - backward * (seconds + backward / (2.0 * strong)) < low:
+            backward = -slowest if slowest < 0.0 else 0.0
+            if p - backward * (seconds + backward / twice_strong) < low:
                 return False
         return True
 
