@@ -88,6 +88,7 @@ class Physics:
         self.robot_model = build_model(robot, options)
         self.model, self.drives = self.robot_model.model, self.robot_model.drives
         self.data = mujoco.MjData(self.model)
+        self._control = self.data.ctrl  # a view that stays; to get it takes longer than to use it
         self.axes = len(self.drives)
         self.is_open = self.talking = self.frozen = False
         self.lost_because = ""
@@ -154,7 +155,7 @@ class Physics:
     def _set_setpoints(self, tick: int) -> None:
         """Command of the drives at the end of step ``tick``."""
         share = (tick - self._begin) / self._period_ticks
-        control = self.data.ctrl
+        control = self._control
         if share <= 1.0:
             control[self._position] = self._from + share * (self._to - self._from)
             control[self._velocity] = self._speed
@@ -228,7 +229,9 @@ class Physics:
         """Reach ``targets`` (n_axes,), as measured, one control period from now."""
         command = self.data.ctrl[self._position].copy()
         targets = targets - self.encoder_offset
-        np.copyto(targets, command, where=~np.isfinite(targets) | ~self.servo_on | self.let_go)
+        follows = np.isfinite(targets) & (self.servo_on > self.let_go)
+        if np.count_nonzero(follows) < self.axes:
+            targets = np.where(follows, targets, command)
         self._from, self._to, self._begin = command, targets, self.tick
         self._speed = (targets - command) / (self._period_ticks * self.options.step_s)
 
