@@ -353,7 +353,7 @@ class SetpointLimiter:
             peak = v + a * abs(a) / twice_jerk
             slowest, fastest = (v, peak) if v < peak else (peak, v)
             seconds = (abs(a) + half_strong) / jerk
-            forward = fastest if fastest > 0.0 else 0.0
+            forward = max(0.0, fastest)
             if p + forward * (seconds + forward / twice_strong) > high:
                 return False
             backward = -slowest if slowest < 0.0 else 0.0

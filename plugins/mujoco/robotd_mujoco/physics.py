@@ -119,8 +119,7 @@ class Physics:
         self._begin = 0  # tick at which the axes leave ``_from``
         self._warnings = self.data.warning.number
         self._place_robot()
-        self._initial = self.data.qpos.copy()
-        self._good = self.data.qpos.copy()
+        self._initial, self._good = self.data.qpos.copy(), self.data.qpos.copy()
         for axis in range(self.axes):
             self._switch(axis, on=False)
             self._update_lock(axis)
