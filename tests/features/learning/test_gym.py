@@ -14,7 +14,7 @@ from gymnasium.utils.env_checker import check_env
 
 from robotd.clock.simulated import SteppedClock
 from robotd.errors import InvalidArgument, NotReady
-from robotd_gym import JOINT_REACH, JointReach, SteppedRobot
+from robotd_gym import JOINT_REACH, PICK_AND_PLACE, JointReach, SteppedRobot
 from robotd_gym.joint_reach import BLUE, GREEN, ROW, WIDTH
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "robot_learning" / "episode.py"
@@ -50,6 +50,21 @@ def test_an_episode_depends_on_seed_and_actions_only() -> None:
         second.close()
     np.testing.assert_equal(a, b)  # exactly
     assert not np.array_equal(a[0][0]["goal"], other[0][0]["goal"])
+
+
+@pytest.mark.parametrize("mode", ["sync", "async"])
+@pytest.mark.parametrize("name", [JOINT_REACH, PICK_AND_PLACE])
+def test_vector_environments_with_one_seed_are_alike(name: str, mode: str) -> None:
+    environments = gymnasium.make_vec(f"robotd_gym:{name}", 3, vectorization_mode=mode)
+    environments.reset(seed=[1, 1, 2])
+    environments.action_space.seed(0)
+    actions = environments.action_space.sample()
+    actions[1:] = actions[0]
+    observation, _, _, _, _ = environments.step(actions)
+    environments.close()
+    for values in observation.values():
+        np.testing.assert_array_equal(values[0], values[1])
+    assert not np.array_equal(observation["goal"][0], observation["goal"][2])
 
 
 def test_the_simulated_noise_depends_on_the_seed(tmp_path: Path) -> None:
