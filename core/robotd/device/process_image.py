@@ -57,6 +57,8 @@ class ProcessImage:
             is that of ``VALUES``, ``FLAGS`` and ``NUMBERS``. A copy of a block costs no more than
             one of an array.
         memory: all blocks in one piece, laid out by ``image_type``: one copy takes them all.
+        states: flags and numbers of all axes as bytes, to find with one comparison that no
+            state has changed.
         header, frame: room for a recorder's numbers, and with ``memory`` after it in one piece.
         commands, measured: rows of ``values``: position and velocity as commanded; position,
             velocity and torque as measured.
@@ -101,6 +103,7 @@ class ProcessImage:
         self.header = self.frame[: 8 * HEADER_NUMBERS].cast("q")
         self.memory = self.frame[8 * HEADER_NUMBERS :]
         blocks = room["blocks"]
+        self.states = self.memory[(len(VALUES) + 2) * 8 * axes :]  # after values and setpoint
         self.values: FloatArray = blocks["values"][0]
         self.setpoint: FloatArray = blocks["setpoint"][0]
         self.numbers: IntArray = blocks["numbers"][0]

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 
-import numpy as np
-
 from robotd.control.groups.joint_group import JointGroups
 from robotd.control.groups.mobile_base import MobileBase
 from robotd.control.groups.problem_finder import limit_problems
@@ -43,14 +41,17 @@ class Servos:
     ) -> None:
         self._descriptor, self._connection, self._axes = descriptor, axes.connection, axes
         self._groups, self._base, self._confirmed_off = groups, base, confirmed_off
-        self._on = np.zeros(len(axes), bool)  # as each drive has reported last
+        self._on = [False] * len(axes)  # as each drive has reported last
         self.read_only = axes.stop_latch.read_only
         wheels = descriptor.drive.axes if descriptor.drive else ()
         self.used = (*(joint.axis for joint in descriptor.joints), *wheels)
 
     def note_image(self, image: ProcessImage) -> None:
         """Control loop: keep what each drive reports, for the time after it is lost."""
-        np.copyto(self._on, image.servo_on, where=~image.offline)
+        reported = zip(image.servo_on.tolist(), image.offline.tolist(), strict=True)
+        for axis, (is_on, is_offline) in enumerate(reported):
+            if not is_offline:
+                self._on[axis] = is_on
 
     def enable(self) -> None:
         """Clear alarm, then servo on, axis by axis, as at start-up.
@@ -141,7 +142,7 @@ class Servos:
         off: Sequence[bool] | None = None
         with suppress(RobotdError):  # of a driver that hangs
             off = self._confirmed_off()
-        on = self._on.tolist() if off is None else [not is_off for is_off in off]
+        on = self._on if off is None else [not is_off for is_off in off]
         names = [name for name, is_on in zip(self._axes.names, on, strict=True) if is_on]
         if names:
             text = "servos are not confirmed to be off: cut their power"

@@ -314,7 +314,7 @@ class Interruptions:
         self._of_mode = [self._all] * len(axes)
         self._unable: BoolArray = np.zeros(len(axes), np.bool_)  # in the last image, like the modes
         self._modes = axes.image.mode.copy()
-        self._seen = b""
+        self._states = self._seen = b""
         self._inactive = ""
         self.has_changed = True
         axes.stop_latch.on_change(self._on_stop)
@@ -347,7 +347,10 @@ class Interruptions:
     def look(self, image: ProcessImage) -> None:
         """Record axes that have become unable to move. Control loop, once a period."""
         inactive, before = self._axes.stop_latch.inactive, self._inactive
-        self._inactive = inactive
+        states = image.states.tobytes()
+        if states == self._states and inactive == before:
+            return  # everything below is derived from these
+        self._states, self._inactive = states, inactive
         if inactive and not before:
             self._all = self._interruption(f"the robot was {inactive}")
         guided = image.operation == GUIDING
