@@ -46,6 +46,12 @@ ifneq ($(filter-out help clean,$(MAKECMDGOALS)),)
   $(if $(ros_error),$(error $(ros_error)))
 endif
 
+# Where Python may not keep the bytecode of what it imports, as in many containers, each command would
+# compile hundreds of modules again: half of its processor time.
+ifdef PYTHONDONTWRITEBYTECODE
+  compile := .venv/bin/python -m compileall -qq -j 0 .venv/lib core ros features plugins || :
+endif
+
 stamps := .venv/.made
 base   := $(stamps)/base-$(ros)
 ready  := $(stamps)/robotd
@@ -187,6 +193,7 @@ $(ready): $(base) $(interfaces) pyproject.toml
 	rm -rf *.egg-info # of an earlier build: it would hide the entry points that are installed
 	$(install) $$compiled --editable '.[$(extras)]'
 	.venv/bin/python -c 'import rclpy, control_msgs.action, robotd_msgs.srv, tf2_msgs.msg, wmx_ros2_message.msg' || { echo 'robotd: this environment lacks a ROS package: see docs/how-to/install.md' >&2; exit 1; }
+	$(compile)
 	touch $@
 
 # Tests, lint and the others need more than `make run`.
@@ -212,6 +219,7 @@ $(bundle): $(modules) $(shell find features/page/web/src -type f) features/page/
 $(stamps)/mujoco: $(ready)
 	@$(say) 'installing robotd[mujoco] into .venv'
 	$(install) --editable '.[$(extras),mujoco]'
+	$(compile)
 	touch $@
 
 # Needed by `make dist` only.
