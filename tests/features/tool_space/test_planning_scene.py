@@ -17,7 +17,7 @@ pytest.importorskip("rclpy", reason="no ROS in this environment")
 
 from geometry_msgs.msg import Point, Point32, Pose, Quaternion
 from moveit_msgs.msg import AttachedCollisionObject, CollisionObject, PlanningScene
-from shape_msgs.msg import Mesh, Plane, SolidPrimitive
+from shape_msgs.msg import Mesh, MeshTriangle, Plane, SolidPrimitive
 
 TOOL = pose_of([0.4, 0.0, 0.5], [0.0, math.pi, 0.0])
 TABLE = pose_of([1.0, 0.0, 0.2], [0.0, 0.0, math.pi / 2])
@@ -114,9 +114,10 @@ def test_a_prism_and_a_mesh_are_boxes_around_them() -> None:
     prism = solid(SolidPrimitive.PRISM, 0.6)
     prism.polygon.points = corners
     vertices = [Point(x=x, y=y, z=1.0) for x, y in ((0.0, 0.0), (0.2, 0.0), (0.0, 0.4))]
+    mesh = Mesh(vertices=vertices, triangles=[MeshTriangle(vertex_indices=[0, 1, 2])])
     scene = Scene(
         CollisionObject(id="prism", primitives=[prism], primitive_poses=[at(1.0)]),
-        CollisionObject(id="mesh", meshes=[Mesh(vertices=vertices)], mesh_poses=[at(1.0)]),
+        CollisionObject(id="mesh", meshes=[mesh], mesh_poses=[at(1.0)]),
     )
     assert scene.items["prism"].size_m == pytest.approx((0.2, 0.4, 0.6))
     assert scene.place("prism") == [1.1, 0.2, 0.0]
@@ -203,8 +204,14 @@ def test_a_state_that_is_no_difference_has_all_that_is_attached() -> None:
         (CollisionObject(id="a", primitives=[solid(5, 1.0)]), "a: prism has 0 corners"),
         (CollisionObject(id="a", meshes=[Mesh()]), "a: mesh has 0 vertices"),
         (
-            CollisionObject(id="a", meshes=[Mesh(vertices=[Point(x=math.inf)])]),
+            CollisionObject(
+                id="a", meshes=[Mesh(vertices=[Point(x=math.inf)], triangles=[MeshTriangle()])]
+            ),
             "a: a vertex is not finite",
+        ),
+        (
+            CollisionObject(id="a", meshes=[Mesh(vertices=[Point(), Point(x=1.0), Point(y=1.0)])]),
+            "a: mesh has no triangles",
         ),
         (CollisionObject(id="a", planes=[Plane(coef=[0.0, 0.0, 0.0, 1.0])]), "a: plane has"),
         (

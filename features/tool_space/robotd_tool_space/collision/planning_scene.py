@@ -241,6 +241,8 @@ def _mesh(message: Any) -> Form:
     if not 0 < len(message.vertices) <= MAX_VERTICES:
         count = len(message.vertices)
         raise InvalidArgument(f"mesh has {count} vertices, must have 1 to {MAX_VERTICES}")
+    if not message.triangles:  # MoveIt makes no shape of it
+        raise InvalidArgument("mesh has no triangles")
     return _box_around(np.array([(point.x, point.y, point.z) for point in message.vertices]))
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from moveit_msgs.msg import PlanningScene
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
+from rclpy.task import Future
 
 from robotd.api import FloatArray, InvalidArgument, NotReady, RobotdError, get_logger, read_urdf
 from robotd.api.models import UrdfRobot
@@ -26,6 +27,7 @@ from robotd_tool_space.collision.scene import Scene
 from robotd_tool_space.collision.scene_object import SceneObject
 from robotd_tool_space.geometry.chain import Chain
 from robotd_tool_space.geometry.rotations import inverse_pose
+from robotd_tool_space.nodes.planning_scene_client import PlanningSceneClient
 from robotd_tool_space.nodes.tf_frames import TfFrames
 from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.tool_groups import ToolGroups
@@ -39,6 +41,10 @@ MAX_BYTES = 8_000_000  # of a message; decoding it takes about a second
 
 class PlanningSceneTopic:
     """Applies the messages of a topic to the scenes of all arms, each whole or not at all.
+
+    Also the response of ``get_planning_scene``: before the messages that came after its request,
+    of which it may have some already. Applied again, they change nothing for good: MoveIt sends
+    each object that they have as it is then, and what has changed since in a later message.
 
     Args:
         context, tools: of the robot, whose file has ``path`` as its URDF.
@@ -58,12 +64,15 @@ class PlanningSceneTopic:
             for tool in tools.values()
             if tool.scene is not None
         ]
-        self._waiting: deque[bytes] = deque()
+        self._waiting: deque[bytes | Future] = deque()  # a future: of a response
         self._lock, self._taking = threading.Lock(), False
-        self._last_reason, self._octomap_logged = "", False
-        self._topic = node.create_subscription(
-            PlanningScene, topic, self._receive, QOS, raw=True
-        ).topic_name
+        self._last_reasons: dict[str, str] = {}  # by topic or service
+        self._octomap_logged = False
+        subscription = node.create_subscription(PlanningScene, topic, self._receive, QOS, raw=True)
+        self._topic = subscription.topic_name
+        self._client = PlanningSceneClient(
+            self._host, node, subscription, self._waiting.append, self._work
+        )
 
     def _receive(self, data: bytes) -> None:
         """Hand a message to a worker: it may wait for a frame. Executor thread."""
@@ -71,45 +80,63 @@ class PlanningSceneTopic:
             try:
                 if len(self._waiting) >= MAX_WAITING:
                     raise NotReady(f"{MAX_WAITING} messages are waiting already")
-                with self._lock:
-                    self._waiting.append(data)
-                    taking, self._taking = self._taking, True
-                if not taking:  # one worker takes all, in their order
-                    self._start()
+                self._waiting.append(data)
+                self._work()
             except RobotdError as error:
-                self._reject(error)
+                self._reject(self._topic, error)
 
-    def _start(self) -> None:
+    def _work(self) -> None:
+        """Let one worker take all that waits, in its order. Executor thread."""
+        with self._lock:
+            taking, self._taking = self._taking, True
+        if taking:
+            return
         try:
             self._host.submit(self._take_all)
-        except RobotdError:
+        except RobotdError as error:
             self._taking = False
-            raise
+            self._reject(self._topic, error)
 
     def _take_all(self) -> None:
         while True:
             with self._lock:
-                if not self._waiting:
+                first = self._waiting[0] if self._waiting else None
+                if first is None or (isinstance(first, Future) and not _has_ended(first)):
                     self._taking = False
                     return
-                data = self._waiting.popleft()
-            self._take(data)
+                self._waiting.popleft()
+            self._take(first)
 
-    def _take(self, data: bytes) -> None:
+    def _take(self, received: bytes | Future) -> None:
+        whole = isinstance(received, Future)
+        source = self._client.service if whole else self._topic
         try:
-            self._apply(_decoded(data))
+            if not isinstance(received, Future):
+                self._apply(_decoded(received))
+            elif not received.cancelled():
+                self._apply_whole(received.result().scene)
         except RobotdError as error:
-            self._reject(error)
+            self._reject(source, error)
+            if whole and isinstance(error, NotReady):
+                self._client.repeat()  # the arm moves
         except Exception:
-            log.exception("planning scene rejected", topic=self._topic)
+            log.exception("planning scene rejected", source=source)
         else:
-            self._last_reason = ""
+            self._last_reasons.pop(source, None)
 
-    def _reject(self, error: RobotdError) -> None:
+    def _reject(self, source: str, error: RobotdError) -> None:
         """Log a reason once, however often the message is repeated."""
-        if str(error) != self._last_reason:
-            self._last_reason = str(error)
-            log.warning("planning scene rejected", topic=self._topic, reason=str(error))
+        if self._last_reasons.get(source) != str(error):
+            self._last_reasons[source] = str(error)
+            log.warning("planning scene rejected", source=source, reason=str(error))
+
+    def _apply_whole(self, message: Any) -> None:
+        message.is_diff = message.robot_state.is_diff = False
+        self._apply(message)
+        count = len(message.world.collision_objects)
+        attached = len(message.robot_state.attached_collision_objects)
+        service = self._client.service
+        log.info("planning scene of MoveIt", service=service, objects=count, attached=attached)
 
     def _apply(self, message: Any) -> None:
         if len(message.world.octomap.octomap.data) and not self._octomap_logged:
@@ -129,6 +156,10 @@ class PlanningSceneTopic:
             links = ", ".join(name for arm in self._arms for name in arm.carried)
             text = f"link {link!r} is not fixed to a tool (available: {links})"
             raise InvalidArgument(f"{attached.object.id}: {text}")
+
+
+def _has_ended(future: Future) -> bool:
+    return bool(future.done() or future.cancelled())
 
 
 def _decoded(data: bytes) -> Any:
