@@ -16,11 +16,12 @@ from typing import Any
 
 import click
 from tools.bench.c_program import CannotBuildError, CProgram
+from tools.bench.computer import computer
 from tools.bench.figures import draw
 from tools.bench.machine import machine
 from tools.bench.planning import planning
 from tools.bench.process import fresh_environment
-from tools.bench.results import keep, out_option
+from tools.bench.results import keep, out_option, told_costs
 from tools.bench.scenario import Measured, measure, subscriber
 from tools.bench.subjects import subjects
 from tools.bench.tables import tables
@@ -39,7 +40,7 @@ def main(seconds: float, out: Path, only: Sequence[str]) -> None:
     def wanted(name: str) -> bool:
         return not only or any(fnmatch(name, pattern) for pattern in only)
 
-    results: dict[str, Any] = {"machine": machine(), "seconds": seconds, "notes": []}
+    results: dict[str, Any] = {"machine": machine() | computer(), "seconds": seconds, "notes": []}
     with tempfile.TemporaryDirectory(prefix="robotd-bench-") as folder:
         measured = _measure(Path(folder), seconds, wanted, results["notes"])
         results["subjects"] = {name: measurement.figures for name, measurement in measured.items()}
@@ -96,7 +97,7 @@ def _costs(seconds: float, domain: int, notes: list[str]) -> dict[str, Any]:
 def _heading(results: dict[str, Any]) -> list[str]:
     facts = results["machine"]
     lines = [
-        f"{facts['cpu']}, {facts['cores']} cores, Linux {facts['kernel']}",
+        f"{facts['cpu']}, {facts['cores']} cores, Linux {facts['kernel']}{told_costs(facts)}",
         f"Python {facts['python']}, commit {facts['commit']}"
         + (" with changes" if facts["uncommitted_changes"] else "")
         + f", load before {facts['load_before']:.2f}, after {results['load_after']:.2f}",

@@ -29,6 +29,17 @@ def told(facts: Mapping[str, Any]) -> str:
     return (
         f"{facts['cpu']}, {facts['cores']} cores, Linux {facts['kernel']}, Python"
         f" {facts['python']}, commit {facts['commit']}, load before {facts['load_before']:.2f}"
+        f"{told_costs(facts)}"
+    )
+
+
+def told_costs(facts: Mapping[str, Any]) -> str:
+    """Say what every program pays here, from what ``computer`` returns; "" without it."""
+    if "memory_ns" not in facts:
+        return ""
+    return (
+        f"; a wake-up takes {facts['wake_up_us']:.0f} µs and is {facts['wake_up_late_us']:.0f} µs"
+        f" late, a load from memory {facts['memory_ns']:.0f} ns"
     )
 
 

@@ -21,6 +21,7 @@ import click
 import numpy as np
 from tests.ros.robot_process import ACTION
 from tools.bench.c_program import CannotBuildError, CProgram
+from tools.bench.computer import computer
 from tools.bench.machine import machine
 from tools.bench.process import fresh_environment
 from tools.bench.results import into_page, keep, out_option, told
@@ -44,6 +45,8 @@ ROWS = (
     ("goal accepted p50, ms", "accepted_p50_us", 0.9, 1e-3),
     ("goal accepted p90, ms", "accepted_p90_us", 1.3, 1e-3),
     ("goal accepted p50, two busy cores, ms", "busy_accepted_p50_us", 1.2, 1e-3),
+    ("end of a 0.3 s goal to result p50, ms", "result_p50_us", 6.0, 1e-3),
+    ("end of a 0.3 s goal to result p50, two busy cores, ms", "busy_result_p50_us", 7.7, 1e-3),
     ("cancel answered p50, ms", "canceled_p50_us", 0.8, 1e-3),
     ("cancel to result p50, quiet, ms", "cancel_result_p50_us", 10.0, 1e-3),
     ("cancel to result p50, two busy cores, ms", "busy_cancel_result_p50_us", 30.0, 1e-3),
@@ -66,12 +69,12 @@ ROWS = (
 @out_option
 def main(rounds: int, seconds: float, pythons: Sequence[str], out: Path) -> None:
     """Print every row with its goal, for robotd, other checkouts and the C program."""
+    facts = machine() | computer()
     with tempfile.TemporaryDirectory(prefix="robotd-bench-") as folder:
         found = _rounds(rounds, seconds, [sys.executable, *pythons], Path(folder))
     medians = {name: _medians(figures) for name, figures in found.items()}
     for line in aligned(list(_table(medians))):
         print(line)
-    facts = machine()
     keep(out, "rows", {"machine": facts, "rounds": rounds, "rows": medians})
     into_page(out / "README.md", "\n".join(_report(facts, rounds, medians)))
 
