@@ -28,9 +28,9 @@ PARTS = {
     ),
     "motion": (
         "command_sequences", "shown_motion", "while_it_happens", "extremes", "questions",
-        "feedback", "last_axis", "velocity_commands", "streams", "setpoints", "whole_streams",
-        "underrun", "dry_buffers", "silences", "trajectories", "bus_objects", "lost_nodes",
-        "limits", "torque", "scaling", "scale_and_home", "parameters",
+        "feedback", "last_axis", "late_effects", "velocity_commands", "streams", "setpoints",
+        "whole_streams", "underrun", "dry_buffers", "silences", "trajectories", "bus_objects",
+        "lost_nodes", "limits", "torque", "scaling", "scale_and_home", "parameters",
     ),
     "process": (
         "silences", "reopening", "open_again", "cost", "process", "leaks", "locks", "threads",

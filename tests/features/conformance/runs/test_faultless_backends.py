@@ -82,7 +82,9 @@ TABLE = {
         options={"open_delay_s": 1.0, "communication_delay_s": 1.5}, themes=("test_connection.py",)
     ),
     "without I/O and fieldbus": Kind(backend="AxesAlone", themes=("test_io.py", "test_faults.py")),
-    "without capabilities": Kind(backend="PositionsAlone"),
+    "without capabilities": Kind(
+        backend="PositionsAlone", themes=(*NEAR_LIMITS, "test_late_effects.py")
+    ),
     "read-only": Kind(backend="ReadOnly", themes=("test_feedback.py", "test_units.py")),
 }
 DAILY = {"50 Hz", "near the upper limits"}
