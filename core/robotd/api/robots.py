@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from robotd.control.groups.reduced_speed import ReducedSpeed
     from robotd.control.loop.rearming import Interruption
     from robotd.control.loop.setpoint_source import Outcome
-    from robotd.control.sources.contact import Contact, ContactLimits, WrenchLimits
+    from robotd.control.sources.contact import Contact, ContactLimits, WrenchAxis, WrenchLimits
     from robotd.control.sources.stream_source import MovingReference, StreamMode
     from robotd.control.sources.trajectory_execution import TrajectoryExecution
     from robotd.device.axes import Jog, Move, each
@@ -89,6 +89,7 @@ __all__ = [
     "TrajectoryRejected",
     "TrajectoryRequest",
     "Wrench",
+    "WrenchAxis",
     "WrenchLimits",
     "WrenchSensor",
     "Wrenches",

@@ -150,7 +150,7 @@ class ProgramCheck:
     def _check_names(self, do: Do) -> None:
         """Check what a step names, wherever the arm is."""
         step, keys = do.step, do.keys
-        self._try((*keys, "until"), partial(self._planner.contact, step))
+        self._try((*keys, "until"), partial(self._planner.contact, step, Place(None)))
         if step.needs_tool:
             self._try(keys, self._planner.need_tool)
         if step.tool is not None:

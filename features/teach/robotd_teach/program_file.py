@@ -75,22 +75,31 @@ class Until(Section):
     Attributes:
         torque: change of a joint's torque since the motion began, N·m or N: of any joint, or of
             some by name.
-        force_n, torque_nm: of the wrench at the tool, in any direction; the first that is exceeded.
+        force_n, torque_nm: of the wrench at the tool; the first that is exceeded.
         bias: of the wrench: that at the start of the motion is subtracted; null: it is.
+        axis: of ``frame``, along which the force counts, and about which the torque does: of both
+            signs, or of the one before it; null: in any direction.
+        frame: of ``axis``: "base" is the work frame, or the base of the arm; "tool" the tool; null
+            is "base".
     """
 
     torque: Limit | Annotated[dict[Name, Limit], Field(min_length=1)] | None = None
     force_n: Limit | None = None
     torque_nm: Limit | None = None
     bias: bool | None = None
+    axis: Literal["x", "y", "z", "+x", "+y", "+z", "-x", "-y", "-z"] | None = None
+    frame: Literal["base", "tool"] | None = None
 
     def problems(self) -> Iterator[SectionProblem]:
         kinds = ("torque",), ("force_n",), ("torque_nm",), ("force_n", "torque_nm")
         given = tuple(key for key, _ in _given(self, ("torque", "force_n", "torque_nm")))
         if given not in kinds:
             yield (), "needs torque, or force_n and torque_nm or one of them", ", ".join(given)
-        if self.bias is not None and self.torque is not None:
-            yield ("bias",), "belongs to `force_n` and `torque_nm`", self.bias
+        for key, value in _given(self, ("bias", "axis")):
+            if self.torque is not None:
+                yield (key,), "belongs to `force_n` and `torque_nm`", value
+        if self.frame is not None and self.axis is None:
+            yield ("frame",), "belongs to `axis`", self.frame
 
 
 class MoveToPose(Target):

@@ -17,7 +17,7 @@ from robotd.api import (
     Unsupported,
     unknown_name,
 )
-from robotd.api.robots import ContactLimits, Robot, WrenchLimits
+from robotd.api.robots import ContactLimits, Robot, WrenchAxis, WrenchLimits, WrenchSensor
 from robotd_teach.io_names import bit_of
 from robotd_teach.joint_groups import beyond_limits, commands_at_rest, joint_group
 from robotd_teach.path_curve import PathCurve
@@ -33,7 +33,6 @@ from robotd_teach.program_file import (
     ProgramFile,
     Step,
     Target,
-    Until,
 )
 from robotd_tool_space.geometry.kinematics import Kinematics
 from robotd_tool_space.geometry.rotations import COMPONENTS, inverse_pose, pose_of, rpy_of
@@ -171,23 +170,44 @@ class StepPlanner:
         self._require_within(displacement[-1])
         return displacement
 
-    def contact(self, step: Step) -> ContactLimits | WrenchLimits | None:
+    def contact(self, step: Step, place: Place) -> ContactLimits | WrenchLimits | None:
         """Return the torques or the wrench at which a step ends; None: at its target only.
 
-        Raises InvalidArgument: unknown joint; Unsupported: no wrench at the tool; NotReady: torque
-        or wrench are not known.
+        Args:
+            place: whose tool and work frame are those of the axis of a wrench.
+
+        Raises InvalidArgument: unknown joint; Unsupported: no wrench at the tool, or no tool;
+        NotReady: torque or wrench are not known, or the work frame moves.
         """
         motion = step.move or step.line
         if motion is None or motion.until is None:
             return None
         until = motion.until
-        return self._wrench(until) if until.torque is None else self._torques(until.torque)
-
-    def _wrench(self, until: Until) -> WrenchLimits:
+        if until.torque is not None:
+            return self._torques(until.torque)
         sensor = self._robot.wrenches.of(self.group.name)
         sensor.require()
+        axis = None if until.axis is None else self._axis(until.axis, until.frame, sensor, place)
         bias = until.bias is not False
-        return WrenchLimits(sensor, until.force_n or inf, until.torque_nm or inf, bias)
+        return WrenchLimits(sensor, until.force_n or inf, until.torque_nm or inf, bias, axis)
+
+    def _axis(self, axis: str, frame: str | None, sensor: WrenchSensor, place: Place) -> WrenchAxis:
+        tool, sign = self.need_tool(), {"+": 1, "-": -1}.get(axis[0], 0)
+        at_link, own = tool.at_link, np.eye(3)["xyz".index(axis[-1])]
+        # The sensor is at the link of the tool, or at the one that the last joint moves.
+        link = np.eye(3) if sensor.link == tool.link else at_link.chain.end[:3, :3]
+        if frame == "tool":
+            end = tool.kinematics_of(place.tool).chain.end
+            fixed = link @ (inverse_pose(at_link.chain.end) @ end)[:3, :3] @ own
+            return WrenchAxis(f"{axis} of the tool", lambda positions: fixed, sign)
+        in_base = tool.work_frame_of(place.work_frame)[:3, :3] @ own
+        name = f"{axis} of {f'work frame {place.work_frame}' if place.work_frame else 'the base'}"
+
+        def direction(positions: FloatArray) -> FloatArray:
+            turned: FloatArray = link @ (at_link.forward(positions)[:3, :3].T @ in_base)
+            return turned
+
+        return WrenchAxis(name, direction, sign)
 
     def _torques(self, wanted: float | Mapping[str, float]) -> ContactLimits:
         names = list(self.group.joint_names)

@@ -225,11 +225,12 @@ class ProgramRun:
     def _move(self, step: Step) -> None:
         """Execute a motion, or what is left of it."""
         self._require_unmoved()
+        here = self._planner.here()
         if self._unfinished is None:
-            self._unfinished = Unfinished(self._planner.plan(step, self._planner.here()), 0.0)
+            self._unfinished = Unfinished(self._planner.plan(step, here), 0.0)
         else:
             self._unfinished = Unfinished(self._rest(step, self._unfinished), 0.0)
-        contact = self._planner.contact(step)
+        contact = self._planner.contact(step, here)
         self._follow(self._unfinished.motion, after=self.part, contact=contact)
         self._unfinished = None
 

@@ -13,7 +13,7 @@ from tests.core.control.harness import FAR, Harness
 
 from robotd.arrays import FloatArray
 from robotd.control.loop.setpoint_source import Outcome
-from robotd.control.sources.contact import ContactLimits, ContactWatch, WrenchLimits
+from robotd.control.sources.contact import ContactLimits, ContactWatch, WrenchAxis, WrenchLimits
 from robotd.device.process_image import ProcessImage, columns
 from robotd.device.wrench import WrenchDriver, WrenchSensor
 from robotd.errors import InvalidArgument, NotReady
@@ -150,6 +150,62 @@ def test_a_wrench_beyond_its_limit_ends_the_motion(
     limits = WrenchLimits(wrist.sensor(), 10.0, 2.0)
     outcome, message = moved(harness, limits, touch)
     assert (outcome, message.partition(", at ")[0]) == (Outcome.CONTACT, f"contact: {text}")
+
+
+SLANTED = np.array([0.0, 0.6, 0.8])
+
+
+@pytest.mark.parametrize(
+    ("sign", "ignored", "change", "text"),
+    [
+        (0, (99.0, 80.0, -60.0), (0.0, -6.0, -8.0), "the force at wrist along s has changed by 10"),
+        (1, (0.0, -60.0, -80.0), (0.0, 6.0, 8.0), "the force at wrist along s has changed by 10"),
+        (-1, (0.0, 60.0, 80.0), (0.0, -6.0, -8.0), "the force at wrist along s has changed by 10"),
+    ],
+)
+def test_one_axis_and_sign_of_a_wrench_ends_the_motion(
+    harness: Harness, sign: int, ignored: Sequence[float], change: Sequence[float], text: str
+) -> None:
+    wrist, begin = Wrist(harness), Wrist(harness).wrench[:3].copy()
+    seen: list[FloatArray] = []
+
+    def direction(positions: FloatArray) -> FloatArray:
+        seen.append(positions)
+        return SLANTED
+
+    def touch() -> None:
+        wrist.wrench[:3] = begin + ignored
+        harness.run(0.1)
+        wrist.wrench[:3] = begin + change
+
+    limits = WrenchLimits(wrist.sensor(), 9.5, axis=WrenchAxis("s", direction, sign))
+    outcome, message = moved(harness, limits, touch)
+    assert outcome is Outcome.CONTACT
+    assert message.startswith(f"contact: {text}.00 N, limit 9.5 N")
+    assert seen[0][0] < seen[-1][0], "measured positions"
+
+
+def test_a_torque_about_one_axis_ends_the_motion(harness: Harness) -> None:
+    wrist = Wrist(harness)
+    axis = WrenchAxis("-z", lambda positions: np.array([0.0, 0.0, 1.0]), -1)
+
+    def touch() -> None:
+        wrist.wrench[3:] = 9.0, 9.0, 9.0
+        harness.run(0.1)
+        wrist.wrench[5] = -3.0
+
+    limits = WrenchLimits(wrist.sensor(), torque_nm=2.0, axis=axis)
+    outcome, message = moved(harness, limits, touch)
+    assert outcome is Outcome.CONTACT
+    assert message.startswith("contact: the torque at wrist along -z has changed by 3.00 N·m")
+
+
+def test_an_axis_that_is_not_known_ends_the_motion_with_the_reason(harness: Harness) -> None:
+    wrist, axis = Wrist(harness), np.array([0.0, 0.0, 1.0])
+    limits = WrenchLimits(wrist.sensor(), 10.0, axis=WrenchAxis("z", lambda positions: axis))
+    outcome, message = moved(harness, limits, lambda: axis.fill(np.nan))
+    assert outcome is Outcome.FAULT
+    assert message.startswith("the axis of the force is not known")
 
 
 def test_a_wrench_that_is_lost_ends_the_motion_with_the_reason(harness: Harness) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,6 +18,8 @@ from robotd.events import EventKind
 from robotd_teach.program_code import Program
 from robotd_teach.program_run import NoContact
 from robotd_teach.programs import Programs
+from robotd_tool_space.geometry.rotations import pose_of
+from robotd_tool_space.tool_groups import ToolGroups
 
 ABOVE = (0.0, *LEFT_ABOVE[1:])  # no cube is below
 LINK = "link6"
@@ -127,6 +130,69 @@ def test_a_wrench_beyond_its_limit_is_rejected_before_anything_moves(arm: Cell) 
     assert arm.physics.data.qpos == pytest.approx(before, abs=1e-6)
 
 
+AXES = {  # along which the surface of the table presses on the tool, which points down
+    "axis: z": "z of the base",
+    "axis: +z, frame: base": r"\+z of the base",
+    "axis: -z, frame: tool": "-z of the tool",
+}
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_the_tool_stops_at_a_force_along_one_axis(arm: Cell, axis: str) -> None:
+    arm.go((0.7, *ABOVE[1:]), 3.0)  # the axes of base, tool and link differ
+    truth, programs = Truth(arm), arm.robot.feature(Programs)
+    programs.run(line(f"force_n: {LIMIT_N}, {axis}"))
+    assert programs.contact is not None
+    assert programs.contact.contact.change > LIMIT_N
+    assert max(force for force, _ in truth.samples) > LIMIT_N
+    events, _ = arm.robot.events.since(0)
+    assert any(
+        re.search(f"the force at link6 along {AXES[axis]} has changed by", event.text)
+        for event in events
+    )
+
+
+def test_an_axis_is_one_of_the_work_frame(arm: Cell) -> None:
+    """Its y axis is down."""
+    programs, weight = arm.robot.feature(Programs), "force_n: 4, bias: false"
+    arm.robot.feature(ToolGroups).of().set_work_frame(pose_of([0.0] * 3, [-np.pi / 2, 0.0, 0.0]))
+    with pytest.raises(OperationError, match=r"\+y of work frame custom_frame is 6\.\d+ N, "):
+        programs.run(line(f"{weight}, axis: +y"))
+    for other in ("-y", "x", "z"):
+        with pytest.raises(NoContact):
+            programs.run(line(f"{weight}, axis: {other}", z=0.002))
+
+
+def test_an_axis_of_the_base_does_not_turn_with_the_tool(arm: Cell) -> None:
+    arm.go((0.7, *ABOVE[1:3], ABOVE[3] + 0.4, ABOVE[4] - 0.7, 0.9), 3.0)
+    rotation = Truth(arm).rotation()
+    assert np.abs(rotation @ rotation - np.eye(3)).max() > 0.3, "it differs from its inverse"
+    programs, limit = arm.robot.feature(Programs), "force_n: 5.8, bias: false"
+    with pytest.raises(OperationError, match=r"along -z of the base is 6\.\d+ N"):
+        programs.run(line(f"{limit}, axis: -z"))
+    for other in ("+z", "x", "y"):
+        with pytest.raises(NoContact):
+            programs.run(line(f"{limit}, axis: {other}", z=0.01))
+
+
+@pytest.mark.parametrize(
+    ("weight", "others"),
+    [
+        ("axis: -z", ("axis: +z", "axis: x", "axis: y")),
+        ("axis: +z, frame: tool", ("axis: -z, frame: tool", "axis: x, frame: tool")),
+    ],
+)
+def test_the_weight_is_along_one_axis_and_sign(
+    arm: Cell, weight: str, others: tuple[str, ...]
+) -> None:
+    programs, limit = arm.robot.feature(Programs), "force_n: 4, bias: false"
+    with pytest.raises(OperationError, match=r"in contact before the motion: .* is 6\.\d+ N"):
+        programs.run(line(f"{limit}, {weight}"))
+    for other in others:
+        with pytest.raises(NoContact):
+            programs.run(line(f"{limit}, {other}", z=0.01))
+
+
 @pytest.mark.parametrize(
     ("until", "reason"),
     [
@@ -134,6 +200,9 @@ def test_a_wrench_beyond_its_limit_is_rejected_before_anything_moves(arm: Cell) 
         ("bias: true", r"until.*needs torque, or force_n and torque_nm or one of them"),
         ("torque: 5, force_n: 3", r"until.*needs torque, or force_n and torque_nm or one of them"),
         ("torque: 5, bias: false", r"until\.bias.*belongs to `force_n` and `torque_nm`"),
+        ("torque: 5, axis: z", r"until\.axis.*belongs to `force_n` and `torque_nm`"),
+        ("force_n: 5, frame: tool", r"until\.frame.*belongs to `axis`"),
+        ("force_n: 5, axis: up", r"until\.axis.*'x', 'y', 'z'"),
     ],
 )
 def test_mistakes_are_named(until: str, reason: str) -> None:

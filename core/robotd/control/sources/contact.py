@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import inf
+from math import inf, isfinite
 from typing import NamedTuple
 
 import numpy as np
@@ -46,20 +47,38 @@ class ContactLimits:
 
 
 @dataclass(frozen=True, eq=False)
+class WrenchAxis:
+    """Axis along which a force counts, and about which a torque does.
+
+    Attributes:
+        name: for messages, with the sign, such as "-z of the tool".
+        direction: of the axis, a unit vector (3,) along the axes of the sensor's link, at positions
+            (m,) of the joints, rad or m. Called in the control loop.
+        sign: 1, -1: values of this sign count; 0: both.
+    """
+
+    name: str
+    direction: Callable[[FloatArray], FloatArray]
+    sign: int = 0
+
+
+@dataclass(frozen=True, eq=False)
 class WrenchLimits:
     """Force and torque on a link at which a motion ends. Raises InvalidArgument.
 
     Attributes:
         sensor: at the link, of ``Robot.wrenches``.
-        force_n, torque_nm: lengths of the vectors, above 0; inf: does not count. One has to count.
+        force_n, torque_nm: above 0; inf: does not count. One has to count.
         bias: the wrench at which the motion begins is subtracted, and with it the weight of the
             tool; False: the wrench is taken as the device reports it.
+        axis: of the components that are compared; None: the lengths of the vectors are.
     """
 
     sensor: WrenchSensor
     force_n: float = inf
     torque_nm: float = inf
     bias: bool = True
+    axis: WrenchAxis | None = None
 
     def __post_init__(self) -> None:
         for name, value in (("force_n", self.force_n), ("torque_nm", self.torque_nm)):
@@ -71,19 +90,35 @@ class WrenchLimits:
     def require_ready(self, limits: JointLimits, image: ProcessImage, axes: IntArray) -> None:
         """Raise NotReady: the wrench is not known, or without ``bias`` beyond a limit already."""
         wrench = self.sensor.require()
-        if not self.bias and (excess := self.excess(wrench.force, wrench.torque)):
+        if self.bias:
+            return
+        values = self.values(wrench.force, wrench.torque, image.position[axes])
+        if excess := self.excess(values):
             raise NotReady(f"in contact before the motion: {excess[2]}")
 
     def watch(self, limits: JointLimits) -> WrenchWatch:
         """Return what compares wrenches in one motion."""
         return WrenchWatch(self)
 
-    def excess(self, force: FloatArray, torque: FloatArray) -> tuple[float, str, str] | None:
-        """Return value, unit and text of a limit that vectors (3,) exceed, or None."""
-        if not magnitude(force) <= self.force_n:
-            return magnitude(force), "N", self.text("force", magnitude(force))
-        if not magnitude(torque) <= self.torque_nm:
-            return magnitude(torque), "N·m", self.text("torque", magnitude(torque))
+    def values(
+        self, force: FloatArray, torque: FloatArray, positions: FloatArray
+    ) -> dict[str, float]:
+        """Return what the limits of "force" and "torque" are for, of vectors (3,), N and N·m."""
+        vectors = {"force": force, "torque": torque}
+        if self.axis is None:
+            return {name: magnitude(vector) for name, vector in vectors.items()}
+        direction, sign = self.axis.direction(positions), self.axis.sign
+        components = {name: float(direction @ vector) for name, vector in vectors.items()}
+        return {name: sign * value if sign else abs(value) for name, value in components.items()}
+
+    def excess(self, values: Mapping[str, float]) -> tuple[float, str, str] | None:
+        """Return value, unit and text of a limit that is exceeded, or None."""
+        for quantity, limit, unit in (
+            ("force", self.force_n, "N"),
+            ("torque", self.torque_nm, "N·m"),
+        ):
+            if not values[quantity] <= limit:
+                return values[quantity], unit, self.text(quantity, values[quantity])
         return None
 
     def text(self, quantity: str, value: float) -> str:
@@ -91,6 +126,8 @@ class WrenchLimits:
         unit, limit = ("N", self.force_n) if quantity == "force" else ("N·m", self.torque_nm)
         verb = "has changed by" if self.bias else "is"
         what = f"the {quantity} at {self.sensor.link}"
+        if self.axis is not None:
+            what += f" along {self.axis.name}"
         return f"{what} {verb} {value:.2f} {unit}, limit {limit:g} {unit}"
 
 
@@ -100,7 +137,7 @@ class Contact(NamedTuple):
     Attributes:
         joint: its name; "" where a wrench has shown it.
         change: of its torque since the motion began, N·m or N; of a wrench the length of the
-            vector, without ``bias`` as reported.
+            vector, or its component along the axis, without ``bias`` as reported.
         positions: (m,) measured when it was noticed, rad or m.
         link: where a wrench has shown it; "" for a joint.
         unit: of ``change``: N or N·m.
@@ -190,14 +227,17 @@ class WrenchWatch:
         force, torque = wrench.force, wrench.torque
         if self._limits.bias:
             force, torque = force - self._begin.force, torque - self._begin.torque
-        for name, vector in (("force", force), ("torque", torque)):
-            self._largest[name] = max(self._largest[name], magnitude(vector))
-        excess = self._limits.excess(force, torque)
+        positions = image.position[columns].copy()
+        values = self._limits.values(force, torque, positions)
+        if not all(map(isfinite, values.values())):
+            return "the axis of the force is not known"
+        for name, value in values.items():
+            self._largest[name] = max(self._largest[name], value)
+        excess = self._limits.excess(values)
         self._beyond = self._beyond + 1 if excess else 0
         if excess is None or self._beyond < CONFIRMATIONS:
             return ""
         value, unit, text = excess
-        positions = image.position[columns].copy()
         self.contact = Contact("", value, positions, self._limits.sensor.link, unit)
         return f"contact: {text}"
 
