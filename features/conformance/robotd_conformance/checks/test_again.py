@@ -11,11 +11,13 @@ from typing import Any
 
 import pytest
 
-from robotd.api import Capability, RobotdError, Unsupported
+from robotd.api import Capability, CommandMode, RobotdError, Unsupported
 from robotd_conformance.checks import (
     test_axes_apart,
+    test_bus_objects,
     test_command_sequences,
     test_cost,
+    test_dry_buffers,
     test_enable,
     test_faults,
     test_feedback,
@@ -29,6 +31,7 @@ from robotd_conformance.checks import (
     test_profiles,
     test_questions,
     test_ramps,
+    test_rejections,
     test_scale_and_home,
     test_scaling,
     test_setpoints,
@@ -50,6 +53,13 @@ GATES = ("needs", "short_period", "free_space")  # marks that leave a check out
 
 Check = Callable[..., None]
 Given = Callable[[Check], dict[str, Any]]
+CASES: dict[Check, dict[str, Any]] = {
+    test_command_sequences.test_a_quick_stop_of_a_gentle_move_is_quick: {"phase": "at a stop"},
+    test_whole_streams.test_setpoints_may_be_overwritten_after_the_call: {
+        "mode": CommandMode.VELOCITY
+    },
+}
+"""Parameters that show more than the first ones."""
 
 
 @pytest.fixture
@@ -123,13 +133,13 @@ def marks(check: Check) -> list[pytest.Mark]:
 
 
 def parameters(check: Check) -> dict[str, Any]:
-    """Return the first parameters of a check: the kind of thing, not each case, comes again."""
+    """Return the first parameters of a check, or its ``CASES``: not each case comes again."""
     first = {}
     for mark in marks(check):
         if mark.name == "parametrize":
             name, values = mark.args
             first[name] = getattr(values[0], "values", values)[0]
-    return first
+    return first | CASES.get(check, {})
 
 
 def checks(*chosen: Check) -> pytest.MarkDecorator:
@@ -252,9 +262,15 @@ def test_velocity_streams_again(fresh: Harness, given: Given, check: Check) -> N
     again(fresh, given, check)
 
 
+@pytest.mark.clause("AxisDriver.stream_ran_dry/dry", "AxisDriver.stream/underrun")
+@checks(test_dry_buffers.test_buffers_that_ran_dry_in_motion_are_reported)
+def test_dry_buffers_again(fresh: Harness, given: Given, check: Check) -> None:
+    again(fresh, given, check)
+
+
 @pytest.mark.clause("AxisDriver.servo/waits", "AxisDriver.servo/enabled")
 @pytest.mark.clause("AxisDriver.clear_alarm/waits", "AxisDriver.clear_alarm/idle")
-@pytest.mark.clause("drivers/errors")
+@pytest.mark.clause("drivers/errors", "AxisDriver.set_command_mode/undeclared")
 @checks(
     test_enable.test_servo_returns_when_the_drive_says_so,
     test_enable.test_enabling_an_axis_in_motion_changes_nothing,
@@ -262,6 +278,7 @@ def test_velocity_streams_again(fresh: Harness, given: Given, check: Check) -> N
     test_last_axis.test_an_alarm_of_the_last_axis,
     test_last_axis.test_clearing_without_an_alarm_disturbs_no_motion,
     test_enable.test_a_disabled_axis_refuses_to_move,
+    test_rejections.test_the_driver_takes_no_mode_that_is_not_declared,
 )
 def test_servos_and_alarms_again(fresh: Harness, given: Given, check: Check) -> None:
     again(fresh, given, check)
@@ -275,6 +292,7 @@ def test_servos_and_alarms_again(fresh: Harness, given: Given, check: Check) -> 
 @checks(
     test_cost.test_read_fills_the_arrays_that_it_is_given,
     test_profiles.test_a_move_shows_what_it_does,
+    test_profiles.test_a_move_keeps_to_its_velocity,
     test_switches.test_a_closed_switch_is_shown_alone_until_it_is_released,
     test_faults.test_the_reason_of_an_alarm_comes_and_goes_with_it,
     test_faults.test_an_alarm_of_the_controller_is_one_alarm,
@@ -359,6 +377,7 @@ def test_io_again(fresh: Harness, given: Given, check: Check) -> None:
     test_fieldbus.test_an_object_that_the_node_does_not_have_is_an_error_without_effect,
     test_fieldbus.test_a_written_object_is_in_its_node,
     test_questions.test_what_does_not_concern_an_axis_leaves_it_alone,
+    test_bus_objects.test_registers_show_that_the_exchange_has_ended,
 )
 def test_the_fieldbus_again(fresh: Harness, given: Given, check: Check) -> None:
     again(fresh, given, check)
