@@ -8,6 +8,7 @@ from tests.features.conformance.runs.mutants import (
     feedback_mutants,
     following_commands_mutants,
     foreign_sets_later_mutants,
+    late_effects_mutants,
     nodes_and_locks_mutants,
     scale_and_parameters_mutants,
     selective,
@@ -16,6 +17,9 @@ from tests.features.conformance.runs.mutants import (
     while_it_happens_mutants,
 )
 from tests.features.conformance.runs.mutants.plugin import Mutant
+
+from robotd.api import FloatArray
+from robotd_sim import SimAxes
 
 
 class LastOperationNeverStream(Mutant):
@@ -151,3 +155,23 @@ class LastConstantsAreWrittenSilently(Mutant):
     breaks = ("FieldbusDriver.write_object/errors", "last axis")
     found_by = "test_bus_objects.py::test_a_missing_subindex_and_a_constant_are_errors_each_time"
     Fieldbus = selective.last_axis(nodes_and_locks_mutants.ConstantsAreWrittenSilently.Fieldbus)
+
+
+class LastPolarityIsMeasuredLater(Mutant):
+    breaks = ("AxisDriver.set_polarity/measured", "last axis")
+    found_by = "test_scaling.py::test_polarity_is_set_and_not_toggled"
+    Axes = selective.last_axis(late_effects_mutants.PolarityIsMeasuredLater.Axes)
+
+
+class LastSetpointIsLate(Mutant):
+    """By one setpoint."""
+
+    breaks = ("AxisDriver.stream/setpoint", "last axis")
+    found_by = "test_streams.py::test_a_setpoint_is_reached_when_it_is_due"
+
+    class Axes(SimAxes):
+        def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
+            before, late = vars(self).get("before", position), position.copy()
+            vars(self)["before"] = position.copy()
+            late[-1] = before[-1]
+            super().stream(late, velocity, due_ns)

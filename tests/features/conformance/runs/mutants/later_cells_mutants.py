@@ -9,6 +9,7 @@ from tests.features.conformance.runs.mutants import (
     cost_mutants,
     foreign_sets_later_mutants,
     foreign_sets_mutants,
+    io_and_fieldbus_mutants,
     late_effects_mutants,
     later,
     nodes_and_locks_mutants,
@@ -121,3 +122,9 @@ class LaterRejectedWriteIsSilent(later.LaterMutant):
     found_by = THE_FIELDBUS_AGAIN
     only = "an_object_that_the_node_does_not_have_is_an_error_without_effect"
     Fieldbus = later.later(bus_cells_mutants.RejectedWriteIsSilent.Fieldbus)
+
+
+class LaterAlwaysOperational(later.LaterMutant):
+    breaks = ("FieldbusDriver.status/states", "after re-open")
+    found_by = "test_fieldbus.py::test_a_bus_that_exchanges_nothing_is_not_operational"
+    Fieldbus = later.later(io_and_fieldbus_mutants.AlwaysOperational.Fieldbus)

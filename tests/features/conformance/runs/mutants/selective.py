@@ -1,4 +1,4 @@
-"""Faults that a driver has at its last axis or node only, or in repeated calls only."""
+"""Faults of a driver at its last axis, in one direction, or in repeated calls only."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from robotd.api import ProcessImage
-from robotd_sim import SimFieldbus
+from robotd_sim import SimAxes, SimFieldbus
 
 Kind = TypeVar("Kind", bound=type)
 Call = Callable[..., Any]
@@ -82,5 +82,34 @@ def _from_the_second(faulty: Call, sound: Call) -> Call:
         method = faulty if key in calls else sound
         calls.add(key)
         return method(self, *given, **named)
+
+    return call
+
+
+def backwards(kind: Kind) -> Kind:
+    """Return axes that have the fault of ``kind`` where they move in negative direction."""
+    return _changed(kind, _of_those_that_move_backwards)
+
+
+def move_backwards(axes: SimAxes) -> list[int]:
+    """Return the axes that move in negative direction at present."""
+    simulation = axes._simulation
+    with simulation.world.lock:
+        simulation.world.advance()
+        return [a for a in range(simulation.axes) if simulation.servo.velocity(a) < 0.0]
+
+
+def _of_those_that_move_backwards(faulty: Call, sound: Call) -> Call:
+    def call(self: SimAxes, chosen: int | Sequence[int], *given: Any, **named: Any) -> None:
+        back = move_backwards(self)
+        if not isinstance(chosen, Sequence):
+            (faulty if chosen in back else sound)(self, chosen, *given, **named)
+            return
+        for method, axes in (
+            (sound, [axis for axis in chosen if axis not in back]),
+            (faulty, [axis for axis in chosen if axis in back]),
+        ):
+            if axes:
+                method(self, axes, *given, **named)
 
     return call
