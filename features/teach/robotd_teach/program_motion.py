@@ -17,7 +17,7 @@ from robotd.api import (
     Unsupported,
     unknown_name,
 )
-from robotd.api.robots import ContactLimits, Robot, WrenchAxis, WrenchLimits, WrenchSensor
+from robotd.api.robots import ContactLimits, Robot, WrenchLimits
 from robotd_teach.io_names import bit_of
 from robotd_teach.joint_groups import beyond_limits, commands_at_rest, joint_group
 from robotd_teach.path_curve import PathCurve
@@ -187,27 +187,13 @@ class StepPlanner:
             return self._torques(until.torque)
         sensor = self._robot.wrenches.of(self.group.name)
         sensor.require()
-        axis = None if until.axis is None else self._axis(until.axis, until.frame, sensor, place)
+        axis = None
+        if until.axis is not None:
+            names = {"tool": place.tool, "work_frame": place.work_frame}
+            frame = until.frame or "base"
+            axis = self.need_tool().wrench_axis(sensor, until.axis, frame, **names)
         bias = until.bias is not False
         return WrenchLimits(sensor, until.force_n or inf, until.torque_nm or inf, bias, axis)
-
-    def _axis(self, axis: str, frame: str | None, sensor: WrenchSensor, place: Place) -> WrenchAxis:
-        tool, sign = self.need_tool(), {"+": 1, "-": -1}.get(axis[0], 0)
-        at_link, own = tool.at_link, np.eye(3)["xyz".index(axis[-1])]
-        # The sensor is at the link of the tool, or at the one that the last joint moves.
-        link = np.eye(3) if sensor.link == tool.link else at_link.chain.end[:3, :3]
-        if frame == "tool":
-            end = tool.kinematics_of(place.tool).chain.end
-            fixed = link @ (inverse_pose(at_link.chain.end) @ end)[:3, :3] @ own
-            return WrenchAxis(f"{axis} of the tool", lambda positions: fixed, sign)
-        in_base = tool.work_frame_of(place.work_frame)[:3, :3] @ own
-        name = f"{axis} of {f'work frame {place.work_frame}' if place.work_frame else 'the base'}"
-
-        def direction(positions: FloatArray) -> FloatArray:
-            turned: FloatArray = link @ (at_link.forward(positions)[:3, :3].T @ in_base)
-            return turned
-
-        return WrenchAxis(name, direction, sign)
 
     def _torques(self, wanted: float | Mapping[str, float]) -> ContactLimits:
         names = list(self.group.joint_names)

@@ -10,7 +10,7 @@ import numpy as np
 
 from robotd.api import FloatArray, InvalidArgument
 from robotd.api.features import ProcessImage
-from robotd.api.robots import TrajectoryRejected
+from robotd.api.robots import TrajectoryRejected, WrenchAxis, WrenchSensor
 from robotd_tool_space.geometry.rotations import (
     COMPONENTS,
     checked_components,
@@ -24,12 +24,13 @@ from robotd_tool_space.paths.segments import Line, MotionSegment, SequenceStep, 
 from robotd_tool_space.paths.tool_motion import ToolMotion, plan_joint_motion
 from robotd_tool_space.sequences.motion_queue import MotionQueue
 from robotd_tool_space.sequences.planned_tool import Arrival, PlannedTool
-from robotd_tool_space.sequences.sequence_parts import SequenceMotion, SequencePart
+from robotd_tool_space.sequences.sequence_parts import SequenceMotion, SequencePart, has_contacts
 from robotd_tool_space.sequences.sequence_run import SequenceRun, require_success
 from robotd_tool_space.streams.tool_stream import ToolStream
 from robotd_tool_space.streams.twist import PoseCommand, ToolTwist, TwistStage
 
 BASE, TOOL = "base", "tool"
+AXES = [sign + name for sign in ("", "+", "-") for name in "xyz"]
 
 
 class RobotTool(PlannedTool):
@@ -88,6 +89,46 @@ class RobotTool(PlannedTool):
         result[:3, :3] = way[:3, :3] @ pose[:3, :3]
         result[:3, 3] = pose[:3, 3] + way[:3, 3]
         return result
+
+    def wrench_axis(
+        self,
+        sensor: WrenchSensor,
+        axis: str,
+        frame: str = BASE,
+        *,
+        tool: str | None = None,
+        work_frame: str | None = None,
+    ) -> WrenchAxis:
+        """Return an axis along which a force on the tool counts, for ``WrenchLimits``.
+
+        Args:
+            sensor: of the group.
+            axis: "x", "y" or "z" for both signs, or one sign, such as "-z".
+            frame: "base": the work frame; "tool": the tool.
+            tool, work_frame: names; None: those chosen now.
+
+        Raises InvalidArgument: no such axis, frame or name; NotReady: the work frame is followed.
+        """
+        if axis not in AXES or frame not in (BASE, TOOL):
+            raise InvalidArgument(f"axis {axis!r} of {frame!r} must be one of {', '.join(AXES)}")
+        at_link, sign = self.at_link, {"+": 1, "-": -1}.get(axis[0], 0)
+        own = np.eye(3)["xyz".index(axis[-1])]
+        # The sensor is at the link of the tool, or at the one that the last joint moves.
+        link = np.eye(3) if sensor.link == self.link else at_link.chain.end[:3, :3]
+        if frame == TOOL:
+            end = self.kinematics_of(self.tool_name if tool is None else tool).chain.end
+            fixed = link @ (inverse_pose(at_link.chain.end) @ end)[:3, :3] @ own
+            return WrenchAxis(f"{axis} of the tool", lambda positions: fixed, sign)
+        name = self.work_frame_name if work_frame is None else work_frame
+        in_base = self.work_frame_of(name)[:3, :3] @ own
+
+        def direction(positions: FloatArray) -> FloatArray:
+            turned: FloatArray = link @ (at_link.forward(positions)[:3, :3].T @ in_base)
+            return turned
+
+        return WrenchAxis(
+            f"{axis} of {f'work frame {name}' if name else 'the base'}", direction, sign
+        )
 
     def inverse(self, pose: FloatArray, seed: FloatArray | None = None) -> FloatArray:
         """Return joint positions (n,) of a pose; ``seed`` None: from where the joints are.
@@ -164,6 +205,8 @@ class RobotTool(PlannedTool):
         """
         if not segments:
             raise InvalidArgument("a sequence needs a segment")
+        if has_contacts(segments):
+            raise InvalidArgument("a segment with until belongs to move_sequence")
         in_base = [segment.in_base(self.fixed_work_frame) for segment in segments]
         plan, start = self._planner(constant_speed=constant_speed), self.start()
         with self._noted():

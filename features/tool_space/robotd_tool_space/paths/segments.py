@@ -9,6 +9,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from robotd.api import FloatArray, InvalidArgument
+from robotd.api.robots import ContactLimits, WrenchLimits
 from robotd_tool_space.geometry.kinematics import Kinematics
 from robotd_tool_space.geometry.rotations import checked_pose, inverse_pose, pose_of
 from robotd_tool_space.paths.path_outputs import PathOutput
@@ -37,6 +38,9 @@ class MotionSegment:
         blend_rad: the same of its orientation; None: the angle that the tool turns through at full
             speed in the time of ``blend_m``.
         outputs: that are set near the end of the segment.
+        until: contact at which it ends on its way, of a sequence alone; the arm rests before and
+            after it, whatever the blends, and what follows begins there. Where it meets nothing the
+            sequence ends at its pose. None: it ends at its pose.
     """
 
     kind: ClassVar[str] = "segment"
@@ -44,6 +48,7 @@ class MotionSegment:
     blend_m: float = 0.0
     blend_rad: float | None = None
     outputs: tuple[PathOutput, ...] = ()
+    until: ContactLimits | WrenchLimits | None = None
 
     def check(self) -> None:
         """Raise InvalidArgument for a value beyond its bounds."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from robotd.api import FloatArray, InvalidArgument, NotReady, RobotdError, Unsupported, wait_until
 from robotd.api.features import EventKind, Level
-from robotd.api.robots import Interruption, TrajectoryExecution
+from robotd.api.robots import ContactLimits, Interruption, TrajectoryExecution, WrenchLimits
 from robotd_tool_space.frames.tool_frames import ToolFrames
 from robotd_tool_space.paths.segments import MotionSegment, SequenceStep
 from robotd_tool_space.paths.tool_curves import ToolSpeed
@@ -21,6 +21,7 @@ from robotd_tool_space.sequences.sequence_parts import (
     Planner,
     SequenceMotion,
     SequencePart,
+    has_contacts,
     plan_parts,
 )
 from robotd_tool_space.sequences.sequence_plan import plan_sequence
@@ -81,6 +82,8 @@ class PlannedTool(ToolFrames):
         """
         if not steps:
             raise InvalidArgument("a sequence needs a segment")
+        if constant_speed and has_contacts(steps):
+            raise InvalidArgument("a sequence of constant speed has no segment with until")
         start = self.start()
         with self._noted():
             plan = self._planner(constant_speed=constant_speed)
@@ -95,6 +98,13 @@ class PlannedTool(ToolFrames):
         """
         in_base = [step.in_base(self.fixed_work_frame) for step in steps]
         return plan_parts(in_base, start, self._planner(constant_speed=False), first)
+
+    def plan_rest(self, start: FloatArray, parts: Sequence[SequencePart]) -> list[SequencePart]:
+        """Return parts planned anew from rest at ``start`` (n,). Errors: see ``plan_sequence``."""
+        if not parts:
+            return []
+        steps = [step for part in parts for step in part.steps]
+        return plan_parts(steps, start, self._planner(constant_speed=False), parts[0].first)
 
     def plan_further(
         self, last: SequenceMotion, steps: Sequence[SequenceStep]
@@ -167,13 +177,17 @@ class PlannedTool(ToolFrames):
 
     @contextmanager
     def follow(
-        self, motion: ToolMotion, arrival: Arrival | None = None
+        self,
+        motion: ToolMotion,
+        arrival: Arrival | None = None,
+        contact: ContactLimits | WrenchLimits | None = None,
     ) -> Iterator[TrajectoryExecution]:
         """Start a planned motion as a context; leaving it stops the motion.
 
         Args:
             motion: planned.
             arrival: of the request, before it was planned; None: it arrives now.
+            contact: at which it ends on its way; None: at its end alone.
 
         Raises NotReady, TrajectoryRejected: the joints have moved since, or cannot be commanded;
             since the arrival motion was stopped, or another tool or work frame was chosen.
@@ -182,7 +196,8 @@ class PlannedTool(ToolFrames):
         with self._noted():
             arrival.require_current(self.arrive())
         request = motion.request(self.group.joint_names)
-        with self.group.follower.follow(request, ticket=arrival.ticket) as execution:
+        follower, ticket = self.group.follower, arrival.ticket
+        with follower.follow(request, ticket=ticket, contact=contact) as execution:
             arrival.require_current(self.arrive())  # a stop that did not find it yet
             yield execution
 

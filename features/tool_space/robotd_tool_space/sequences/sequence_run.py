@@ -113,19 +113,22 @@ class SequenceRun:
             raise InvalidArgument("a sequence needs a segment")
         with self._append_lock:
             while True:
-                last = self._last()
+                last, end = self._last(), self._end
                 if (
                     isinstance(last, SequenceMotion)
                     and isinstance(steps[0], MotionSegment)
+                    and last.until is None
+                    and steps[0].until is None
                     and self._join(last, self._tool.plan_further(last, steps))
                 ):
                     return True
-                parts = self._tool.plan_behind(self._end, last.end, steps)
+                parts = self._tool.plan_behind(end, last.end, steps)
                 self._check(parts, is_first=False)
                 with self._lock:
                     if self._has_ended:
                         raise NotReady(ENDED)
-                    if (self._left[-1] if self._left else self._present) is last:
+                    newest = self._left[-1] if self._left else self._present
+                    if newest is last and self._end is end:  # a contact moves the end
                         self._left += parts
                         self._end = _end(parts, self._end)
                         return False
@@ -240,7 +243,7 @@ class SequenceRun:
             outputs.advance(time_s)
             on_tick()
 
-        with self._tool.follow(motion, self._arrival) as execution:
+        with self._tool.follow(motion, self._arrival, part.until) as execution:
             self._execution = execution
             if self._canceled:  # before it was known
                 execution.cancel()
@@ -249,7 +252,29 @@ class SequenceRun:
             self._execution = None
             if outcome is Outcome.SUCCEEDED:
                 tick(execution.trajectory.duration_s)
-        return outcome, message
+        if part.until is None:
+            return outcome, message
+        if outcome is Outcome.CONTACT:
+            return self._go_on_from_contact(part, message)
+        return (Outcome.STOPPED if outcome is Outcome.SUCCEEDED else outcome), message
+
+    def _go_on_from_contact(self, part: SequenceMotion, message: str) -> tuple[Outcome, str]:
+        """Plan what is left from where a contact has ended a part."""
+        try:
+            start, planned = self._tool.start(), False
+            while not planned:
+                with self._lock:
+                    left = list(self._left)
+                parts = self._tool.plan_rest(start, left)
+                self._check(parts, is_first=True)
+                with self._lock:
+                    planned = [*map(id, self._left)] == [*map(id, left)]
+                    if planned:  # nothing was appended meanwhile
+                        self._left, self._end = parts, _end(parts, start)
+        except RobotdError as error:
+            text = f"segment {part.first + 1}: {message}; what follows cannot be executed"
+            return Outcome.STOPPED, f"{text} from there: {error}"
+        return Outcome.SUCCEEDED, message
 
     def _wait(self, part: SequenceWait, on_tick: Callable[[], None]) -> tuple[Outcome, str]:
         wait, ended = part.wait, False
