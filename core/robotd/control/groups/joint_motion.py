@@ -188,18 +188,18 @@ class JointMotion:
     def end_trajectories(self, outcome: Outcome, reason: Callable[[Trajectory, float], str]) -> str:
         """Request the end of the active trajectories that have a reason; return the first one.
 
-        Each ends by its own controlled stop, on its path. Any thread.
+        Each ends by its own controlled stop, on its path. Any thread; none begins meanwhile where
+        the caller holds ``lock``.
 
         ``reason``: of a trajectory at its present time, s; "": it goes on.
         """
         found = ""
-        with self.lock:
-            for source in self._slot.active:
-                if not isinstance(source, TrajectoryExecution) or not source.completion.goes_on:
-                    continue
-                if text := reason(source.trajectory, source.time_s):
-                    source.completion.request(outcome, text)
-                    found = found or text
+        for source in self._slot.active:
+            if not isinstance(source, TrajectoryExecution) or not source.completion.goes_on:
+                continue
+            if text := reason(source.trajectory, source.time_s):
+                source.completion.request(outcome, text)
+                found = found or text
         return found
 
     def command(self) -> FloatArray:

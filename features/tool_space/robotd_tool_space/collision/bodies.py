@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,6 +15,7 @@ from robotd.api import DescriptorError, FloatArray, IntArray
 from robotd.api.models import UrdfRobot, read_limited, xml_root
 from robotd_shared.mesh_files import MAX_MESH_BYTES
 from robotd_shared.mesh_shapes import mesh_triangles, numbers, shape_pose
+from robotd_tool_space.collision.distances import Shapes, segment_ways, widest_gaps
 from robotd_tool_space.geometry.chain import Chain
 
 FIXED = -1  # carrier of what does not move in the base
@@ -97,13 +99,22 @@ class Bodies:
         body = Body(pose, np.array([0.0, 0.0, 0.5 * np.linalg.norm(tip)]), ball_m=radius_m)
         return self.with_bodies([(name, len(chain.moving) - 1, body)])
 
+    @property
+    def moving(self) -> Bodies:
+        """Return those that the chain moves."""
+        moves = self.carriers != FIXED
+        links = tuple(itertools.compress(self.links, moves))
+        arrays = (self.carriers, self.poses, self.halves, self.discs, self.balls)
+        return Bodies(links, *(array[moves] for array in arrays))
+
     def with_bodies(self, more: Iterable[tuple[str, int, Body]]) -> Bodies:
         """Return these and more, each with its name and carrier."""
-        own = zip(self.links, self.carriers.tolist(), self._each(), strict=True)
-        return self._of([*own, *more])
+        return self._of([*self.each(), *more])
 
-    def _each(self) -> Iterator[Body]:
-        yield from map(Body, self.poses, self.halves, self.discs.tolist(), self.balls.tolist())
+    def each(self) -> Iterator[tuple[str, int, Body]]:
+        """Yield each with its name and carrier."""
+        bodies = map(Body, self.poses, self.halves, self.discs.tolist(), self.balls.tolist())
+        return zip(self.links, self.carriers.tolist(), bodies, strict=True)
 
     def places(self, chain: Chain, positions: FloatArray) -> FloatArray:
         """Return the poses (k, c, 4, 4) of all bodies in the base, at positions (k, n)."""
@@ -111,6 +122,47 @@ class Bodies:
         fixed = np.broadcast_to(np.eye(4), (len(frames), 1, 4, 4))
         placed: FloatArray = np.concatenate([frames, fixed], axis=1)[:, self.carriers] @ self.poses
         return placed
+
+    def placed_segments(self, places: FloatArray) -> FloatArray:
+        """Return ``segments`` (k, c, 2, 3) of bodies at ``places`` (k, c, 4, 4), in the base."""
+        segments: FloatArray = self.segments @ np.swapaxes(places[..., :3, :3], -1, -2)
+        return segments + places[..., None, :3, 3]
+
+    def shapes(self, places: FloatArray, which: IntArray | slice = slice(None)) -> Shapes:
+        """Return the bodies, or some of them, at their ``places`` (..., 4, 4)."""
+        return Shapes(
+            places[..., :3, 3],
+            places[..., :3, :3],
+            self.halves[which],
+            self.discs[which],
+            self.balls[which],
+        )
+
+    def distances(
+        self, places: FloatArray, segments: FloatArray, pairs: IntArray, margin_m: float
+    ) -> FloatArray:
+        """Return the distances (k, p) of ``pairs`` (p, 2), of capsules where these are apart.
+
+        Those less than ``margin_m`` are never more than the true ones, others at least that.
+
+        Args:
+            places: (k, c, 4, 4).
+            segments: of ``placed_segments``.
+        """
+        first, second = pairs.T
+        ways = segment_ways(segments[:, first], segments[:, second])
+        distances = np.sqrt((ways**2).sum(axis=-1))
+        distances -= self.radii[first] + self.radii[second]
+        close = distances < margin_m
+        if close.any():
+            posture, pair = np.nonzero(close)
+            gaps = widest_gaps(
+                self.shapes(places[posture, first[pair]], first[pair]),
+                self.shapes(places[posture, second[pair]], second[pair]),
+                ways[close],
+            )
+            distances[close] = np.maximum(distances[close], gaps)
+        return distances
 
     @cached_property
     def segments(self) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Collisions of an arm with itself and with walls: distances, and checks of motion."""
+"""Collisions of an arm with itself and with walls."""
 
 from __future__ import annotations
 
@@ -14,21 +14,18 @@ from robotd.api import (
     DescriptorError,
     FloatArray,
     IntArray,
-    InvalidArgument,
     RobotDescriptor,
     did_you_mean,
     get_logger,
     read_urdf,
 )
-from robotd.api.robots import Trajectory, distinct, reject
 from robotd_tool_space.collision.bodies import FIXED, Bodies, Body
 from robotd_tool_space.collision.distances import (
     Shapes,
     box_distances,
     plane_distances,
-    segment_ways,
-    widest_gaps,
 )
+from robotd_tool_space.collision.motion_checks import MotionChecks
 from robotd_tool_space.collision.scene_object import SceneObject, file_objects
 from robotd_tool_space.geometry.chain import Chain
 from robotd_tool_space.geometry.kinematics import Kinematics
@@ -42,15 +39,12 @@ from robotd_tool_space.settings import (
 
 log = get_logger("tool")
 
-STEP_S = 0.005  # of a path between two checks
-CHUNK_POSTURES = 400  # postures in one computation
 SAMPLED_POSTURES = 400  # postures by which pairs are left out
 NEVER_APART = 0.99  # share of them in which two bodies that are left out are too close
-ROUNDING_M = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Collisions:
+class Collisions(MotionChecks):
     """Distances of an arm from itself and from walls. Immutable; any thread.
 
     Attributes:
@@ -110,6 +104,14 @@ class Collisions:
         every = cls(chain, bodies, settings, np.array(pairs, int).reshape(-1, 2), moving)
         rounded = [item for item in file_objects(settings) if item.shape in ("cylinder", "sphere")]
         return every._without_constant(kinematics).with_objects(rounded)
+
+    @property
+    def margin_m(self) -> float:
+        return self.settings.margin_m
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        return self.chain.names
 
     @cached_property
     def names(self) -> tuple[tuple[str, str], ...]:
@@ -191,35 +193,17 @@ class Collisions:
         ones, others at least the margin.
         """
         places = self.bodies.places(self.chain, positions)
-        segments = self.bodies.segments @ np.swapaxes(places[..., :3, :3], -1, -2)
-        segments += places[..., None, :3, 3]
-        own = self._own_distances(places, segments)
+        segments = self.bodies.placed_segments(places)
+        own = self.bodies.distances(places, segments, self.pairs, self.margin_m)
         if not self.walled.any():
             return own
-        shapes = self._shapes(places, slice(None))
+        shapes = self.bodies.shapes(places)
         parts = []
         if self.settings.planes:
             parts.append(plane_distances(shapes, *self._planes))
         if self.settings.boxes:
             parts.append(self._box_distances(shapes, segments))
         return np.concatenate([own, np.concatenate(parts, axis=-1)[:, self.walled]], axis=1)
-
-    def _own_distances(self, places: FloatArray, segments: FloatArray) -> FloatArray:
-        """Return the distances (k, p) of ``pairs``: of their capsules, where these are apart."""
-        first, second = self.pairs.T
-        ways = segment_ways(segments[:, first], segments[:, second])
-        distances = np.sqrt((ways**2).sum(axis=-1))
-        distances -= self.bodies.radii[first] + self.bodies.radii[second]
-        close = distances < self.settings.margin_m
-        if close.any():
-            posture, pair = np.nonzero(close)
-            gaps = widest_gaps(
-                self._shapes(places[posture, first[pair]], first[pair]),
-                self._shapes(places[posture, second[pair]], second[pair]),
-                ways[close],
-            )
-            distances[close] = np.maximum(distances[close], gaps)
-        return distances
 
     def _box_distances(self, shapes: Shapes, segments: FloatArray) -> FloatArray:
         """Return the distances (k, c, w) from boxes: of their faces, where these are far enough."""
@@ -232,81 +216,6 @@ class Collisions:
             rounded -= self.bodies.radii[:, None]
             distances[..., near] = np.maximum(distances[..., near], rounded)
         return distances
-
-    def _shapes(self, places: FloatArray, which: IntArray | slice) -> Shapes:
-        bodies = self.bodies
-        return Shapes(
-            places[..., :3, 3],
-            places[..., :3, :3],
-            bodies.halves[which],
-            bodies.discs[which],
-            bodies.balls[which],
-        )
-
-    def check_path(self, trajectory: Trajectory, begin_s: float = 0.0) -> None:
-        """Check a path, or what is left of it from ``begin_s`` on.
-
-        Raises TrajectoryRejected where two bodies come too close: with both, time and place.
-        """
-        duration_s = trajectory.duration_s
-        begin_s = min(begin_s, duration_s)
-        count = int(np.ceil((duration_s - begin_s) / STEP_S)) + 1
-        times_s = np.linspace(begin_s, duration_s, max(count, 1))
-        least = None
-        for first in range(0, len(times_s), CHUNK_POSTURES):
-            part_s = times_s[first : first + CHUNK_POSTURES]
-            distances = self.distances(trajectory.evaluate(part_s)[0])
-            if least is None:
-                least = self._least(distances[0])
-            close = distances < least
-            if close.any():
-                at = int(close.any(axis=1).argmax())
-                time_s = float(part_s[at])
-                place = f"at {time_s:.2f} s ({100.0 * time_s / duration_s:.0f} %)"
-                raise reject(f"{place} {self._text(distances[at], close[at])}")
-
-    def check_positions(self, positions: FloatArray) -> None:
-        """Check a path by positions (k, n) on it, as ``check_path`` does; k at least 1.
-
-        Raises InvalidArgument where two bodies come too close, with both and the place.
-        """
-        least = None
-        for first in range(0, len(positions), CHUNK_POSTURES):
-            distances = self.distances(positions[first : first + CHUNK_POSTURES])
-            if least is None:
-                least = self._least(distances[0])
-            close = distances < least
-            if close.any():
-                at = int(close.any(axis=1).argmax())
-                place = 100.0 * (first + at) / max(len(positions) - 1, 1)
-                raise InvalidArgument(f"at {place:.0f} % {self._text(distances[at], close[at])}")
-
-    def obstacle(self, positions: FloatArray, stopped: FloatArray) -> str:
-        """Return what comes too close on the way from ``positions`` (n,) to ``stopped`` (n,).
-
-        A joint whose position is not known counts as too close: it is named.
-        """
-        if not (known := np.isfinite(stopped)).all():
-            return f"the position of {self.chain.names[int(known.argmin())]} is not known"
-        way = np.stack([positions, 0.5 * (positions + stopped), stopped])
-        distances = self.distances(way)
-        close = distances[1:] < self._least(distances[0])
-        if not close.any():
-            return ""
-        at = int(close.any(axis=1).argmax())
-        return self._text(distances[1 + at], close[at])
-
-    def _least(self, distances: FloatArray) -> FloatArray:
-        """Return the least distances of a motion from ``distances`` (d,): it may lead away."""
-        return np.minimum(self.settings.margin_m, distances - ROUNDING_M)
-
-    def _text(self, distances: FloatArray, close: BoolArray) -> str:
-        number = int(np.where(close, distances, np.inf).argmin())
-        first, second = self.names[number]
-        distance, margin = float(distances[number]), self.settings.margin_m
-        apart, least = distinct(1e3 * max(distance, 0.0), 1e3 * margin, 2)
-        how = "would touch" if distance <= 0.0 else f"would be {apart} mm apart"
-        return f"{first} and {second} {how}, the least distance is {least} mm"
 
     def _without_constant(self, kinematics: Kinematics) -> Collisions:
         """Return these without what is always, or nearly always, too close."""

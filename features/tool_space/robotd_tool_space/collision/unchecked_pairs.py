@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 
 from robotd.api import RobotdError, RobotDescriptor
 from robotd_tool_space.collision.collisions import Collisions
@@ -23,6 +25,22 @@ def check_collisions(
             f"collisions{of_group}",
             lambda name=name: _not_checked(robot, name, settings),  # type: ignore[misc]
         )
+    if len(robot.joint_groups) > 1:
+        yield "collisions of arms with each other", lambda: _not_on_one_base(robot)
+
+
+def _not_on_one_base(robot: RobotDescriptor) -> Iterable[str]:
+    """Return a text for each two joint groups that are not kept apart."""
+    bases = {}
+    for name in robot.joint_groups:
+        with suppress(RobotdError):  # of a group without a tool, which the guard rejects
+            bases[name] = Kinematics.of_descriptor(robot, name).chain.base
+    for first, second in itertools.combinations(bases, 2):
+        if bases[first] != bases[second]:
+            yield (
+                f"collisions of {first} with {second} are not checked: their bases are"
+                f" {bases[first]} and {bases[second]}, and one of them moves"
+            )
 
 
 def _not_checked(robot: RobotDescriptor, group: str, settings: CollisionSettings) -> Iterable[str]:
