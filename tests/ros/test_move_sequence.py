@@ -44,6 +44,17 @@ def action(client: Client) -> GoalClient:
     return action
 
 
+def test_a_force_that_the_backend_does_not_have_is_named(
+    client: Client, action: GoalClient
+) -> None:
+    line = MotionSegment(kind=MotionSegment.LINE, poses=[pose(client)], until_force_n=10.0)
+    answer = wait_for(
+        wait_for(action.send_goal_async(MoveSequence.Goal(segments=[line]))).get_result_async()
+    )
+    assert answer.status == GoalStatus.STATUS_ABORTED
+    assert "the force at a tool" in answer.result.message
+
+
 def pose(client: Client) -> Pose:
     """Where the tool is, measured."""
     return client.call(ComputeFk, "/robotd/compute_fk").pose_stamped.pose

@@ -14,7 +14,8 @@ from tests.plugins.mujoco.test_force_contact import ABOVE, Truth
 from robotd import InvalidArgument
 from robotd.api import FloatArray
 from robotd.api.robots import ContactLimits, Outcome, WrenchLimits
-from robotd_tool_space.paths.segments import Line, Wait
+from robotd_tool_space.geometry.rotations import fill_pose
+from robotd_tool_space.paths.segments import Line, SequenceStep, Wait
 from robotd_tool_space.robot_tool import RobotTool
 from robotd_tool_space.sequences.sequence_run import SequenceRun
 from robotd_tool_space.tool_groups import ToolGroups
@@ -170,6 +171,47 @@ def test_what_is_planned_behind_the_target_is_planned_anew_after_a_contact(
     assert outcome is Outcome.SUCCEEDED, message
     assert run.progress().segments == 2
     assert tool.pose == pytest.approx(above, abs=1e-4)
+
+
+def test_a_message_of_a_segment_until_a_force(arm: Cell, tool: RobotTool) -> None:
+    messages = pytest.importorskip("robotd_msgs.msg", reason="no ROS in this environment")
+    geometry = pytest.importorskip("geometry_msgs.msg")
+    nodes = pytest.importorskip("robotd_tool_space.nodes.sequence_services")
+    above, down = tool.pose, tool.pose_relative(z=-0.3)
+
+    def steps(**fields: object) -> list[SequenceStep]:
+        message = messages.MotionSegment(kind=messages.MotionSegment.LINE, speed=0.1)
+        message.poses = [geometry.Pose()]
+        fill_pose(message.poses[0], down)
+        for name, value in fields.items():
+            setattr(message, name, value)
+        found: list[SequenceStep] = nodes.steps_of([message], arm.robot, tool)
+        return found
+
+    assert isinstance(plain := steps()[0], Line)
+    assert plain.until is None
+    tool.move_sequence(
+        *steps(until_force_n=LIMIT_N, until_axis="-z", until_frame="tool"), Line(above)
+    )
+    assert tool.pose == pytest.approx(above, abs=1e-4)
+    (torque,) = steps(until_torque_nm=2.0, until_as_reported=True)
+    assert isinstance(torque, Line)
+    assert isinstance(until := torque.until, WrenchLimits)
+    assert (until.force_n, until.torque_nm) == (np.inf, 2.0)
+    assert (until.bias, until.axis) == (False, None)
+    for text, fields in {
+        "segment 1: force_n is -1, must be above 0": {"until_force_n": -1.0},
+        "segment 1: force_n is nan, must be above 0": {"until_force_n": np.nan},
+        "segment 1: a contact by wrench needs force_n or torque_nm": {"until_axis": "z"},
+        "segment 1: until_frame belongs to until_axis": {"until_frame": "tool"},
+        "segment 1: axis 'up' of 'base' must be": {"until_force_n": 1.0, "until_axis": "up"},
+        "segment 1: a wait does not end at a contact": {
+            "kind": messages.MotionSegment.WAIT,
+            "until_force_n": 1.0,
+        },
+    }.items():
+        with pytest.raises(InvalidArgument, match=text):
+            steps(**fields)
 
 
 def test_contacts_that_cannot_be_are_rejected(arm: Cell, tool: RobotTool) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from robotd_msgs.msg import MotionSegment as Segment
 from robotd_msgs.srv import AppendSegments
 
 from robotd.api import InvalidArgument, NotReady, get_logger
-from robotd.api.robots import Outcome
+from robotd.api.robots import Outcome, Robot, WrenchLimits
 from robotd_ros.run_nodes import NodeContext
 from robotd_ros.services import add_service
 from robotd_ros.worker_action import FEEDBACK_PERIOD_NS, WorkerAction
@@ -26,7 +27,7 @@ from robotd_tool_space.paths.segments import (
     Spline,
     Wait,
 )
-from robotd_tool_space.robot_tool import RobotTool
+from robotd_tool_space.robot_tool import BASE, RobotTool
 from robotd_tool_space.sequences.planned_tool import Arrival
 from robotd_tool_space.sequences.sequence_run import SequenceRun
 from robotd_tool_space.tool_groups import ToolGroups
@@ -40,7 +41,7 @@ class MoveSequenceAction(WorkerAction):
     """Executes goals of the action. A rejected goal is aborted with its reason."""
 
     def __init__(self, context: NodeContext, tools: ToolGroups) -> None:
-        self._clock, self._tools = context.robot.clock, tools
+        self._robot, self._clock, self._tools = context.robot, context.robot.clock, tools
         self._runs: dict[str, SequenceRun] = {}  # under way, by group
         super().__init__(context.operator, context.host, MoveSequence, "~/move_sequence", log)
         node, host = context.operator, context.host
@@ -54,7 +55,8 @@ class MoveSequenceAction(WorkerAction):
         self, goal: Any, result: Any, after: ExitStack, tool: RobotTool, arrival: Arrival
     ) -> tuple[Outcome, str]:
         request = goal.request
-        parts = tool.plan_parts(steps_of(request.segments), constant_speed=request.constant_speed)
+        steps = steps_of(request.segments, self._robot, tool)
+        parts = tool.plan_parts(steps, constant_speed=request.constant_speed)
         run = tool.sequence(parts, arrival)
         motions = [part.motion for part in parts if part.motion is not None]
         result.duration_s = sum(motion.duration_s for motion in motions)
@@ -86,7 +88,7 @@ class MoveSequenceAction(WorkerAction):
         run = self._runs.get(tool.group.name)
         if run is None:
             raise NotReady("no goal of move_sequence runs without a constant speed: send a goal")
-        steps = steps_of(request.segments, run.progress().segments)
+        steps = steps_of(request.segments, self._robot, tool, run.progress().segments)
         response.joined = run.append(steps)
         return "joined" if response.joined else "appended: the path ends at rest before"
 
@@ -110,25 +112,43 @@ class MoveSequenceAction(WorkerAction):
         return publish
 
 
-def steps_of(segments: Any, first: int = 0) -> list[SequenceStep]:
+def steps_of(segments: Any, robot: Robot, tool: RobotTool, first: int = 0) -> list[SequenceStep]:
     """Return the steps of robotd_msgs/MotionSegment messages; ``first``: number of those before.
 
-    Raises InvalidArgument: with the segment.
+    Raises InvalidArgument: with the segment; Unsupported: no wrench at the tool.
     """
     steps = []
     for number, segment in enumerate(segments, first + 1):
         try:
-            steps.append(_step(segment))
+            steps.append(_step(segment, _until(segment, robot, tool)))
         except InvalidArgument as error:
             raise InvalidArgument(f"segment {number}: {error}") from None
     return steps
 
 
-def _step(message: Any) -> SequenceStep:
+def _until(message: Any, robot: Robot, tool: RobotTool) -> WrenchLimits | None:
+    force_n, torque_nm, axis = message.until_force_n, message.until_torque_nm, message.until_axis
+    if not (force_n or torque_nm or axis or message.until_frame or message.until_as_reported):
+        return None
+    if message.until_frame and not axis:
+        raise InvalidArgument("until_frame belongs to until_axis")
+    sensor = robot.wrenches.of(tool.group.name)
+    return WrenchLimits(
+        sensor,
+        force_n or inf,
+        torque_nm or inf,
+        bias=not message.until_as_reported,
+        axis=tool.wrench_axis(sensor, axis, message.until_frame or BASE) if axis else None,
+    )
+
+
+def _step(message: Any, until: WrenchLimits | None) -> SequenceStep:
     kind, poses = message.kind, [pose_of_message(pose) for pose in message.poses]
     if (count := POSES.get(kind)) is not None and len(poses) != count:
         raise InvalidArgument(f"{len(poses)} poses: this kind of segment has {count}")
     if kind == Segment.WAIT:
+        if until is not None:
+            raise InvalidArgument("a wait does not end at a contact")
         is_timed = message.time_s != 0.0
         return Wait(
             time_s=message.time_s if is_timed else None,
@@ -140,6 +160,7 @@ def _step(message: Any) -> SequenceStep:
         "speed": message.speed or 1.0,
         "blend_m": message.blend_m,
         "blend_rad": message.blend_rad or None,
+        "until": until,
         "outputs": tuple(
             PathOutput(output.byte, output.bit, output.on, output.at_m, output.at_s)
             for output in message.outputs
