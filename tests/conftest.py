@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import signal
 from collections import Counter
 from pathlib import Path
 from zlib import crc32
@@ -16,6 +17,15 @@ from tests.time_limits import TimeLimits
 settings.register_profile("explore", deadline=None)
 settings.register_profile("robotd", settings.get_profile("explore"), derandomize=True)
 settings.load_profile("robotd")
+
+# Tests send these, and programs inherit that they are ignored: by `nohup`, or by a script's `&`.
+for number, handler in (
+    (signal.SIGINT, signal.default_int_handler),
+    (signal.SIGQUIT, signal.SIG_DFL),
+    (signal.SIGHUP, signal.SIG_DFL),
+):
+    if signal.getsignal(number) is signal.SIG_IGN:
+        signal.signal(number, handler)
 
 HERE = Path(__file__).parent
 REAL_TIME = (
