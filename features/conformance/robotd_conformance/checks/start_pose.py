@@ -10,10 +10,12 @@ from types import MappingProxyType
 import numpy as np
 
 from robotd.api import AxisLimits, FloatArray, InvalidArgument, ProcessImage
+from robotd.api.models import RobotDescriptor
 
 TRAVEL_RAD = 0.3  # the farthest that a check moves an axis; m for a linear one
 MAX_EXCURSION_RAD = 0.45  # at which a run ends, by default: checks that stop a move overshoot
-START_RAD = 2e-3  # an axis that is so near to its start pose is there
+START_RAD = 2e-3  # largest error of an axis that has arrived; m for a linear one
+TOLERANCE_SHARE = 0.1  # of the travel: more could not be told from a move that was not made
 ROOM = (
     0.8  # share of the distance to a position limit that is used where neither side has the travel
 )
@@ -40,6 +42,7 @@ class StartPose:
         exceeded: text of the first axis beyond ``max_excursion``; "" without one.
         misplaced: why no check can begin where the axes are; "" where they can.
         room: (2, n_axes) lowest and highest position that is commanded.
+        tolerance: (n_axes,) largest distance of an axis at rest from the target of its move.
         units: of the axes, "rad" or "m".
         counts: distances count; not in a check that changes what a position means.
     """
@@ -63,12 +66,20 @@ class StartPose:
         self.counts = True
         self.room: FloatArray = np.zeros((2, 0))
         self.units: list[str] = []
+        self.tolerance: FloatArray = np.zeros(0)
         self._travel: FloatArray = np.zeros(0)
 
     def begin(
-        self, position: FloatArray, limits: Sequence[AxisLimits], names: Sequence[str]
+        self,
+        position: FloatArray,
+        limits: Sequence[AxisLimits],
+        names: Sequence[str],
+        tolerance: FloatArray,
     ) -> None:
         """Take ``position`` (n_axes,) as the start pose; later calls have no effect.
+
+        Args:
+            tolerance: (n_axes,) goal tolerances that the robot's file states; 0: none.
 
         Raises InvalidArgument for a range of an axis that does not exist, or without the start.
         """
@@ -90,11 +101,19 @@ class StartPose:
                     for axis in range(len(limits))
                 ]
             )
+            most = TOLERANCE_SHARE * np.abs(self._travel)
+            self.tolerance = np.maximum(START_RAD, np.minimum(tolerance, most))
             self.position = start
 
-    def is_start(self, position: FloatArray) -> bool:
-        """Return True where ``position`` (n_axes,) is the start pose."""
-        return self.position is not None and self.away(position) <= START_RAD
+    def is_start(self, measured: FloatArray) -> bool:
+        """Return True where axes that rest at ``measured`` (n_axes,) are at the start pose."""
+        if self.position is None:
+            return False
+        return bool((np.abs(measured - self.position) <= self.tolerance).all())
+
+    def is_commanded(self, command: FloatArray) -> bool:
+        """Return True where ``command`` (n_axes,) is the start pose, however stiff the axes are."""
+        return self.position is not None and self.away(command) <= START_RAD
 
     def away(self, position: FloatArray) -> float:
         """Return the largest distance of an axis from the start pose, once it is known."""
@@ -166,6 +185,15 @@ class StartPose:
             f"farthest from the start pose: {self._names[axis]}, {self.farthest[axis]:.3f}"
             f" {self.units[axis]} (--max-excursion {self.max_excursion:g})"
         )
+
+
+def stated_tolerance(robot: RobotDescriptor, limits: Sequence[AxisLimits]) -> FloatArray:
+    """Return (n_axes,) the goal tolerances in the robot's file; 0 where it has none.
+
+    The defaults would hide errors of drives that are stiff.
+    """
+    stated = robot.trajectory.model_dump(exclude_unset=True)
+    return np.array([stated.get(f"goal_tolerance_{limit.unit}", 0.0) for limit in limits])
 
 
 def parse_range(text: str) -> tuple[str, tuple[float, float]]:

@@ -98,7 +98,7 @@ def test_it_works_again_after_it_was_closed(unopened: Harness) -> None:
         unopened.start()
         targets = unopened.move_all(0.3)
         unopened.rest()
-        assert np.abs(unopened.image.position - targets).max() <= SETTLED_RAD
+        assert not unopened.off_target(targets)
         unopened.robot.connection.close()
         unopened.until(
             lambda: not unopened.robot.connection.ready, "the engine is not ready once it is closed"

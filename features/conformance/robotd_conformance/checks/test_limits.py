@@ -7,7 +7,7 @@ import pytest
 
 from robotd.api import Capability
 from robotd.api.robots import Outcome
-from robotd_conformance.checks.harness import SETTLED_RAD, Harness
+from robotd_conformance.checks.harness import Harness
 from robotd_conformance.checks.recorded_motion import judge
 
 SPEED, RAMP = 0.95, 0.8  # shares of the limits
@@ -27,7 +27,7 @@ def test_a_trajectory_at_the_limits_is_followed(harness: Harness, joints: list[i
     harness.rest()
     problems = [] if execution.outcome is Outcome.SUCCEEDED else [execution.message]
     error = np.abs(recording.position - recording.position_command)[:, joints].max(0)
-    allowed = SETTLED_RAD + LAG_S * harness.robot.follower.limits.velocity
+    allowed = harness.pose.tolerance[joints] + LAG_S * harness.robot.follower.limits.velocity
     problems += [
         f"{name}: {error[joint]:.3f} behind the command at {SPEED:.0%} of its velocity limit"
         for joint, name in enumerate(harness.robot.joint_names)

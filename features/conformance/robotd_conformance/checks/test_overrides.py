@@ -5,7 +5,6 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from robotd.api import Capability, CommandMode, Profile, RobotdError
@@ -17,7 +16,7 @@ from robotd_conformance.checks.different_ramps import (
     ramp_s,
     turn_problems,
 )
-from robotd_conformance.checks.harness import SETTLED_RAD, Harness
+from robotd_conformance.checks.harness import Harness
 from robotd_conformance.checks.recorded_motion import jog, judge, there_and_back
 from robotd_conformance.checks.test_ramps import ramp_problems
 
@@ -46,11 +45,7 @@ def test_a_move_that_overrides_another_has_its_own_ramps(harness: Harness, where
             problems = turn_problems(recording, second, end - begin, stops=True)
         else:
             problems = ramp_problems(recording, second, rising=where == "farther")
-        problems += [
-            f"axis {axis}: is {away:.4f} from its target"
-            for axis, away in enumerate(np.abs(harness.image.position - targets))
-            if away > SETTLED_RAD
-        ]
+        problems += harness.off_target(targets)
         judge(harness, recording, [f"override {command + 1}, {problem}" for problem in problems])
 
 
@@ -124,9 +119,8 @@ def test_a_move_during_a_stop_is_rejected_or_made(harness: Harness, quick: bool)
                 driver.move(axis, float(begin[axis]), harness.profile(axis))
                 taken.append(axis)
         harness.rest()
-        away = np.abs(harness.image.position - begin)
-        lost = [axis for axis in taken if away[axis] > SETTLED_RAD]
-        assert not lost, f"axes {lost} took a move while they stopped, and have not made it"
+        lost = harness.off_target(begin, taken)
+        assert not lost, "axes took a move while they stopped, and have not made it"
         harness.move(harness.all, targets)
         harness.rest()
 

@@ -41,7 +41,7 @@ def test_opening_an_open_device_has_no_effect(fresh: Harness) -> None:
     device.open()
     assert device.state() is ConnectionState.COMMUNICATING, "open() of an open device resets it"
     fresh.rest()
-    assert fresh.image.position == pytest.approx(targets, abs=SETTLED_RAD)
+    assert not fresh.off_target(targets)
     assert fresh.image.servo_on.all()
     assert fresh.image.motion_complete.all()
 
@@ -157,7 +157,7 @@ def work(harness: Harness) -> None:
     start = harness.image.position_command.copy()
     targets = harness.move_all(0.5)
     harness.rest()
-    assert harness.image.position == pytest.approx(targets, abs=SETTLED_RAD)
+    assert not harness.off_target(targets)
     harness.move(harness.all, start)
     harness.pass_time(0.1)
     harness.drivers.axes.stop(harness.all)
@@ -167,7 +167,7 @@ def work(harness: Harness) -> None:
     if not harness.robot.axes.trajectories_on_device:
         begin = harness.image.position_command.copy()
         stream_ramp(harness, begin, start, seconds=0.5)
-        assert harness.image.position == pytest.approx(start, abs=SETTLED_RAD)
+        assert not harness.off_target(start)
     if harness.can(Capability.VELOCITY_MODE):
         jog_once(harness)
     if harness.fault_injector is not None:
@@ -264,4 +264,4 @@ def test_a_device_that_died_can_be_opened_again(fresh: Harness) -> None:
     fresh.start()
     targets = fresh.move_all(0.2)
     fresh.rest()
-    assert fresh.image.position == pytest.approx(targets, abs=SETTLED_RAD)
+    assert not fresh.off_target(targets)

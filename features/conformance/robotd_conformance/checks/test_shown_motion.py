@@ -30,7 +30,7 @@ class Watch:
     """
 
     def __init__(self, harness: Harness) -> None:
-        self._stage = ""
+        self._stage, self._tolerance = "", harness.pose.tolerance
         self._problems: dict[tuple[int, str], str] = {}
         self._targets: FloatArray = np.full(harness.count, np.nan)
         self._idle_reads = np.zeros(harness.count, int)
@@ -64,7 +64,8 @@ class Watch:
         self._idle_reads = np.where(executing, 0, self._idle_reads + 1)
         settled = (self._idle_reads > SHOWN_PERIODS) & image.servo_on
         moving = settled & ~at_rest
-        away = settled & (np.abs(image.position_command - image.position) > 5 * SETTLED_RAD)
+        off = np.abs(image.position_command - image.position)
+        away = settled & (off > np.maximum(5 * SETTLED_RAD, self._tolerance))
         short = image.motion_complete & (
             np.abs(image.position_command - self._targets) > SETTLED_RAD
         )

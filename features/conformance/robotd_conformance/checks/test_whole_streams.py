@@ -47,7 +47,7 @@ def test_axes_of_both_modes_stream_together(streamed: Harness, first: CommandMod
         driver.end_stream(axes)
         streamed.rest()
         off = streamed.image.position - path.setpoint(CRUISE_S + RAMP_S)[0]
-        granted = SETTLED_RAD + by_velocity * 0.1 * np.abs(speeds) * CRUISE_S
+        granted = streamed.pose.tolerance + by_velocity * 0.1 * np.abs(speeds) * CRUISE_S
         problems += [
             f"axis {axis}: {off[axis]:.3g} rad off after a stream of"
             f" {'velocities' if by_velocity[axis] else 'positions'} beside others"
@@ -116,7 +116,7 @@ def test_a_stream_that_rests_goes_on(streamed: Harness) -> None:
             f"axis {axis}: {Operation(int(shown[axis])).name} shown after {RESTS_S:g} s of rest,"
             f" then {off[axis]:.3g} rad off"
             for axis in streamed.all
-            if shown[axis] != Operation.STREAM or off[axis] > SETTLED_RAD
+            if shown[axis] != Operation.STREAM or off[axis] > streamed.pose.tolerance[axis]
         ]
         judge(streamed, recording, problems)
 

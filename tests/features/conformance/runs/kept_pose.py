@@ -5,9 +5,25 @@ They do not model dynamics, brakes, or the time that a real controller needs to 
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from tests.features.conformance.runs.whole_arm import ArmAxes, ArmDevice, WholeArm
 
-from robotd.api import BackendInfo, Capability, DeviceContext, FloatArray, hookimpl
+from robotd.api import (
+    BackendInfo,
+    Capability,
+    ConnectionState,
+    DeviceContext,
+    FloatArray,
+    NotReady,
+    Payload,
+    PayloadDriver,
+    ProcessImage,
+    hookimpl,
+)
+
+DROOP_RAD = 6e-3
+CARRIED = Payload(2.0, (0.0, 0.0, 0.05))
 
 
 class KeptPose(WholeArm):
@@ -45,6 +61,52 @@ class Hardware(KeptPose):
     def robotd_backend(self) -> BackendInfo:
         known = super().robotd_backend()
         return BackendInfo(known.summary, 1, known.capabilities - {Capability.SIMULATED})
+
+
+class Carries(Hardware):
+    """Compensates a payload; notes each one that is set.
+
+    Attributes:
+        payloads: set so far, of all connections.
+    """
+
+    payloads: ClassVar[list[Payload]] = []
+
+    @hookimpl
+    def robotd_payload(self, device: ArmDevice) -> PayloadDriver:
+        return NotedPayload(self.payloads, device)
+
+
+class NotedPayload(PayloadDriver):
+    """2 kg and a gripper, until another payload is set."""
+
+    max_kg = 3.0
+
+    def __init__(self, noted: list[Payload], device: ArmDevice) -> None:
+        self._noted, self._device, self._payload = noted, device, CARRIED
+
+    def payload(self) -> Payload:
+        return self._payload
+
+    def set_payload(self, payload: Payload, timeout_s: float) -> None:
+        self._noted.append(payload)
+        if self._device.state() is not ConnectionState.COMMUNICATING:
+            raise NotReady("the controller does not communicate")
+        self._payload = payload
+
+
+class GivesWay(KeptPose):
+    """Rests below its targets, as an arm that is held by a stiffness."""
+
+    @hookimpl
+    def robotd_axes(self, device: ArmDevice, context: DeviceContext[object]) -> ArmAxes:
+        return YieldingAxes(device.controller, context)
+
+
+class YieldingAxes(ArmAxes):
+    def read_feedback(self, image: ProcessImage) -> None:
+        super().read_feedback(image)
+        image.position -= DROOP_RAD
 
 
 class Astray(Hardware):

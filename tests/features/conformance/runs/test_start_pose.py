@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from tests.features.conformance.runs.conftest import InstallPlugin
-from tests.features.conformance.runs.kept_pose import Astray, Hardware, KeptPose, NearLimit
+from tests.features.conformance.runs.kept_pose import (
+    CARRIED,
+    Astray,
+    Carries,
+    GivesWay,
+    Hardware,
+    KeptPose,
+    NearLimit,
+)
 from tests.features.conformance.runs.kit import run_kit
 
 MOVING = ("test_units.py", "test_stopping.py", "test_profiles.py", "test_trajectories.py")
@@ -13,7 +21,7 @@ MOVING = ("test_units.py", "test_stopping.py", "test_profiles.py", "test_traject
 
 @pytest.fixture(autouse=True)
 def fresh_controllers(monkeypatch: pytest.MonkeyPatch) -> None:
-    for plugin in (KeptPose, NearLimit, Hardware, Astray):
+    for plugin in (KeptPose, NearLimit, Hardware, Carries, GivesWay, Astray):
         monkeypatch.setattr(plugin, "position", None)
 
 
@@ -62,3 +70,29 @@ def test_a_run_ends_at_once_where_an_axis_begins_outside_of_its_range(
     assert outcome.failed == {}
     assert len(outcome.refused) == 1
     assert "joint1 is at 0.000 rad, outside of its --range" in capsys.readouterr().out
+
+
+def test_an_arm_that_gives_way_arrives_within_the_goal_tolerance_of_its_file(
+    install_plugin: InstallPlugin,
+) -> None:
+    moves = [
+        f"test_units.py::{name}"
+        for name in ("test_a_commanded_radian_is_a_measured_radian", "test_each_axis_moves_alone")
+    ]
+    backend = install_plugin("GivesWay")
+    stated = "--robotd-set=trajectory.goal_tolerance_rad=0.01"
+    outcome = run_kit(backend, *moves, "test_profiles.py", options=[stated])
+    assert outcome.failed == {}
+    assert len(outcome.passed) > 5
+    without = run_kit(backend, *moves)  # the default of 0.01 rad is not a statement
+    assert "not back at the start pose" in str(without.failed)
+
+
+def test_on_hardware_no_payload_is_set_but_the_one_that_is_carried(
+    install_plugin: InstallPlugin,
+) -> None:
+    Carries.payloads.clear()
+    outcome = run_kit(install_plugin("Carries"), "test_payload.py")
+    assert outcome.failed == {}
+    assert len(outcome.passed) > 3
+    assert set(Carries.payloads) == {CARRIED}
