@@ -166,6 +166,11 @@ class Bench:
         """Return a robot that is not yet started."""
         raise NotImplementedError
 
+    @property
+    def driver(self) -> Any:
+        """Driver of the robot, without its isolation."""
+        return vars(self.robot.connection._driver)["wrapped"]
+
     def unplug(self) -> None:
         """Take what the present robot has opened from it, as the end of its process does."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -14,7 +14,8 @@ from tests.witness.bench import COUNTS_PER_RAD, Bench
 from tests.witness.canopen_bench import CanopenBench
 from tests.witness.ethercat_bench import EthercatBench
 
-from robotd.errors import ConnectError, RobotdError
+from robotd.device.process_image import ProcessImage
+from robotd.errors import ConnectError, OperationError, RobotdError
 from robotd.motion import TrajectoryRequest
 from robotd_cia402.power_commands import PowerCommands
 from robotd_ethercat.soem import Soem
@@ -57,6 +58,17 @@ def move(bench: HabitBench, target: float, seconds: float = 1.0) -> None:
         bench.run(seconds + 0.5)
 
 
+def in_motion(bench: HabitBench, act: Callable[[], None]) -> None:
+    """Let ``act`` happen once, in the control loop, when the axis is at -0.1 rad."""
+    robot, acts = bench.robot, [act]
+
+    def watch(image: ProcessImage) -> None:
+        if image.position[0] < -0.1 and acts:
+            acts.pop()()
+
+    robot.control_loop.every(robot.descriptor.cycle.rate_hz, "act", watch)
+
+
 def require_followed(bench: HabitBench, target: float) -> None:
     move(bench, target)
     assert bench.drives[0].position_rad == pytest.approx(target, abs=1e-3)
@@ -93,6 +105,62 @@ def test_a_homing_method_that_the_drive_lacks_moves_nothing(bus: str, method: in
         assert not bench.robot.image.home_done[0]
         assert bench.drives[0].axis.max_velocity < 10
         require_followed(bench, 0.2)
+
+
+@EACH_BUS
+@pytest.mark.parametrize(
+    ("moves", "how"), [(False, r"(in motion|at rest)"), (True, "in motion; it is stopped by")]
+)
+def test_a_homing_error_names_axis_method_and_motion_and_ends_at_rest(
+    bus: str, moves: bool, how: str
+) -> None:
+    """Bit 13 with bit 10: an error at rest; without it, the axis still moves (CiA 402-2)."""
+    errors = {"homing_error_s": 0.3, "homing_error_moves": moves}
+    with started(bus, drive={"homing_method": 17, **SPEEDS}, **errors) as bench:
+        begun_s = bench.now_s
+        text = rf"joint1: .*homing by method 17 \(0x6098\) failed: .*homing error {how}.*; check"
+        with pytest.raises(OperationError, match=text):
+            bench.robot.axes.home(0)
+        axis = bench.drives[0].axis
+        assert bench.now_s - begun_s < 1.0
+        assert abs(axis.velocity) < 0.01 * COUNTS_PER_RAD
+        assert axis.position < -0.05 * COUNTS_PER_RAD  # it had moved
+        rest = axis.position
+        bench.run(0.5)
+        assert axis.position == pytest.approx(rest, abs=0.01 * COUNTS_PER_RAD)
+        assert not bench.robot.image.home_done[0]
+        require_followed(bench, 0.2)
+
+
+@EACH_BUS
+def test_a_homing_error_at_rest_is_named_as_such(bus: str) -> None:
+    with started(bus, drive={"homing_method": 37, **SPEEDS}, homing_error_s=0.0) as bench:
+        with pytest.raises(OperationError, match=r"method 37 .*homing error at rest"):
+            bench.robot.axes.home(0)
+        assert bench.drives[0].power is State.ENABLED
+        assert not bench.robot.image.home_done[0]
+        require_followed(bench, 0.2)
+
+
+@EACH_BUS
+def test_a_homing_that_is_stopped_says_so(bus: str) -> None:
+    with started(bus, drive={"homing_method": 17, **SPEEDS}) as bench:
+        axis = bench.drives[0].axis
+        in_motion(bench, lambda: bench.driver.master.stop([0]))
+        with pytest.raises(OperationError, match=r"homing by method 17 \(0x6098\) was stopped"):
+            bench.robot.axes.home(0)
+        assert abs(axis.velocity) < 0.01 * COUNTS_PER_RAD
+        assert -0.3 * COUNTS_PER_RAD < axis.position < -0.1 * COUNTS_PER_RAD
+        assert not bench.robot.image.home_done[0]
+        require_followed(bench, 0.2)
+
+
+@EACH_BUS
+def test_a_homing_that_ends_in_an_alarm_names_it(bus: str) -> None:
+    with started(bus, drive={"homing_method": 17, **SPEEDS}) as bench:
+        in_motion(bench, lambda: bench.trip(0))
+        with pytest.raises(OperationError, match=r"method 17 .* in an alarm of the drive: .*2310"):
+            bench.robot.axes.home(0)
 
 
 class Endless(Bench):

@@ -153,11 +153,37 @@ class MotionCommands(CommandSteps):
         def ended() -> bool:
             return report.statusword & done == done or failed()
 
-        if not started or not self._wait(ended, timeout_s):
-            text = f"homing did not end within {timeout_s:g} s, {self._status()}"
-            raise self._error(DeviceTimeout, text)
-        if failed():
-            raise self._error(OperationError, f"homing failed, {self._status()}")
+        if not (started and self._wait(ended, timeout_s)) or failed():
+            raise self._homing_error(timeout_s, stops)
+
+    def _homing_error(self, timeout_s: float, stops: int) -> RobotdError:
+        """Return why a homing has not been completed; one that goes on in spite of it is stopped.
+
+        The error bit means an axis at rest with *target reached*, and one that moves without it
+        (CiA 402-2, statusword of the homing mode).
+        """
+        axis, report = self._axis, self._report
+        homing = f"homing by method {axis.options.homing_method} (0x6098)"
+        if axis.activity.stops != stops:
+            return self._error(OperationError, f"{homing} was stopped; the axis is not homed")
+        if report.in_alarm:
+            report.read_error_register()
+            text = f"{homing} ended in an alarm of the drive: {report.alarm_text}"
+            return self._error(OperationError, text)
+        if report.known and not report.powered:
+            text = f"{homing} ended because the servo went off: {axis.power.lost or self._status()}"
+            return self._error(OperationError, text)
+        if not report.statusword & StatusBits.HOMING_ERROR:
+            text = f"{homing} did not end within {timeout_s:g} s, {self._status()}"
+            text += "; raise homing_speed_rad_s or engine.homing_timeout_s, or check the switch"
+            return self._error(DeviceTimeout, text)
+        how, status = "at rest", self._status()
+        if not report.statusword & StatusBits.TARGET_REACHED:
+            how = "in motion; it is stopped by a quick stop"
+            axis.power.quick_stop()
+        text = f"{homing} failed: the drive reports a homing error {how}, {status}"
+        text += "; check that it has the method, and the switches or index pulse that this needs"
+        return self._error(OperationError, text)
 
     def _stop_ramp(self) -> float:
         """Return the deceleration of a stop now, rad/s² or m/s²."""

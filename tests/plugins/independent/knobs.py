@@ -25,6 +25,8 @@ class Knobs:
     brake_release_s: float = 0.0  # from "operation enabled" on it ignores set-points: bit 12 is 0
     negative_limit: float = -math.inf  # switch that is closed here and below, counts
     positive_limit: float = math.inf
+    homing_error_s: float = math.inf  # from the start of a homing to a homing error
+    homing_error_moves: bool = False  # it goes on after that, until a quick stop or a halt
     sdo_delay_s: float = 0.0
     sdo_missing: int = 0  # number of SDO responses that do not come; -1 for all
     sdo_mute: tuple[int, ...] = ()  # indexes whose responses never come

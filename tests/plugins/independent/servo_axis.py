@@ -41,6 +41,7 @@ class Axis:
         self._acknowledged = self._reached = False
         self._homing = "idle"
         self._on_switch = False  # of a homing: the limit switch was reached
+        self._homing_s = 0.0  # since its start
         self._braked_s = 0.0  # time until the brake is released
 
     @property
@@ -101,7 +102,7 @@ class Axis:
     def start(self, controlword: int) -> None:
         """Obey a rising bit 4: new set-point, start of homing."""
         if self.drive[0x6061] == HOMING:
-            self._homing, self._on_switch = "running", False
+            self._homing, self._on_switch, self._homing_s = "running", False, 0.0
         elif self.drive[0x6061] == PP:
             self._take_setpoint(controlword)
 
@@ -203,6 +204,8 @@ class Axis:
                 self._approach(step_s)
             elif mode == HOMING and self._homing == "running":
                 self._search_home(step_s)
+            elif mode == HOMING and self._homing == "error" and self.drive.knobs.homing_error_moves:
+                pass
             else:
                 self._profile(self.drive[0x60FF] / self.scale if mode == PV else 0.0, step_s)
             self.demand += self._speed * step_s
@@ -244,7 +247,10 @@ class Axis:
 
     def _search_home(self, step_s: float) -> None:
         method, turn = self.drive[0x6098], self.drive.knobs.encoder
-        if not self.drive[0x6040] & 0x10:
+        self._homing_s += step_s
+        if self._homing_s > self.drive.knobs.homing_error_s:
+            self._homing = "error"
+        elif not self.drive[0x6040] & 0x10:
             self._homing = "idle"
         elif method in {35, 37}:
             self._set_home(self.position)
