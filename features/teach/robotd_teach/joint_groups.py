@@ -18,6 +18,7 @@ from robotd.api.robots import JointGroup, JointLimits, Outcome, Robot, Trajector
 
 WAIT_S = 60.0  # of one wait in a loop without an end
 POLL_S = 0.01
+ROUNDING = 1e-6  # rad or m beyond a limit, as in the check of a trajectory
 
 
 def joint_group(robot: Robot, name: str) -> JointGroup:
@@ -47,12 +48,13 @@ def group_of(robot: Robot, joints: Collection[str]) -> JointGroup:
 def beyond_limits(limits: JointLimits, positions: FloatArray) -> str:
     """Return which joint one of positions (n,) or (k, n) takes out of its limits; "": none."""
     rows = np.atleast_2d(positions)
-    outside = np.argwhere((rows < limits.lower) | (rows > limits.upper)).tolist()
+    below, above = rows < limits.lower - ROUNDING, rows > limits.upper + ROUNDING
+    outside = np.argwhere(below | above).tolist()
     if not outside:
         return ""
     (row, joint), *_ = outside
     low, high, unit = limits.lower[joint], limits.upper[joint], limits.units[joint]
-    at = f"{limits.names[joint]} would be at {rows[row, joint]:.4f}"
+    at = f"{limits.names[joint]} would be at {rows[row, joint]:.6g} {unit}"
     return f"{at}, its limits are {low:g} to {high:g} {unit}"
 
 

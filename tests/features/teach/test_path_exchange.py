@@ -161,7 +161,7 @@ def test_what_no_path_can_be_is_rejected_and_nothing_saved(arm: RobotDescriptor)
     gap.times_s[60:] += 0.6
     for found, reason in (
         (gap, r"file: the joints moved during 0\.6 s without positions, at 0\.59 s"),
-        (motion(rows * 10), r"file: joint1 would be at 3\.\d+, its limits are -3\.14 to 3\.14"),
+        (motion(rows * 10), r"file: joint1 would be at 3\.\d+ rad, its limits are -3\.14 to 3\.14"),
         (motion(rows, 0.5), r"file: it lasts 298 s, a path at most 180 s: choose a part"),
         (motion(0.0 * rows), "nothing was recorded: the joints have not moved"),
         (motion(rows[:1]), "file: no positions in this part of its time"),

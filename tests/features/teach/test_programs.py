@@ -165,6 +165,21 @@ def test_a_repeated_way_adds_up(robot: Robot, programs: Programs) -> None:
     assert height(robot) == pytest.approx(before + 0.05, abs=1e-4)
 
 
+def test_a_path_that_ends_at_a_limit_is_no_way_beyond_it() -> None:
+    """The end of a line is computed, and is beyond the limit by a rounding."""
+    with open_robot("scara", "sim", clock=SteppedClock()) as scara:
+        programs = scara.feature(Programs)
+        steps = "  - move: {joints: {joint1: 0.3, joint2: 0.8, joint3: 0.05}}\n"
+        for z in (0.03, -0.07, 0.09):
+            steps += f"  - line: {{by: {{x: 0.01, z: {z}}}}}\n"
+        programs.run(program(steps, "speed: 1.0\n"))
+        assert positions(scara)[2] == pytest.approx(0.0, abs=1e-6)
+        with pytest.raises(DescriptorError, match=r"joint3 would .*at -\S+ m, its limit"):
+            programs.check(program("  - line: {by: {x: -0.01, z: 0.001}}\n", ""))
+        with pytest.raises(DescriptorError, match=r"joint3 would be at -1e-05 m, its limits are"):
+            programs.check(program("  - move: {joints: {joint3: -0.00001}}\n", ""))
+
+
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
@@ -204,7 +219,7 @@ def test_a_file_that_is_wrong_names_line_and_key(text: str, reason: str) -> None
     ("steps", "reason"),
     [
         ("  - move: {pose: redy}\n", r"steps\.0\.move: unknown pose 'redy'; did you mean 'ready'"),
-        ("  - move: {joints: {joint2: 4}}\n", r"joint2 would be at 4\.0000, its limits are -3\.14"),
+        ("  - move: {joints: {joint2: 4}}\n", r"joint2 would be at 4 rad, its limits are -3\.14"),
         ("  - move: {joints: {elbow: 4}}\n", r"unknown joint 'elbow'"),
         (MOVE + "  - line: {by: {z: 0.6}}\n", r"cell\.yaml:6: steps\.1\.line: at \d+ % joint3"),
         (MOVE + "  - move: {at: {z: 2}}\n", r"steps\.1\.move: out of reach"),

@@ -144,7 +144,7 @@ def test_a_pose_beyond_the_limits_says_why_and_cannot_be_gone_to(
     joints = {f"joint{index + 1}": 9.0 if index == 2 else 0.0 for index in range(6)}
     written = ", ".join(f"{joint}: {value}" for joint, value in joints.items())
     (folder / "poses.yaml").write_text(f"poses:\n  far: {{{written}}}\n", encoding="utf-8")
-    expect(taught(page, "pose", "far")).to_contain_text("joint3 would be at 9.0000, its limits are")
+    expect(taught(page, "pose", "far")).to_contain_text("joint3 would be at 9 rad, its limits are")
     expect(taught(page, "pose", "far").get_by_role("button", name="Show")).to_be_disabled()
     (folder / "poses.yaml").unlink()
 
