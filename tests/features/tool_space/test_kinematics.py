@@ -143,11 +143,28 @@ def test_reasons() -> None:
     assert turned.value.cause in (UnreachableCause.ORIENTATION, UnreachableCause.OUT_OF_REACH)
 
 
+def test_the_end_of_a_slide_is_named() -> None:
+    scara, seed = kinematics_of("scara"), np.array([0.4, 0.8, 0.05, 0.3])
+    above, below = (pose_of([0.0, 0.0, z]) @ scara.forward(seed) for z in (0.07, -0.2))
+    for target, at, limit in ((above, "-0.02", "0"), (below, "0.25", "0.15")):
+        text = rf"^joint3 would have to be at {at} m, its limit is {limit} m$"
+        with pytest.raises(Unreachable, match=text) as end:
+            scara.inverse(target, seed)
+        assert end.value.cause is UnreachableCause.LIMITS
+    beyond = pose_of([0.5, 0.0, 0.0]) @ scara.forward(seed)
+    with pytest.raises(Unreachable, match=r"^out of reach: the tool comes within 4\d\d\.\d mm"):
+        scara.inverse(beyond, seed)
+
+
 def test_what_the_structure_rules_out_is_named() -> None:
     scara = kinematics_of("scara")
     row = np.array([0.4, 0.8, 0.05, 0.3])
     tilted = scara.forward(row) @ pose_of(rpy=[0.2, 0.0, 0.0])
-    with pytest.raises(Unreachable, match=r"rotation about [xy] by .* rad, which no joint"):
+    reason = (
+        r"rotation about [xy] of the base by -?0\.\d* rad, which no joint of the arm can;"
+        r" the arm moves it in x, y, z, rotation about z$"
+    )
+    with pytest.raises(Unreachable, match=reason):
         scara.inverse(tilted, row)
     assert len(scara.task.chosen) == 4
     assert len(kinematics_of("gantry").task.chosen) == 3

@@ -212,7 +212,7 @@ def test_a_joint_limit_on_the_line_is_named() -> None:
     arm = Arm("gantry")
     with pytest.raises(Unreachable, match=r"^at 50 % joint2 would have to be at .* m, its limit"):
         arm.plan(arm.moved([0.0, 1.0, 0.0]))
-    with pytest.raises(Unreachable, match=r"rotation about z by .* rad, which no joint"):
+    with pytest.raises(Unreachable, match=r"about z of the base by .* rad, which no joint"):
         arm.plan(arm.moved([0.0, 0.1, 0.0], [0.0, 0.0, 0.3]))
 
 

@@ -235,6 +235,8 @@ class Kinematics:
         """Raise Unreachable for a target that the structure of the arm rules out from ``pose``."""
         if what := self.task.contradiction(pose_differences(pose, target)):
             text = f"the tool would have to move in {what}, which no joint of the arm can"
+            if possible := self.task.possible:
+                text = f"{text}; the arm moves it in {possible}"
             raise Unreachable(UnreachableCause.ORIENTATION, text)
 
     def limit_text(self, joint: int, at: float) -> str:
@@ -279,10 +281,14 @@ class Kinematics:
             upper=np.where(turning, np.inf, self.upper),
         )
         starts = np.vstack([seed, self._random(np.random.default_rng(1), 4 * RANDOM_STARTS)])
-        found = free.solve(starts)
-        reached = free.converged(found)
-        if reached.any():
-            return self._beyond_limits(found[reached])
+        problems, endless = [free], np.full(len(seed), np.inf)
+        if problem.slides.any():
+            problems.append(replace(free, lower=-endless, upper=endless))
+        for beyond in problems:
+            found = beyond.solve(starts)
+            reached = beyond.converged(found)
+            if reached.any():
+                return self._beyond_limits(found[reached])
         position = replace(free, task=_position_of(self.task))
         found = position.solve(starts)
         error = np.linalg.norm(position.residual(found)[:, :3], axis=1)
@@ -308,6 +314,7 @@ class Kinematics:
         turns = np.where(self._turning, np.round((middle - found) / TURN), 0.0)
         found = found + TURN * turns
         excess = np.maximum(np.maximum(self.lower - found, found - self.upper), 0.0)
+        excess /= self.joint_lengths
         best = int(np.argmin(excess.max(axis=1)))
         joint = int(np.argmax(excess[best]))
         return Unreachable(UnreachableCause.LIMITS, self.limit_text(joint, found[best, joint]))

@@ -108,7 +108,14 @@ class Task:
         if np.linalg.norm(off[:3]) < 1e-5 and np.linalg.norm(off[3:]) < 1e-5:
             return ""
         unit, places = ("m", 4) if largest < 3 else ("rad", 3)
-        return f"{TWIST_NAMES[largest]} by {off[largest]:.{places}f} {unit}"
+        return f"{TWIST_NAMES[largest]} of the base by {off[largest]:.{places}f} {unit}"
+
+    @property
+    def possible(self) -> str:
+        """Names of the directions that the arm moves its tool in; "": they are mixed."""
+        if not np.isclose(self.chosen.max(axis=1), 1.0).all():
+            return ""
+        return ", ".join(TWIST_NAMES[column] for column in self.chosen.argmax(axis=1))
 
 
 def _rank(rows: FloatArray) -> int:
