@@ -14,9 +14,12 @@ from tests.witness.bench import COUNTS_PER_RAD, Bench
 from tests.witness.canopen_bench import CanopenBench
 from tests.witness.ethercat_bench import EthercatBench
 
+from robotd.device.axes import Jog, Move
 from robotd.device.process_image import ProcessImage
+from robotd.device.state import CommandMode
 from robotd.errors import ConnectError, OperationError, RobotdError
 from robotd.motion import TrajectoryRequest
+from robotd.motion.profile import Profile
 from robotd_cia402.power_commands import PowerCommands
 from robotd_ethercat.soem import Soem
 
@@ -207,6 +210,10 @@ def set_position_range(bench: HabitBench, lowest: int, highest: int) -> None:
         (EthercatBench, 0, 100 * COUNTS_PER_RAD),
         (EndlessCanopen, -(2**30), 2**30),
         (EndlessEthercat, -(2**30), 2**30),
+        (CanopenBench, -(2**15), 2**15 - 1),
+        (EthercatBench, -(2**15), 2**15 - 1),
+        (EndlessCanopen, 0, 2**16 - 1),
+        (EndlessEthercat, 0, 2**16 - 1),
     ],
 )
 def test_a_position_range_that_the_joint_leaves_ends_the_start(
@@ -239,25 +246,99 @@ def test_a_position_range_that_the_joint_stays_in_is_accepted(
 
 
 @EACH_BUS
-def test_no_setpoint_runs_ahead_of_a_brake(bus: str) -> None:
-    brake = {"drive": {"brake_release_s": 0.4}, "brake_release_s": 0.35}
-    with started(bus, engine={"servo_timeout_s": 1.0}, **brake) as bench:
+def test_positions_of_16_bits_end_the_start_with_the_object(bus: str) -> None:
+    """CiA 402-2 has 32 bits; these would wrap within the range of the joint."""
+    text = r"0x60(64|7A) .* has 16 bits .* wrap after 65536 counts; use a firmware"
+    with pytest.raises(RobotdError, match=text), opened(bus, position_bits=16) as bench:
+        bench.robot.start()
+
+
+@EACH_BUS
+@pytest.mark.parametrize("drive", [{"brake_release_s": 0.4}, {}], ids=["by key", "by bit 12"])
+def test_no_setpoint_runs_ahead_of_a_brake(bus: str, drive: dict[str, float]) -> None:
+    """A drive shows in bit 12 of a cyclic mode whether it follows setpoints (CiA 402-2)."""
+    engine = {"servo_timeout_s": 2.0}
+    with started(bus, engine=engine, drive=drive, brake_release_s=0.35) as bench:
         assert not bench.drives[0].axis.is_braked
         require_followed(bench, 0.5)
         assert bench.drives[0].axis.max_velocity < 3.14 * COUNTS_PER_RAD
 
 
 @EACH_BUS
-def test_a_path_that_begins_before_the_brake_is_released_waits(
-    bus: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """As that of a client that sees the servo on while another one switches it on."""
-    brake = {"drive": {"brake_release_s": 0.4}, "brake_release_s": 0.35}
-    monkeypatch.setattr(PowerCommands, "wait_for_brake", lambda *_: None)
-    with started(bus, **brake) as bench:
-        assert bench.drives[0].axis.is_braked
+@pytest.mark.parametrize("brake_s", [0.0, 0.35])
+def test_a_drive_without_bit_12_is_switched_on_and_followed(bus: str, brake_s: float) -> None:
+    drive = {"brake_release_s": brake_s and 0.4}
+    engine = {"servo_timeout_s": 2.0}
+    habits = {"brake_release_s": brake_s, "following_bit": False}
+    with started(bus, engine=engine, drive=drive, **habits) as bench:
         require_followed(bench, 0.5)
         assert bench.drives[0].axis.max_velocity < 3.14 * COUNTS_PER_RAD
+        bench.robot.axes.servo(0, on=False)
+        begun_s = bench.now_s
+        with bench.requested():
+            bench.robot.axes.servo(0, on=True)
+        assert bench.now_s - begun_s < 0.1 + brake_s + 0.05  # it is not waited for again
+
+
+def follow_path(bench: HabitBench) -> None:
+    require_followed(bench, 0.5)
+
+
+def move_by_profile(bench: HabitBench) -> None:
+    bench.robot.axes.move([Move(0, 0.5, Profile(1.0, 5.0, 5.0))])
+    bench.run(1.5)
+    assert bench.robot.image.motion_complete[0]
+
+
+def jog_and_stop(bench: HabitBench) -> None:
+    bench.robot.axes.set_command_mode(0, CommandMode.VELOCITY)
+    bench.robot.axes.jog([Jog(0, Profile(0.5, 5.0, 5.0))])
+    bench.run(1.0)
+    bench.robot.axes.jog([Jog(0, Profile(0.0, 5.0, 5.0))])
+    bench.run(0.5)
+
+
+def stream_positions(bench: HabitBench) -> None:
+    with bench.robot.stream() as stream:
+        for step in range(250):
+            stream.send([0.5 * (step + 1) / 250])
+            bench.run(0.004)
+        bench.run(0.5)
+
+
+def search_home(bench: HabitBench) -> None:
+    bench.robot.axes.home(0)
+    assert bench.robot.image.home_done[0]
+
+
+@EACH_BUS
+@pytest.mark.parametrize(
+    "motion", [follow_path, move_by_profile, jog_and_stop, stream_positions, search_home]
+)
+def test_a_motion_that_begins_before_the_brake_is_released_waits(
+    bus: str, motion: Callable[[HabitBench], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As that of a client that sees the servo on while another one switches it on."""
+    drive = {"brake_release_s": 0.4, "homing_method": 17, **SPEEDS}
+    knobs = {"brake_release_s": 0.35, "negative_limit": -100_000}
+    monkeypatch.setattr(PowerCommands, "wait_for_brake", lambda *_: None)
+    monkeypatch.setattr(PowerCommands, "wait_until_followed", lambda *_: None)
+    with started(bus, drive=drive, **knobs) as bench:
+        axis, braked = bench.drives[0].axis, list[str]()
+        assert axis.is_braked
+
+        def watch(image: ProcessImage) -> None:
+            setpoint = image.velocity_command[0]
+            if axis.is_braked and (setpoint or axis.drive[0x6061] not in (8, 3, 9)):
+                braked.append(f"{setpoint} in mode {axis.drive[0x6061]}")
+
+        bench.robot.control_loop.every(250.0, "brake", watch)
+        motion(bench)
+        assert braked == []
+        assert not axis.is_braked
+        assert abs(axis.position) > 0.09 * COUNTS_PER_RAD
+        assert axis.max_velocity < 3.14 * COUNTS_PER_RAD
+        assert bench.findings == []
 
 
 @EACH_BUS

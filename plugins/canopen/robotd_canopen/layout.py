@@ -36,7 +36,7 @@ from robotd_cia402.guiding import (
     is_guided,
 )
 from robotd_cia402.modes import OperationMode
-from robotd_cia402.object_numbers import MODE, MODE_DISPLAY, on_axis
+from robotd_cia402.object_numbers import MODE, MODE_DISPLAY, narrow_positions, on_axis
 from robotd_cia402.options import OptionProblems, SetpointMode, parse_object, with_robot_ramps
 
 _SECTION = "backends.canopen"
@@ -193,7 +193,10 @@ class _NodePlanner:
             for base, name in needed.items():
                 if base not in mapped:
                     add(key, f"no PDO holds 0x{base:04X} ({name})")
-        for what in _unreachable_mode((*rpdos, *tpdos), dictionary, drive.axis_offset):
+        planned = (*rpdos, *tpdos)
+        entries = [(e.base, e.index, e.bits) for pdo in planned for e in pdo.entries]
+        lost = _unreachable_mode(planned, dictionary, drive.axis_offset)
+        for what in (*lost, *narrow_positions(entries)):
             add(key, what)
         for what in _unknowable(tpdos, dictionary):
             add(f"{key}.tpdos", what)

@@ -132,8 +132,7 @@ class Axis(Generic[DriveT]):
                 self._watch_operation()
             self._fill_values(image)
         self._fill_state(image)
-        waits = self.acknowledgement.withholds or (report.powered and self.holding_brake.holds)
-        image.silent[self.number] = report.known and waits
+        image.silent[self.number] = report.known and self.acknowledgement.withholds
 
     def follow(self, position: float, velocity: float) -> None:
         """Control loop: a streamed setpoint; the position does not count in a velocity mode."""

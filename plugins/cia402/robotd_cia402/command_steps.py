@@ -37,6 +37,8 @@ class CommandSteps:
         if not self._report.powered:
             lost = f": {self._axis.power.lost}" if self._axis.power.lost else ""
             raise self._error(NotReady, f"the servo is off{lost}")
+        limit_s = self._axis.options.brake_release_s + STEP_TIMEOUT_S
+        self._require(lambda: not self._axis.holding_brake.holds, limit_s, "its brake holds")
 
     def _require_not_guided(self) -> None:
         if self._axis.activity.guided:

@@ -38,6 +38,7 @@ class StatusBits(IntFlag):
     INTERNAL_LIMIT = 1 << 11
     ACKNOWLEDGE = 1 << 12  # profile position: the new set-point is taken
     HOMING_ATTAINED = 1 << 12
+    FOLLOWS = 1 << 12  # cyclic synchronous modes: setpoints are followed, not ignored
     HOMING_ERROR = 1 << 13
 
 

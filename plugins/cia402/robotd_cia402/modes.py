@@ -15,6 +15,7 @@ class OperationMode(IntEnum):
         is_cyclic_position: the setpoint is a position in each frame.
         is_velocity, is_torque: the setpoint is a velocity or a torque.
         is_ours: the drive makes no ramp of its own: in the cyclic modes except that of torque.
+        has_following_bit: bit 12 of the statusword tells whether setpoints are followed.
     """
 
     NONE = 0
@@ -32,6 +33,7 @@ class OperationMode(IntEnum):
         self.is_velocity = number in (3, 9)
         self.is_torque = number == 10
         self.is_ours = number in (7, 8, 9)
+        self.has_following_bit = number in (8, 9, 10)
 
     @property
     def support_bit(self) -> int:

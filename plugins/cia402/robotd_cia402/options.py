@@ -137,8 +137,8 @@ class DriveOptions(BackendSection):
         ge=0,
         le=10,
         description="Time that the brake needs after the drive reports *operation enabled*, where"
-        " the drive ignores setpoints meanwhile: switching on ends, and paths begin, after it."
-        " Less than `engine.servo_timeout_s`.",
+        " the drive ignores setpoints meanwhile: switching on ends, and motions begin, after it."
+        " Less than `engine.servo_timeout_s`. 0: as long as the drive shows by bit 12.",
     )
     check_modes: bool = Field(
         True,

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from functools import partial
 
-from robotd.api import DeviceTimeout, NotReady, OperationError, RobotdError
+from robotd.api import DeviceTimeout, NotReady, OperationError, RobotdError, get_logger
 from robotd_cia402.command_steps import STEP_TIMEOUT_S, CommandSteps
-from robotd_cia402.controlword import TOWARDS_ENABLED, Control, DriveState
+from robotd_cia402.controlword import TOWARDS_ENABLED, Control, DriveState, StatusBits
 from robotd_cia402.modes import TORQUE_MODES
+
+log = get_logger("cia402")
 
 
 class PowerCommands(CommandSteps):
     """Commands of the state machine."""
+
+    _shows_following: bool | None = None  # the drive has bit 12 of the cyclic modes; None: unknown
 
     def enable(self, timeout_s: float) -> None:
         """Enable operation, with the command at the measured position.
@@ -55,6 +59,7 @@ class PowerCommands(CommandSteps):
                 self._enter(axis.mode.requested)
                 step(Control.ENABLE_OPERATION, done=True)
                 self.wait_for_brake(left_s())
+                self.wait_until_followed(left_s() / 2)
             except RobotdError:
                 axis.power.control = int(Control.DISABLE_VOLTAGE)
                 raise
@@ -64,6 +69,24 @@ class PowerCommands(CommandSteps):
         brake_s = self._axis.options.brake_release_s
         late = f"the {brake_s:g} s of brake_release_s do not fit into engine.servo_timeout_s"
         self._require(lambda: not self._axis.holding_brake.holds, timeout_s, late)
+
+    def wait_until_followed(self, timeout_s: float) -> None:
+        """Wait for a drive that shows in bit 12 that it ignores setpoints, as its brake opens.
+
+        The bit is optional: a drive that has never set it is waited for once, and not beyond 1 s.
+        """
+        axis, report = self._axis, self._report
+        if self._shows_following is False or not axis.mode.requested.has_following_bit:
+            return
+        follows = lambda: bool(report.statusword & StatusBits.FOLLOWS)  # noqa: E731
+        if self._wait(follows, min(STEP_TIMEOUT_S, timeout_s)):
+            self._shows_following = True
+            return
+        self._require_power()
+        self._shows_following = self._shows_following or False
+        text = "the drive is on and does not show that it follows setpoints (statusword bit 12)"
+        effect = "if it has a brake, brake_release_s has to cover its release"
+        log.warning(text, node=axis.drive.node.label, axis=axis.number, effect=effect)
 
     def _has_left(self, state: DriveState, releases: int) -> bool:
         return self._report.state is not state or self._axis.power.releases != releases

@@ -16,7 +16,7 @@ from robotd.api import (
 from robotd_cia402.axis import Axis
 from robotd_cia402.drive_scan import MAX_AXES
 from robotd_cia402.drive_setup import set_up
-from robotd_cia402.object_numbers import CONTROLWORD, on_axis
+from robotd_cia402.object_numbers import AXIS_STEP, CONTROLWORD, narrow_positions, on_axis
 from robotd_ethercat.al_status import AlState, al_code_text
 from robotd_ethercat.clock_observer import slaves_with_clocks
 from robotd_ethercat.ethercat_drive import EthercatDrive
@@ -139,6 +139,12 @@ class BringUp:
                         f"mapping: no PDO in 0x{assignment:04X} ({names}) holds"
                         f" {missing_text(missing, options.axis_offset)}; give {key}"
                     )
+                entries = [entry for pdo in pdos for entry in pdo.entries]
+                bits = [
+                    (entry.index - offset * AXIS_STEP, entry.index, entry.bits) for entry in entries
+                ]
+                for what in narrow_positions(bits):
+                    raise OperationError(f"mapping: {what}")
 
     def _take_present_outputs(self, slave: Slave) -> None:
         """Begin with the drive's own values: a mapped limit of 0 would stop it.

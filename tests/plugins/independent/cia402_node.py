@@ -104,6 +104,7 @@ class ServoDrive(CanopenDevice):
 
     def _add_drive_objects(self) -> None:
         i, h, turn = "i", "h", self.knobs.encoder
+        p = h if self.knobs.position_bits == 16 else i
         variables: list[tuple[int, str, str, int, str, str]] = [
             (0x6007, "Abort connection option code", h, 1, "rw", ""),
             (0x603F, "Error code", "H", 0, "ro", "t"),
@@ -116,8 +117,8 @@ class ServoDrive(CanopenDevice):
             (0x605E, "Fault reaction option code", h, 2, "rw", ""),
             (0x6060, "Modes of operation", "b", 0, "rw", "r"),
             (0x6061, "Modes of operation display", "b", 0, "ro", "t"),
-            (0x6062, "Position demand value", i, 0, "ro", "t"),
-            (0x6064, "Position actual value", i, 0, "ro", "t"),
+            (0x6062, "Position demand value", p, 0, "ro", "t"),
+            (0x6064, "Position actual value", p, 0, "ro", "t"),
             (0x6065, "Following error window", "I", 0xFFFF_FFFF, "rw", ""),
             (0x6066, "Following error time out", "H", 0, "rw", ""),
             (0x6067, "Position window", "I", 20, "rw", ""),
@@ -127,7 +128,7 @@ class ServoDrive(CanopenDevice):
             (0x6072, "Max torque", "H", 3000, "rw", "r"),
             (0x6076, "Motor rated torque", "I", round(self.knobs.rated_torque_nm * 1e3), "ro", ""),
             (0x6077, "Torque actual value", h, 0, "ro", "t"),
-            (0x607A, "Target position", i, 0, "rw", "r"),
+            (0x607A, "Target position", p, 0, "rw", "r"),
             (0x607C, "Home offset", i, 0, "rw", ""),
             (0x6081, "Profile velocity", "I", turn, "rw", "r"),
             (0x6083, "Profile acceleration", "I", 10 * turn, "rw", "r"),

@@ -16,6 +16,7 @@ class Knobs:
     step_s: float = 1e-3  # of its time
     encoder: int = 65_536  # counts per turn
     feed: int = 65_536  # position units per turn
+    position_bits: int = 32  # of actual, demand and target position, which wrap with them
     link_mass_kg: float = 0.0  # at the end of a link, level at position 0; 0: no link
     link_length_m: float = 0.3
     link_counts_per_rad: float = 65_536 / math.tau
@@ -23,6 +24,7 @@ class Knobs:
     external_torque_nm: float = 0.0  # on the link, as of a hand
     supported_modes: int = 0x3A5  # 0x6502
     brake_release_s: float = 0.0  # from "operation enabled" on it ignores set-points: bit 12 is 0
+    following_bit: bool = True  # bit 12 of the cyclic modes; False: it is always 0
     negative_limit: float = -math.inf  # switch that is closed here and below, counts
     positive_limit: float = math.inf
     homing_error_s: float = math.inf  # from the start of a homing to a homing error

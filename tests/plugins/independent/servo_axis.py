@@ -96,7 +96,7 @@ class Axis:
 
     def _nearest(self, counts: float) -> float:
         """Return the place next to the demand that has the same position object."""
-        span = 2**32 / self.scale
+        span = 2**self.drive.knobs.position_bits / self.scale
         return counts - span * round((counts - self.demand) / span)
 
     def start(self, controlword: int) -> None:
@@ -289,9 +289,9 @@ class Axis:
 
     def publish(self) -> None:
         """Write the actual values into their objects."""
-        scale = self.scale
-        self.drive[0x6064] = wrapped((self.position - self.counts_at_zero) * scale)
-        self.drive[0x6062] = wrapped((self.demand - self.counts_at_zero) * scale)
+        scale, bits = self.scale, self.drive.knobs.position_bits
+        self.drive[0x6064] = wrapped((self.position - self.counts_at_zero) * scale, bits)
+        self.drive[0x6062] = wrapped((self.demand - self.counts_at_zero) * scale, bits)
         self.drive[0x60F4] = wrapped((self.demand - self.position) * scale)
         self.drive[0x606C] = wrapped(self.velocity * scale)
         self.drive[0x6077] = self.torque
@@ -309,7 +309,8 @@ class Axis:
             reached = still and self._homing != "running"
             bit12, bit13 = self._homing == "attained", self._homing == "error"
         elif mode in {CSP, CSV, CST}:
-            bit12, bit13 = not (halted or self.is_braked), self._beyond_s > 0
+            follows = self.drive.knobs.following_bit and not (halted or self.is_braked)
+            bit12, bit13 = follows, self._beyond_s > 0
         return 0x400 * (still if halted else reached) | 0x1000 * bit12 | 0x2000 * bit13
 
 
@@ -320,6 +321,7 @@ def ramped(speed: float, target: float, up: float, down: float, step_s: float) -
     return speed + min(max(target - speed, -change), change)
 
 
-def wrapped(value: float) -> int:
-    """Return a value as a 32-bit object holds it."""
-    return (round(value) + 2**31) % 2**32 - 2**31
+def wrapped(value: float, bits: int = 32) -> int:
+    """Return a value as an object of so many bits holds it."""
+    half = 1 << (bits - 1)
+    return (round(value) + half) % (2 * half) - half
