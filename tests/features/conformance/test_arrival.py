@@ -41,3 +41,11 @@ def test_a_range_is_not_widened_by_a_tolerance() -> None:
     image.position[:] = 0.503, 0.0
     pose.track(image)
     assert "its --range" in pose.exceeded
+
+
+def test_the_travel_leaves_room_for_checks_that_go_on_when_they_stop() -> None:
+    """The gripper of the so101, at 0, has 0.174 rad to the side of odd axes, less a margin."""
+    pose = StartPose()
+    limits = [LIMITS[0], AxisLimits(-0.174, 1.745, 2.0, 4.0)]
+    pose.begin(np.zeros(2), limits, NAMES, np.zeros(2))
+    assert pose.travel(1.0) == pytest.approx([0.3, 0.15])

@@ -17,7 +17,7 @@ MAX_EXCURSION_RAD = 0.45  # at which a run ends, by default: checks that stop a 
 START_RAD = 2e-3  # largest error of an axis that has arrived; m for a linear one
 TOLERANCE_SHARE = 0.1  # of the travel: more could not be told from a move that was not made
 ROOM = (
-    0.8  # share of the distance to a position limit that is used where neither side has the travel
+    0.8  # share of the distance to a position limit that is the travel at most
 )
 MARGIN, MARGIN_SHARE = 0.02, 0.05  # rad or m that commands keep from limits; share of a small room
 START_MARGIN, START_SHARE = 0.06, 0.15  # the same of the start pose
@@ -220,6 +220,6 @@ def _signed_travel(axis: int, start: float, room: FloatArray, count: int) -> flo
     size = TRAVEL_RAD * float(np.linspace(1.0, 0.5, count)[axis])
     up, down = room[1] - start, start - room[0]
     sign = -1.0 if axis % 2 else 1.0
-    if (up if sign > 0.0 else down) <= size:
+    if (up if sign > 0.0 else down) <= size / ROOM:  # checks go on a little when they stop
         sign = 1.0 if up >= down else -1.0
     return float(sign * min(size, ROOM * max(up, down)))
