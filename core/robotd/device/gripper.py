@@ -16,7 +16,7 @@ from robotd.device.io import Io
 from robotd.device.passive_joints import DrivenFingers, FingerReader
 from robotd.device.process_image import ProcessImage
 from robotd.device.stop_latch import StopLatch
-from robotd.errors import InvalidArgument, NotReady
+from robotd.errors import InvalidArgument, NotReady, Unsupported
 from robotd.events import logged_command
 
 REACHED_SHARE = 0.05  # share of the stroke within which a position counts as reached
@@ -24,6 +24,7 @@ SETTLING_TIME_S = 0.05  # from the end of the travel to the sensor's answer
 START_TIMEOUT_S = 0.3  # from a command to the first motion of measured fingers
 TRAVEL_MARGIN_S = 2.0  # granted to measured fingers beyond their travel time
 STOP_RETRY_S = 0.2  # until driven fingers that were stopped are at rest
+HOMING_TIMEOUT_S = 30.0
 DRIVEN_MARGIN_S = 10.0  # the same for driven ones, whose driver knows when they rest
 STANDSTILL_SHARE = 1e-3  # share of the stroke that fingers at rest move in SETTLING_TIME_S
 
@@ -139,6 +140,22 @@ class Gripper:
             )
             self._driver.move(positions, force_n)
             return self._moves
+
+    @logged_command
+    def home(self) -> None:
+        """Let driven fingers find the ends of their stroke, which moves them; wait for it.
+
+        Any worker. A stop of all motion, and a later command, end it. Raises NotReady, also while
+        motion is stopped; OperationError: the ends were not found, or it was ended. DeviceTimeout.
+        Unsupported: nothing can be homed here.
+        """
+        if self._driver is None:
+            raise Unsupported("homing of the gripper", self._io.backend)
+        self._stop_latch.check()
+        with self._lock:
+            self._moves += 1
+            self._io.output_bit(self._byte, self._bit)  # raises NotReady
+        self._driver.home(HOMING_TIMEOUT_S)
 
     def checked(self, position_m: float) -> float:
         """Return a commanded position of the gripper.

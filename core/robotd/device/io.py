@@ -36,7 +36,7 @@ class Io:
         self.events = events or EventLog(time.monotonic_ns)
         self._maybe_driver = driver
         self._connection = connection
-        self._backend = backend
+        self.backend = backend
 
     @property
     def sizes(self) -> tuple[int, int]:
@@ -110,7 +110,7 @@ class Io:
 
     def _existing(self, feature: str) -> IoDriver:
         if self._maybe_driver is None:
-            raise Unsupported(feature, self._backend)
+            raise Unsupported(feature, self.backend)
         return self._maybe_driver
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from robotd.arrays import FloatArray
+from robotd.errors import Unsupported
 
 
 class PassiveJoints(ABC):
@@ -61,6 +62,18 @@ class DrivenFingers(PassiveJoints):
 
         False also while that is not known. Any thread; must not block.
         """
+
+    def home(self, timeout_s: float) -> None:
+        """Find the ends of the stroke, and return once they are known. Worker threads.
+
+        Optional. The fingers move through the whole stroke. They do so on this call only: never
+        because the device is opened, or the fingers are commanded without a home. ``stop``, and a
+        command that follows, end it.
+
+        Raises NotReady: the fingers cannot be moved now, or hold a part. OperationError: the ends
+        were not found, or it was stopped. DeviceTimeout. Unsupported: they need no home.
+        """
+        raise Unsupported("homing of the fingers")
 
 
 FingerReader = Callable[[FloatArray], None]

@@ -19,11 +19,14 @@ from robotd.api import (
     NANOSECONDS,
     Clock,
     ConnectError,
+    DeviceTimeout,
     DrivenFingers,
     FloatArray,
     IoDriver,
     NotReady,
+    OperationError,
     get_logger,
+    wait_until,
 )
 from robotd_franka.arm_link import FAILURES, connected
 from robotd_franka.options import MAX_FORCE_N, HandOptions
@@ -63,20 +66,39 @@ class HandState:
 
 @dataclass(frozen=True)
 class Goal:
-    """Commanded distance of the fingers, m, and force, N; 0: that of the options."""
+    """Commanded distance of the fingers, m, and force, N; 0: that of the options.
+
+    Attributes:
+        homes: the fingers find the ends of their stroke instead.
+    """
 
     width: float
     force: float = 0.0
+    homes: bool = False
 
 
 class Command:
-    """A call into libfranka that returns when the fingers rest. Any thread."""
+    """A call into libfranka that returns when the fingers rest. Any thread.
+
+    Attributes:
+        failure: why the hand has not done it; "" while it does, and once it has.
+    """
 
     def __init__(self, call: Callable[[], bool]) -> None:
+        self.failure = ""
         self._thread = threading.Thread(
-            target=_run, args=[call], name="franka-hand-command", daemon=True
+            target=self._run, args=[call], name="franka-hand-command", daemon=True
         )
         self._thread.start()
+
+    def _run(self, call: Callable[[], bool]) -> None:
+        try:
+            if not call():
+                self.failure = "the hand has not done it"
+        except FAILURES as error:  # also: it was stopped
+            self.failure = str(error)
+        if self.failure:
+            log.info("the hand has ended a command", reason=self.failure)
 
     def is_over(self, timeout_s: float = 0.0) -> bool:
         """Wait for the end; return whether it came."""
@@ -206,7 +228,37 @@ class FrankaHand(IoDriver, DrivenFingers):
         state, command = self._known, self._command
         if state is None or self._begun is not self._goal:
             return False
-        return command is None or command.is_over() or self._still.long
+        rests = self._still.long and not (self._goal and self._goal.homes)  # which turns back
+        return command is None or command.is_over() or rests
+
+    def home(self, timeout_s: float) -> None:
+        state = self._known
+        if state is None:
+            raise NotReady(self._failure or "the hand does not answer")
+        if state.holds:
+            raise NotReady("the hand holds a part, which homing would drop: open it first")
+        goal = self._goal = Goal(math.inf, homes=True)
+        self._asked.set()
+
+        def is_over() -> bool:
+            found, command = self._known, self._command
+            if found is None or self._goal is not goal:
+                return True
+            if self._begun is not goal or command is None or not command.is_over():
+                return False
+            return bool(command.failure) or found.max_width >= LEAST_STROKE_M
+
+        ended = wait_until(is_over, timeout_s, self._clock)
+        if self._goal is not goal:
+            raise OperationError("homing was stopped, or replaced by another command")
+        if (state := self._known) is None:
+            raise NotReady(self._failure or "the hand does not answer")
+        if not ended:
+            self.stop()
+            raise DeviceTimeout(f"waited {timeout_s:g} s for the hand to be homed")
+        if self._command is not None and self._command.failure:
+            raise OperationError(f"the hand was not homed: {self._command.failure}")
+        self._closed = state.width < 0.5 * state.max_width
 
     def _ask(self, goal: Goal) -> None:
         """Accept a goal. Raises NotReady."""
@@ -214,7 +266,7 @@ class FrankaHand(IoDriver, DrivenFingers):
         if state is None:
             raise NotReady(self._failure or "the hand does not answer")
         if state.max_width < LEAST_STROKE_M:
-            raise NotReady("the hand is not homed: home it in Desk (end effector)")
+            raise NotReady("the hand is not homed: robotd gripper home, which moves the fingers")
         self._closed = goal.width < 0.5 * state.max_width
         self._goal = goal
         self._asked.set()
@@ -256,6 +308,8 @@ class FrankaHand(IoDriver, DrivenFingers):
 
     def _begin(self, gripper: franky.Gripper, goal: Goal, state: HandState) -> Command | None:
         """Begin a goal; None: there is nothing to do."""
+        if goal.homes:
+            return Command(gripper.homing)
         stroke, speed = state.max_width, self._settings.speed_m_s
         width = min(goal.width, stroke)
         force = min(goal.force, MAX_FORCE_N) or self._settings.force_n
@@ -265,15 +319,6 @@ class FrankaHand(IoDriver, DrivenFingers):
         if state.grasped:
             return None  # the hand fails a grasp of what it has grasped
         return Command(lambda: gripper.grasp(width, speed, force, stroke, stroke))
-
-
-def _run(call: Callable[[], bool]) -> None:
-    """Thread of a command."""
-    try:
-        if not call():
-            log.info("the hand has not done a command")
-    except FAILURES as error:  # also: it was stopped
-        log.info("the hand has ended a command", reason=str(error))
 
 
 def _stop(gripper: franky.Gripper, command: Command) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass
 
@@ -31,6 +31,8 @@ from robotd_ros.qos import LATCHED
 from robotd_ros.rotations import roll_pitch_yaw
 
 GRIPPER = "wmx/set_gripper"
+HOME_GRIPPER = f"{OPERATOR_NODE}/home_gripper"
+HOMING_TIMEOUT_S = 45.0  # longer than that of the robot, which gives the reason
 AXIS_NODE = "wmx_core_motion_node"
 AXIS_STATE = "wmx/axis/state"
 TOOL_POSE = f"{OPERATOR_NODE}/tool_pose"
@@ -194,13 +196,24 @@ def read_description(client: RosClient) -> str:
 
 def set_gripper(client: RosClient, closed: bool) -> str:
     """The robot's answer. Raises DeviceTimeout without one, OperationError for a rejection."""
+    what = "no gripper: a robot offers it whose file has 'gripper' or one of 'servo_grippers'"
+    return _ask_gripper(client, GRIPPER, lambda: client.switch(GRIPPER, closed), what)
+
+
+def home_gripper(client: RosClient) -> str:
+    """Home the fingers, which move; the errors are those of ``set_gripper``."""
+    client.timeout_s = max(client.timeout_s, HOMING_TIMEOUT_S)
+    what = "no gripper to home: a robot offers it whose file has 'gripper'"
+    return _ask_gripper(client, HOME_GRIPPER, lambda: client.trigger(HOME_GRIPPER), what)
+
+
+def _ask_gripper(client: RosClient, service: str, call: Callable[[], str], missing: str) -> str:
     try:
-        return client.switch(GRIPPER, closed)
+        return call()
     except DeviceTimeout as error:
-        if client.node.count_services(GRIPPER):
+        if client.node.count_services(service):
             raise
-        what = "no gripper: a robot offers it whose file has 'gripper' or one of 'servo_grippers'"
-        raise DeviceTimeout(f"{what} ({error})") from error
+        raise DeviceTimeout(f"{missing} ({error})") from error
 
 
 def set_servos(client: RosClient, axes: Sequence[str], on: bool) -> str:

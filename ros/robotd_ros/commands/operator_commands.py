@@ -20,11 +20,17 @@ SAVE_TIMEOUT_S = 30.0  # the file is written before the answer
 
 
 @click.command("gripper", epilog=ROS_EPILOG)
-@click.argument("command", type=click.Choice(["open", "close"]))
+@click.argument("command", type=click.Choice(["open", "close", "home"]))
 @asks_robot
 def gripper(client: RosClient, command: str) -> object:
-    """Open or close the gripper of the running robot."""
-    return import_ros("robotd_ros.client.status_client").set_gripper(client, command == "close")
+    """Open or close the gripper of the running robot, or home its fingers.
+
+    home: the fingers move through their whole stroke, so that the device knows its ends.
+    """
+    status = import_ros("robotd_ros.client.status_client")
+    if command == "home":
+        return status.home_gripper(client)
+    return status.set_gripper(client, command == "close")
 
 
 @click.command("output", epilog=ROS_EPILOG)

@@ -82,6 +82,7 @@ class OperatorNode(Node):
             (Trigger, "pause", lambda *_: robot.pause(), True),
             (Trigger, "resume", lambda *_: robot.resume(), False),
             (Trigger, "recover", self._recover, False),
+            *([(Trigger, "home_gripper", self._home_gripper, False)] if robot.gripper else []),
             (SetPayload, "set_payload", self._set_payload, False),
             (GetPayload, "get_payload", self._get_payload, False),
             (SetSpeed, "set_speed", lambda asked, _: robot.set_speed(asked.speed), False),
@@ -111,6 +112,11 @@ class OperatorNode(Node):
     def _stop(self, request: Any, response: Any) -> str:
         self._robot.stop("by a client of the stop service")
         return "stopped, at rest"
+
+    def _home_gripper(self, request: Any, response: Any) -> str:
+        if (gripper := self._robot.gripper) is not None:
+            gripper.home()
+        return "gripper homed"
 
     def _set_payload(self, request: Any, response: Any) -> str:
         center = request.center

@@ -14,7 +14,7 @@ from robotd.descriptor import GripperSettings
 from robotd.device.gripper import Gripper
 from robotd.device.passive_joints import DrivenFingers
 from robotd.device.process_image import ProcessImage
-from robotd.errors import InvalidArgument, NotReady
+from robotd.errors import InvalidArgument, NotReady, Unsupported
 
 GRIPPER = {
     "output_byte": 0,
@@ -212,6 +212,7 @@ class DrivenGripper(MeasuredGripper, DrivenFingers):
     names = ("left", "right")
     begins = obeys = True
     stops = 0
+    homed_within_s = 0.0
 
     def __init__(self, harness: Harness) -> None:
         self.commands: list[tuple[Mapping[str, float], float]] = []
@@ -231,6 +232,9 @@ class DrivenGripper(MeasuredGripper, DrivenFingers):
         self.stops += 1
         if self.obeys:
             self.end_m = self.fingers[0]
+
+    def home(self, timeout_s: float) -> None:
+        self.end_m, self.homed_within_s = 0.0, timeout_s
 
     @property
     def at_rest(self) -> bool:
@@ -311,3 +315,40 @@ def test_the_force_of_driven_fingers_is_checked(
     with pytest.raises(InvalidArgument, match=r"gripper: force of .* N, must be 0 or more"):
         driven.gripper.checked_force(force_n)
     assert measured.gripper.checked_force(force_n) == 0.0
+
+
+def test_driven_fingers_are_homed_on_request_and_not_while_motion_is_stopped(
+    driven: DrivenGripper,
+) -> None:
+    driven.gripper.move(0.02, lambda: False)
+    assert not driven.homed_within_s
+    driven.latch.engage("the operator")
+    with pytest.raises(NotReady, match="motion is stopped: the operator"):
+        driven.gripper.home()
+    assert not driven.homed_within_s
+    driven.latch.release(driven.latch.stops)
+    driven.gripper.home()
+    assert driven.homed_within_s > 10.0
+
+
+def test_homing_replaces_the_move_before(driven: DrivenGripper) -> None:
+    asked = iter(range(1000))
+
+    def homes() -> bool:
+        if next(asked) == 10:
+            driven.gripper.home()
+        return False
+
+    assert not driven.gripper.move(0.04, homes).at_rest
+
+
+def test_fingers_on_a_valve_are_not_homed(robot: Harness, measured: MeasuredGripper) -> None:
+    assert robot.robot.gripper is not None
+    for gripper in (robot.robot.gripper, measured.gripper):
+        with pytest.raises(Unsupported, match="homing of the gripper: not supported by the sim"):
+            gripper.home()
+
+
+def test_a_driver_without_homing_says_so(driven: DrivenGripper) -> None:
+    with pytest.raises(Unsupported, match="homing of the fingers"):
+        DrivenFingers.home(driven, 1.0)

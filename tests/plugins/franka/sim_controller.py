@@ -12,6 +12,7 @@ Reads commands as lines of JSON and answers each by one:
     {"push": [axis, torque]}             a person at one joint, N·m; 0: it lets go
     {"force": [x, y, z]}                 a force on the hand, at its centre of mass, base frame, N
     {"is_singular": true}                that force has no estimate, as near singularities
+    {"homed": false}                     the hand has lost its stroke, as by a power cut
     {"part": 0.03}                       a part of this width between the fingers, m; 0: none
     {}                                   the state, as ``Truth`` of ``controller.py``
 
@@ -174,6 +175,10 @@ class Hand(FrankaGripperServer):
         self.force = force
         super().start_grasp(max(width, self.part_m), speed, force, *rest)
 
+    def start_homing(self, *rest: Any) -> None:
+        self.commands.append("homing")
+        super().start_homing(*rest)
+
     def stop(self, command_id: int, tcp_socket: Any) -> None:
         self.commands.append("stop")
         if self._pending_command_id is not None:
@@ -237,6 +242,8 @@ def serve(server: Any, arm: Arm, robot: Any, commands: queue.Queue[dict[str, Any
             arm.is_singular = command.get("is_singular", arm.is_singular)
             hand = arm.gripper_server
             hand.part_m = command.get("part", hand.part_m)
+            if not command.get("homed", True):
+                hand._max_width = 0.0
             state = {
                 "position": list(robot.inner_state.q),
                 "torque": list(robot.inner_state.tau_j),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from tests.plugins.franka.test_on_controller import arm
 from tests.ros.robot_process import wait_until
 
 from robotd import Robot
-from robotd.api import ConnectError, NotReady
+from robotd.api import ConnectError, NotReady, RobotdError
 
 pytestmark = [needs_simulator, pytest.mark.long]
 
@@ -86,3 +87,27 @@ def test_a_lost_hand_is_named_and_takes_no_command(unit: Controller, tmp_path: P
         wait_until(lambda: not robot.connection.ready, "the loss")
         with pytest.raises(NotReady):
             robot.gripper.command(closed=True)
+
+
+def test_a_hand_without_a_stroke_is_homed_and_a_stop_ends_that(
+    unit: Controller, tmp_path: Path
+) -> None:
+    with hand(tmp_path, unit) as robot:
+        unit.command(homed=False)
+        driver = robot.gripper._driver.wrapped
+        wait_until(lambda: driver._state.max_width == 0.0, "the stroke is lost")
+        with pytest.raises(NotReady, match="not homed: robotd gripper home"):
+            go(robot, 0.0)
+        assert unit.command().hand_commands == []
+        robot.gripper.home()
+        assert unit.command().hand_commands == ["homing"]
+        assert go(robot, 0.04)[1]
+        assert go(robot, 0.005)[1]
+        with ThreadPoolExecutor() as pool:
+            homing = pool.submit(robot.gripper.home)
+            wait_until(lambda: robot.gripper.position_m > 0.01, "the fingers open")
+            robot.stop()
+            with pytest.raises(RobotdError, match="homing was stopped"):
+                homing.result()
+        wait_until(lambda: unit.command().hand_commands[-1] == "stop", "the stop")
+        assert unit.command().width < 0.078

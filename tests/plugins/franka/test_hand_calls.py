@@ -10,19 +10,21 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import franky
 import pytest
 from tests.ros.robot_process import wait_until
 
-from robotd.api import ConnectError, NotReady
+from robotd.api import ConnectError, DeviceTimeout, NotReady, OperationError
 from robotd.clock import MonotonicClock
 from robotd_franka import hand as module
 from robotd_franka.hand import START_S, STILL_M, STILL_S, FrankaHand, HandState, _Standstill
 from robotd_franka.options import HandOptions
 
 STROKE_M = 0.08
+HOMING_S = 30.0
 
 
 class FakeGripper:
@@ -31,13 +33,14 @@ class FakeGripper:
     Attributes:
         calls: that have begun, and commands that were stopped.
         slow, slow_to_stop, unanswered: how commands and stops behave.
+        is_blocked: homing does not find the ends.
         found: content of the states.
     """
 
     def __init__(self, address: str = "") -> None:
         self.calls: list[str] = []
         self.found = SimpleNamespace(width=0.04, max_width=STROKE_M, is_grasped=False)
-        self.slow = self.unanswered = self.slow_to_stop = False
+        self.slow = self.unanswered = self.slow_to_stop = self.is_blocked = False
         self._ends, self._stopped = threading.Event(), False
         self._begun: list[threading.Event] = []
 
@@ -52,6 +55,9 @@ class FakeGripper:
     def grasp(self, width: float, speed: float, force: float, inner: float, outer: float) -> bool:
         assert inner == outer == STROKE_M
         return self._run(f"grasp {width:g} by {force:g}", width, grasped=True)
+
+    def homing(self) -> bool:
+        return self._run("homing", STROKE_M, grasped=False) and not self.is_blocked
 
     def stop(self) -> bool:
         self.calls.append("stop")
@@ -220,8 +226,65 @@ def test_fingers_that_stand_have_moved_before_or_had_time_to_begin() -> None:
 def test_a_hand_without_a_stroke_is_not_moved(hand: FrankaHand, gripper: FakeGripper) -> None:
     gripper.found = SimpleNamespace(width=0.0, max_width=0.0, is_grasped=False)
     wait_until(lambda: hand._state.max_width == 0.0, "the state")
-    with pytest.raises(NotReady, match="not homed"):
+    with pytest.raises(NotReady, match="not homed: robotd gripper home"):
         close(hand)
+    hand.home(HOMING_S)
+    close(hand)
+    called(gripper, "homing", "grasp 0 by 30")
+
+
+def test_homing_is_over_when_the_hand_has_its_stroke(
+    hand: FrankaHand, gripper: FakeGripper
+) -> None:
+    close(hand)
+    called(gripper, "grasp 0 by 30")
+    wait_until(lambda: hand.at_rest and hand._state.width == 0.0, "the fingers close")
+    hand.home(HOMING_S)
+    assert hand.at_rest
+    assert hand.read_outputs(0, 1) == b"\x00"  # it rests open
+
+
+def test_homing_that_fails_or_drops_a_part_is_an_error(
+    hand: FrankaHand, gripper: FakeGripper
+) -> None:
+    gripper.is_blocked = True
+    with pytest.raises(OperationError, match="the hand was not homed: the hand has not done it"):
+        hand.home(HOMING_S)
+    move(hand, 0.03, 20.0)
+    wait_until(lambda: hand.read_inputs(0, 1) == b"\x01", "a part is held")
+    with pytest.raises(NotReady, match="holds a part"):
+        hand.home(HOMING_S)
+    assert gripper.calls == ["homing", "grasp 0.03 by 20"]
+
+
+@pytest.mark.parametrize("end", ["stop", "command", "time"])
+def test_homing_ends_by_a_stop_a_command_and_its_time(
+    hand: FrankaHand, gripper: FakeGripper, end: str
+) -> None:
+    gripper.slow = True
+    with ThreadPoolExecutor() as pool:
+        homing = pool.submit(hand.home, 0.3 if end == "time" else HOMING_S)
+        wait_until(lambda: gripper.calls == ["homing"], "it homes")
+        if end == "stop":
+            hand.stop()
+        elif end == "command":
+            close(hand)
+        with pytest.raises((OperationError, DeviceTimeout), match=r"stopped, or|waited 0\.3 s"):
+            homing.result()
+    wait_until(lambda: gripper.calls[:3] == ["homing", "stop", "homing aborted"], "it stops")
+
+
+def test_fingers_that_turn_back_while_they_are_homed_are_not_at_rest(
+    hand: FrankaHand, gripper: FakeGripper
+) -> None:
+    gripper.slow = True
+    with ThreadPoolExecutor() as pool:
+        homing = pool.submit(hand.home, HOMING_S)
+        wait_until(lambda: hand._still.long, "they stand for long", START_S + 10.0)
+        assert not hand.at_rest
+        gripper.release()
+        homing.result()
+    assert hand.at_rest
 
 
 def test_a_hand_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -148,3 +148,13 @@ def test_a_goal_it_cannot_do_is_rejected(
     goal = GripperCommand.Goal()
     goal.command.position, goal.command.max_effort = position_m, force_n
     assert not wait_for(hand.send_goal_async(goal)).accepted
+
+
+def test_it_is_homed_on_request_only(client: Client, hand: GoalClient, unit: Controller) -> None:
+    before = unit.command(homed=False).hand_commands
+    wait_until(lambda: ended(send(hand, 0.0))[0] == GoalStatus.STATUS_ABORTED, "no stroke")
+    assert unit.command().hand_commands == before
+    response = client.call(Trigger, "/robotd/home_gripper")
+    assert (response.success, response.message) == (True, "gripper homed")
+    assert unit.command().hand_commands == [*before, "homing"]
+    assert ended(send(hand, 0.0))[1].reached_goal

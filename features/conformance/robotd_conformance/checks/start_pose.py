@@ -16,9 +16,7 @@ TRAVEL_RAD = 0.3  # the farthest that a check moves an axis; m for a linear one
 MAX_EXCURSION_RAD = 0.45  # at which a run ends, by default: checks that stop a move overshoot
 START_RAD = 2e-3  # largest error of an axis that has arrived; m for a linear one
 TOLERANCE_SHARE = 0.1  # of the travel: more could not be told from a move that was not made
-ROOM = (
-    0.8  # share of the distance to a position limit that is the travel at most
-)
+ROOM = 0.8  # share of the distance to a position limit that is the travel at most
 MARGIN, MARGIN_SHARE = 0.02, 0.05  # rad or m that commands keep from limits; share of a small room
 START_MARGIN, START_SHARE = 0.06, 0.15  # the same of the start pose
 
