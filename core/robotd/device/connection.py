@@ -87,6 +87,7 @@ class Connection:
         established: True from the end of ``start_communication`` until it is stopped on purpose.
             While it is, a device that is not ready has been lost.
         stale: values of the device are too old to be trusted.
+        begun: how often communication has begun.
         parameters_file: applied whenever communication starts on a newly opened device; None leaves
             the device's own parameters.
     """
@@ -102,6 +103,7 @@ class Connection:
     ) -> None:
         self.settings = settings
         self.ready = self.established = self.stale = False
+        self.begun = 0
         self.scaling_lock = threading.Lock()
         self._driver = driver
         self._backend = backend
@@ -413,8 +415,10 @@ class Connection:
         if self.established and before is ConnectionState.COMMUNICATING:
             return
         self.established = False
+        self.update_ready()  # a loss that nobody has noticed yet rejects motion as well
         try:
             if before is not ConnectionState.COMMUNICATING:
+                self.begun += 1
                 if self._driver.parameters_before_communication:
                     self.apply_parameters()
                 with self.step.running("starting communication"):

@@ -226,6 +226,23 @@ def test_a_lost_communication_ends_the_running_and_the_waiting_goal(harness: Har
     assert_works(harness)
 
 
+def test_communication_that_is_lost_and_back_between_two_periods_ends_a_goal(
+    harness: Harness,
+) -> None:
+    with harness.goal(FAR) as execution:
+        harness.run(0.4)
+        rows = len(harness.setpoints.rows)
+        harness.clock.detach()
+        harness.faults.drop_communication()
+        harness.connection.start_communication()
+        loop = harness.robot.control_loop
+        harness.clock.attach(loop.period_ns, loop.period)
+        harness.run(0.1)
+        assert len(harness.setpoints.rows) == rows, "nothing is streamed after a loss"
+        assert_fault(execution, "communication has ended, and has begun anew")
+    assert_works(harness)
+
+
 def test_the_device_adds_the_reason_of_the_lost_communication(harness: Harness) -> None:
     asked: list[int] = []
     harness.connection._driver.fault = lambda: asked.append(0) or "somebody pulled the plug"  # type: ignore[method-assign]

@@ -107,6 +107,7 @@ class ControlLoop:
         self._stale_after_ns = round(stale_after_s * NANOSECONDS)
         self._read_failure: str | None = None  # reason of the last read; None: it succeeded
         self._since_ns = 0  # first read of this communication
+        self._begun = 0  # number of this communication
         self._tasks = PeriodicTasks(self.period_ns, image)
         self._loss = DeviceLoss(connection, image)
         self._deadlines = PeriodDeadlines(
@@ -262,16 +263,22 @@ class ControlLoop:
 
     def _communicates(self, time_ns: int) -> bool:
         """Query the state of the device; the end of communication fails all motion."""
-        state = self._connection.update_ready()
-        if state in COMMUNICATES:
+        state, begun = self._connection.update_ready(), self._connection.begun
+        is_anew, self._begun = begun != self._begun, begun
+        communicates = state in COMMUNICATES
+        if not communicates:
+            reason = f"communication has ended (engine state {state.value})"
+        elif is_anew and self._since_ns:  # both since the last period
+            reason = "communication has ended, and has begun anew"
+        else:
             return True
-        self._lose(state, f"communication has ended (engine state {state.value})")
+        self._lose(reason, reason)
         if self._since_ns:  # the image holds values of the communication that has ended
             self._since_ns = 0
             self._image.forget()
             self._connection.set_stale(False)
         self._loss.report(self._deadlines.nominal(time_ns))
-        return False
+        return communicates
 
     def _read(self, time_ns: int) -> int:
         """Fill the image; return the nominal time of the period that began at ``time_ns``.
