@@ -89,6 +89,7 @@ class DobotAxes(ProfiledAxes):
         values = link.feedback if link else None
         if link is None or values is None:
             return
+        link.watch_targets()
         self._watch_guiding(values, link)
         guided = self._guiding is not Guiding.NONE and values.enabled
         # What something else moves, and what rejects targets, shows servos that are off: its

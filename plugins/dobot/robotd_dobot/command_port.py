@@ -52,21 +52,30 @@ class TargetPort(ABC):
         self._received = b""
         self._lock = threading.Lock()  # never held while waiting
 
-    def send_target(self, text: str) -> float:
-        """Send a target; return the age of the oldest that the controller has not taken, seconds.
+    def send_target(self, text: str) -> None:
+        """Send a target. Raises OSError: it cannot be sent at once and whole."""
+        with self._lock:
+            self._send_target(text)
 
-        Raises OSError: it cannot be sent at once and whole, or the connection has ended.
+    def target_age_s(self) -> float:
+        """Return for how long the controller has not taken the oldest target; 0: it has taken all.
+
+        Takes the replies that are here. Raises OSError: the connection has ended.
         """
         with self._lock:
             self._receive()
-            return self._send_target(text)
+            return (self._clock.now_ns() - self._oldest_ns()) / NANOSECONDS
 
     def close(self) -> None:
         """End the connection, without a shutdown, which would send what is to be discarded."""
         self._connection.close()
 
     @abstractmethod
-    def _send_target(self, text: str) -> float: ...
+    def _send_target(self, text: str) -> None: ...
+
+    @abstractmethod
+    def _oldest_ns(self) -> int:
+        """Return when the oldest target was sent that the controller has not taken; else now."""
 
     @abstractmethod
     def _take_reply(self, reply: str) -> None: ...
@@ -110,7 +119,7 @@ class CommandPort(TargetPort):
         self._targets: deque[Request] = deque()  # those of them that are targets
 
     def post(self, text: str) -> Request:
-        """Send a command without waiting. Raises OSError, see ``send_target``."""
+        """Send a command without waiting. Raises OSError: it cannot be sent at once and whole."""
         with self._lock:
             return self._post(text)
 
@@ -136,10 +145,11 @@ class CommandPort(TargetPort):
         self._send(text)
         return request
 
-    def _send_target(self, text: str) -> float:
-        newest = self._post(text)
-        self._targets.append(newest)
-        return (newest.sent_ns - self._targets[0].sent_ns) / NANOSECONDS
+    def _send_target(self, text: str) -> None:
+        self._targets.append(self._post(text))
+
+    def _oldest_ns(self) -> int:
+        return self._targets[0].sent_ns if self._targets else self._clock.now_ns()
 
     def _take_reply(self, reply: str) -> None:
         if not self._waiting:
@@ -160,15 +170,17 @@ class MotionPort(TargetPort):
         self._waiting_ns: deque[int] = deque(maxlen=MAX_WAITING)
         self._receipt_ns = 0  # when everything was received
 
-    def _send_target(self, text: str) -> float:
-        now_ns = self._clock.now_ns()
+    def _send_target(self, text: str) -> None:
+        self._send(text)
+        self._waiting_ns.append(self._clock.now_ns())
+
+    def _oldest_ns(self) -> int:
+        if self._answers:
+            return self._waiting_ns[0] if self._waiting_ns else self._clock.now_ns()
         unreceived = fcntl.ioctl(self._connection, termios.TIOCOUTQ, bytes(4))
         if not int.from_bytes(unreceived, "little"):
-            self._receipt_ns = now_ns
-        self._send(text)
-        self._waiting_ns.append(now_ns)
-        oldest_ns = self._waiting_ns[0] if self._answers else self._receipt_ns
-        return (now_ns - oldest_ns) / NANOSECONDS
+            self._receipt_ns = self._clock.now_ns()
+        return self._receipt_ns
 
     def _take_reply(self, reply: str) -> None:
         if self._answers and self._waiting_ns:

@@ -174,18 +174,25 @@ class ControllerLink:
             self._lose(name, error)
 
     def send_target(self, position_deg: FloatArray) -> None:
-        """Send a target for all joints. Control-loop thread; never blocks.
-
-        Both ends keep what the controller has not read, and it would execute all of it late. So the
-        connection ends where targets are not taken.
-        """
+        """Send a target for all joints. Control-loop thread; never blocks."""
         options = self._options
         text = self.dialect.servo_target(
             position_deg, options.target_period_s, options.lookahead, options.gain
         )
         try:
-            age_s = self._targets.send_target(text)
-            if age_s > options.max_target_age_s:
+            self._targets.send_target(text)
+        except OSError as error:
+            self._lose("targets cannot be sent", error)
+
+    def watch_targets(self) -> None:
+        """End the connection where targets are not taken. Control-loop thread, in each period.
+
+        Both ends keep what the controller has not read, and it would execute all of it late, also
+        where no more are sent.
+        """
+        try:
+            age_s = self._targets.target_age_s()
+            if age_s > self._options.max_target_age_s:
                 raise BlockingIOError(f"the controller has taken none for {age_s:.2g} s")
         except OSError as error:
             self._lose("targets cannot be sent", error)
