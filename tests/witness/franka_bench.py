@@ -8,7 +8,7 @@ from unittest.mock import patch
 
 import numpy as np
 from tests.witness.bench import TRAJECTORY, Bench
-from tests.witness.franka_arm import JOINTS, POLL_S, FrankaArm, Reference
+from tests.witness.franka_arm import CYCLE_S, JOINTS, MAX_LOST, POLL_S, FrankaArm, Reference
 from tests.witness.judge import REST_RAD_S, Command, Judge
 from tests.witness.servo_clock import ServoClock
 
@@ -58,6 +58,7 @@ class FrankaBench(Bench):
         for judge, joint in zip(self.judges, self._descriptor.joints, strict=True):
             judge.velocity, judge.acceleration = joint.velocity, joint.acceleration
             judge.lower, judge.upper = joint.lower, joint.upper
+            judge.coast_s = MAX_LOST * CYCLE_S
         self._patches = ExitStack()
         modules = {"franky": self.arm.library(), "threading": self.clock.threading}
         # This arm answers at once, and time stands still meanwhile: there is nothing to wait for.

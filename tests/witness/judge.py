@@ -73,6 +73,7 @@ class Judge:
             test holds frames up by itself.
         may_wait: so many commands in a row may be older, if each is the successor of the one that
             was executed before: the master sends them before it can know that they will wait.
+        coast_s: for so long a joint goes on as before without commands, by its last torque.
         may_catch: it was let go for a hand: a stop may switch it on again, once.
         max_jitter: of the time between two commands, in periods; where it is more, their change
             is not judged, nor that of the next one: the drive's own ramp is between.
@@ -97,6 +98,7 @@ class Judge:
     judges_age: bool = True
     max_age_periods: float = MAX_AGE_PERIODS
     may_wait: int = 0
+    coast_s: float = 0.0
     may_catch: bool = False
     max_jitter: float = float("inf")
     repeats_until_s: float = float("-inf")
@@ -222,10 +224,11 @@ class Judge:
             self._rate = None
             return
         self.bounds(command.time_s, command.target, before)
-        rate = (command.target - before) / self.period_s
         slack = self.rounding / self.period_s
         silence_s = silence_between(last, command)
         silent = silence_s > SILENT_PERIODS * self.period_s
+        coasted_s = min(silence_s, self.coast_s) if silent else 0.0
+        rate = (command.target - before) / max(self.period_s, coasted_s)
         self.peaks.velocity = max(self.peaks.velocity, abs(rate))
         if silent:
             self.peaks.after_silence = max(self.peaks.after_silence, abs(rate))

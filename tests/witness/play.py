@@ -314,8 +314,10 @@ class WitnessPlay(ArmPlay):
         self._step(periods)
 
     def _servo(self, axis: int, on: bool) -> None:
+        if not on:
+            self.bench.judges[axis].may_catch = False
+        super()._servo(axis, on)  # raises where it is being held again: that goes on
         self.bench.judges[axis].may_catch = False
-        super()._servo(axis, on)
 
     def _disable(self) -> None:
         super()._disable()  # brings to rest first, a guided joint too

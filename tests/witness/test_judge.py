@@ -45,6 +45,15 @@ def test_after_a_silence_the_way_counts_and_its_ramp_does_not(step: float, count
     assert len(steps) == count
 
 
+@pytest.mark.parametrize(("step", "found"), [(60.0, False), (80.0, True)])
+def test_a_joint_that_coasts_is_judged_by_the_time_of_a_silence(step: float, found: bool) -> None:
+    judge = Judge("joint1", VELOCITY, ACCELERATION, PERIOD_S, may_enable=True, coast_s=3 * PERIOD_S)
+    judge.power(0.0, True)
+    judge.execute(Command(0.0, 0.0))
+    judge.execute(Command(10 * PERIOD_S, step / 1000))
+    assert bool(judge.findings) is found
+
+
 def test_a_drive_that_goes_on_by_itself_is_found() -> None:
     judge = Judge("joint1", VELOCITY, ACCELERATION, PERIOD_S)
     judge.power(0.0, True)
