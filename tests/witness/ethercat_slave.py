@@ -102,6 +102,7 @@ class EthercatSlave:
         watchdog_s: of process data, after ETG.1000.4 (0x0400, 0x0420); 0: none.
         silent_s: until then it processes no process data, but passes them on.
         hung_s: until then its mailbox does not answer.
+        boot_s: until then its application does not act on requests of a state.
         aborts: abort codes by object, of SDO transfers to come.
     """
 
@@ -114,7 +115,8 @@ class EthercatSlave:
         self.registers = bytearray(0x1000)
         self.registers[0x0008] = 1 << 2  # it has a distributed clock
         self.watchdog_s = 0.1
-        self.silent_s = self.hung_s = 0.0
+        self.silent_s = self.hung_s = self.boot_s = 0.0
+        self._requested: int | None = None  # while it boots
         self.aborts: dict[int, int] = {}
         self.addressed = False
         self._outputs_s = 0.0  # of the last process data
@@ -124,6 +126,8 @@ class EthercatSlave:
 
     def tick(self, now: float) -> None:
         self._now = now
+        if self._requested is not None and now >= self.boot_s:
+            self.request(self._requested)
         self.drive.tick(now)
         late = self.watchdog_s and now - self._outputs_s > self.watchdog_s
         if self.state is Al.OP and late:
@@ -141,7 +145,8 @@ class EthercatSlave:
     def request(self, control: int) -> None:
         """Take the AL control register: a state, with bit 4 to acknowledge an error."""
         state = control & 0x0F
-        if self.code and not control & 0x10:
+        self._requested = control if self._now < self.boot_s else None
+        if self._requested is not None or (self.code and not control & 0x10):
             return
         self.code = 0
         if state not in set(Al):

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import pytest
+from structlog.testing import capture_logs
 from tests.plugins.independent.canopen_objects import Entry
 from tests.plugins.independent.cia402_node import State
 from tests.witness.bench import COUNTS_PER_RAD, Bench
@@ -20,6 +21,7 @@ from robotd.device.state import CommandMode
 from robotd.errors import ConnectError, OperationError, RobotdError
 from robotd.motion import TrajectoryRequest
 from robotd.motion.profile import Profile
+from robotd_canopen.master import Master
 from robotd_cia402.power_commands import PowerCommands
 from robotd_ethercat.soem import Soem
 
@@ -363,9 +365,25 @@ def test_a_gear_ratio_in_the_drive(bus: str, feed: int, gear: int) -> None:
         assert counts == pytest.approx(turns * COUNTS_PER_RAD, rel=1e-3)
 
 
-def test_slow_answers_of_sdo_on_ethercat() -> None:
-    with started("ethercat", section={"sdo_timeout_s": 1.5}, sdo_delay_s=1.0) as bench:
+@pytest.mark.parametrize("delay_s", [0.25, 1.0])
+def test_slow_answers_of_sdo_on_ethercat(delay_s: float) -> None:
+    """On CANopen they come in real time: tests/plugins/independent/test_start.py."""
+    section, engine = {"sdo_timeout_s": 1.5}, {"communication_timeout_s": 120.0}
+    slow = {"section": section, "engine": engine, "sdo_delay_s": delay_s}
+    with capture_logs() as logs, started("ethercat", **slow) as bench:
         require_followed(bench, 0.2)
+    progress = [line for line in logs if line["event"] == "configuring takes long"]
+    assert progress
+    assert all("slave 0" in line["step"] and line["each_s"] == delay_s for line in progress)
+
+
+def test_a_start_on_ethercat_that_would_take_too_long_says_what_to_raise() -> None:
+    section = {"sdo_timeout_s": 1.5}
+    text = r"slave 0.* SDO transfers took 1 s each; raise engine.communication_timeout_s"
+    with opened("ethercat", section=section, sdo_delay_s=1.0) as bench:
+        with pytest.raises(ConnectError, match=text):
+            bench.robot.start()
+        assert bench.drives[0].power is not State.ENABLED
 
 
 def test_answers_of_sdo_that_are_slower_than_their_time_name_the_object() -> None:
@@ -373,6 +391,43 @@ def test_answers_of_sdo_that_are_slower_than_their_time_name_the_object() -> Non
         with pytest.raises(ConnectError, match=r"0x[0-9A-F]{4}"):
             bench.robot.start()
         assert bench.drives[0].power is not State.ENABLED
+
+
+def test_a_node_that_boots_late_is_awaited(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Node 6 has power, and boots for 1 s; 0.3 s pass from one of the tries to the next."""
+    open_once, tries = Master.open, list[float]()
+    with opened("canopen", axes=2, engine={"open_tries": 5, "open_retry_s": 0.01}) as bench:
+        bench.drives[1].knobs.boot_s = 1.0
+        bench.drives[1].restart()
+        booted_s = bench.now_s + 1.0
+
+        def open_later(master: Master) -> None:
+            bench.run(0.3)
+            tries.append(bench.now_s)
+            open_once(master)
+
+        monkeypatch.setattr(Master, "open", open_later)
+        with capture_logs() as logs:
+            start(bench)
+        failures = [line["reason"] for line in logs if line["event"] == "open failed"]
+        assert len(failures) == len([one for one in tries if one < booted_s]) == len(tries) - 1
+        assert len(failures) >= 2
+        assert all("joint2 (node 6)" in text and "node 5" not in text for text in failures)
+        require_followed(bench, 0.2)
+
+
+@pytest.mark.parametrize("timeout_s", [2.0, 0.5])
+def test_a_slave_whose_application_boots_is_awaited(timeout_s: float) -> None:
+    """Its slave controller answers before that, so that it is found."""
+    with opened("ethercat", axes=2, section={"state_timeout_s": timeout_s}) as bench:
+        bench.slaves[1].boot_s = bench.now_s + 1.0
+        if timeout_s < 1.0:
+            text = r"slave 1.*PreOp requested.* no error within 0.5 s; raise state_timeout_s"
+            with pytest.raises(ConnectError, match=text):
+                bench.robot.start()
+            return
+        start(bench)
+        require_followed(bench, 0.2)
 
 
 def test_a_slave_that_gets_power_late_is_awaited(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -33,6 +33,7 @@ from robotd_ethercat.slaves_process import Simulation
 
 RATES_HZ = (250, 500, 1000)
 CYCLE_S = 10.0
+START_TIMEOUT_S = 10.0
 ROUNDS = 3
 WARM_UP = 300  # frames, until the phase of the frames is that of the middle
 ROBOT, VARIANT = "cr3a", "ethercat_simulated"
@@ -77,7 +78,7 @@ def bare(rate_hz: int) -> Figures:
     device.open()
     try:
         master = device.master
-        master.bring_up.start()
+        master.bring_up.start(START_TIMEOUT_S)
         layouts = [
             (raw, struct.Struct(f"<{len(raw.input)}B"), struct.Struct(f"<{len(raw.output)}B"))
             for raw in cast(Any, master.bus.slaves)

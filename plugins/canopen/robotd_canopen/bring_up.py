@@ -12,6 +12,7 @@ from robotd_canopen.layout import NetworkLayout
 from robotd_canopen.node import Node
 from robotd_cia402.axis import Axis
 from robotd_cia402.drive_setup import set_up
+from robotd_cia402.start_pace import start_limit
 
 log = get_logger("canopen")
 
@@ -49,16 +50,15 @@ class BringUp:
         Args:
             timeout_s: a node that will not be configured by then fails a little earlier.
         """
-        # Of a transfer, and of the check for a duplicate node id.
-        last_s = 2 * self._layout.options.sdo_timeout_s
-        limit_s = max(timeout_s / 2, timeout_s - last_s)
+        # After it come a transfer, and the check for a duplicate node id.
+        limit_s = start_limit(timeout_s, self._layout.options.sdo_timeout_s)
 
         def start(node: Node) -> None:
-            node.sdo.limit(limit_s)
+            node.sdo.pace.limit(limit_s)
             try:
                 self._start(node)
             finally:
-                node.sdo.limit()
+                node.sdo.pace.limit()
 
         self._each(nodes, "the nodes do not start", start)
 

@@ -6,7 +6,6 @@ Responses to earlier requests are not taken for that of the present one.
 
 from __future__ import annotations
 
-import math
 import struct
 import threading
 import time
@@ -22,6 +21,7 @@ from robotd.api import DeviceTimeout, MonotonicClock, OperationError, wait_until
 from robotd_canopen.bus import Bus
 from robotd_canopen.object_dictionary import describe, variable
 from robotd_cia402.drive_access import SdoAbort
+from robotd_cia402.start_pace import StartPace
 
 _REQUEST, _RESPONSE = 0x600, 0x580
 _COMMAND = 0xE0  # bits of the first byte; the three bytes that follow an initiate name the object
@@ -37,6 +37,7 @@ class Sdo:
     """SDO client of one node. Any worker thread; transfers of one node follow each other.
 
     Attributes:
+        pace: of the start that configures the node.
         doubled: an object was answered more often than it was requested, so that several nodes
             have this id; stays.
 
@@ -59,8 +60,8 @@ class Sdo:
         self.doubled = False
         self._answers: dict[bytes, _Answers] = {}  # by index and subindex
         self._awaited = (0, b"")  # answer to the present request, and its index and subindex
-        self._transfers, self._begin_s, self._limit_s = 0, 0.0, math.inf
         self._clock = MonotonicClock()
+        self.pace = StartPace(self._clock)
         self._bus = bus
         self._path = path
         self._tries = tries
@@ -71,10 +72,6 @@ class Sdo:
         self._client.network = self  # type: ignore[assignment] # all it needs is send_message
         self._client.RESPONSE_TIMEOUT = timeout_s
         bus.subscribe(_RESPONSE + node, self._on_response)
-
-    def limit(self, limit_s: float = math.inf) -> None:
-        """Let transfers fail from ``limit_s`` on, the time-out of a start."""
-        self._transfers, self._begin_s, self._limit_s = 0, time.monotonic(), limit_s
 
     def upload(self, index: int, sub: int = 0) -> bytes:
         """The raw value. Raises SdoAbort, DeviceTimeout, OperationError."""
@@ -128,7 +125,7 @@ class Sdo:
             answers = self._answers.setdefault(_key(index, sub), _Answers())
             missing, begin_s = answers.missing, time.monotonic()
             for _ in range(tries):
-                self._require_time(where)
+                self.pace.note_transfer(where)
                 try:
                     read = self._transfer_once(index, sub, data)
                 except SdoAbortedError as error:
@@ -159,17 +156,6 @@ class Sdo:
             return bytes(self._client.upload(index, sub))
         self._client.download(index, sub, data)
         return b""
-
-    def _require_time(self, where: str) -> None:
-        """Raise DeviceTimeout after the limit of the start, with the pace of the node."""
-        passed_s = time.monotonic() - self._begin_s
-        if passed_s > self._limit_s:
-            pace = f"{self._transfers} SDO transfers took {passed_s / (self._transfers or 1):.2g} s"
-            raise DeviceTimeout(
-                f"{where}: the start is not done after {self._limit_s:g} s, {pace} each;"
-                " raise engine.communication_timeout_s"
-            )
-        self._transfers += 1
 
     def _require_pace(
         self, where: str, answers: _Answers, missing: int, begin_s: float, *, answered: bool

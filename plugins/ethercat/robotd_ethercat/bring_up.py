@@ -17,6 +17,7 @@ from robotd_cia402.axis import Axis
 from robotd_cia402.drive_scan import MAX_AXES
 from robotd_cia402.drive_setup import set_up
 from robotd_cia402.object_numbers import AXIS_STEP, CONTROLWORD, narrow_positions, on_axis
+from robotd_cia402.start_pace import StartPace, start_limit
 from robotd_ethercat.al_status import AlState, al_code_text
 from robotd_ethercat.clock_observer import slaves_with_clocks
 from robotd_ethercat.ethercat_drive import EthercatDrive
@@ -51,6 +52,9 @@ class BringUp:
         self._plan, self._bus, self._slaves, self._axes = plan, bus, slaves, axes
         self._exchange, self._clock = exchange, clock
         self.clocks: list[int] = []
+        self._pace = StartPace(clock)
+        for slave in slaves:  # configured one after the other
+            slave.pace = self._pace
 
     def identify(self) -> None:
         """Enumerate the slaves and compare them with the configured ones; all are in Init."""
@@ -69,14 +73,18 @@ class BringUp:
         for number in sorted(set(range(found)) - used):
             log.warning("slave is not in the descriptor", slave=number, bus=self._path())
 
-    def start(self) -> None:
-        """Configure the slaves and bring them to Op. Nothing moves: all servos stay off."""
-        self._prepare()
+    def start(self, timeout_s: float) -> None:
+        """Configure the slaves and bring them to Op. Nothing moves: all servos stay off.
+
+        Args:
+            timeout_s: slaves that will not be configured by then fail a little earlier.
+        """
+        limit_s = start_limit(timeout_s, self._plan.options.sdo_timeout_s)
+        self._pace.limit(limit_s)
         try:
-            self._bus.map()
-        except MappingError as error:
-            self._map_by_plain_sdo(error)
-        self._each("the mapping is wrong", self._slaves, self._check_sizes)
+            self._configure_all()
+        finally:
+            self._pace.limit()
         self._exchange.needed = self._bus.expected_counter
         self._exchange.begin()
         self._set_watchdogs()
@@ -86,6 +94,15 @@ class BringUp:
         for slave in self._slaves:
             slave.online, slave.fault = True, ""
         self._exchange.go_live()
+
+    def _configure_all(self) -> None:
+        """Bring the slaves to PreOp, configure and map them."""
+        self._prepare()
+        try:
+            self._bus.map()
+        except MappingError as error:
+            self._map_by_plain_sdo(error)
+        self._each("the mapping is wrong", self._slaves, self._check_sizes)
 
     def stop(self) -> None:
         """Bring all slaves to PreOp, without waiting."""
@@ -261,7 +278,9 @@ class BringUp:
             if slave.state is state and not slave.al_code:
                 return
             limit_s = self._plan.options.state_timeout_s
-            reason = al_code_text(slave.al_code) or f"no error within {limit_s:g} s"
+            reason = al_code_text(slave.al_code) or (
+                f"no error within {limit_s:g} s; raise state_timeout_s if it boots longer"
+            )
             raise OperationError(
                 f"{state.text} requested, the slave is in {slave.state.text}: {reason}"
             )

@@ -131,7 +131,7 @@ class Master(Cia402Master[EthercatDrive]):
         if not self._identified:
             self.bring_up.identify()
         self._identified = False
-        self.bring_up.start()
+        self.bring_up.start(timeout_s)
         self.bus.set_frame_timeout(_LIVE_FRAME_S)
         self.observer.begin()
         self.timing.begin()

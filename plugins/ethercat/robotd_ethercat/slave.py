@@ -10,6 +10,7 @@ from robotd.api import Clock, OperationError, RobotdError
 from robotd_cia402.drive_access import SdoAbort
 from robotd_cia402.node import IDENTITY, Emergency, FieldbusNode
 from robotd_cia402.options import parse_object
+from robotd_cia402.start_pace import StartPace
 from robotd_ethercat.al_status import AlState
 from robotd_ethercat.mapping import SlaveImage, object_format
 from robotd_ethercat.options import AxisOptions, IoOptions, SlaveOptions
@@ -32,6 +33,7 @@ class Slave(FieldbusNode):
         sizes: bytes of outputs and of inputs; 0 before bring-up.
         image: process data of a drive; empty for an I/O module.
         missed: frames in a row that it has not processed, as far as is known; of a drive.
+        pace: of the start that configures it.
         unreached: the last of these returned, so that it was not lost behind the slave.
     """
 
@@ -51,6 +53,7 @@ class Slave(FieldbusNode):
         self.sizes = (0, 0)
         self.image = SlaveImage()
         self.missed, self.unreached = 0, False
+        self.pace = StartPace(clock)
         self._bus, self._clock = bus, clock
 
     @property
@@ -147,10 +150,12 @@ class Slave(FieldbusNode):
         self._bus.poll_mailbox(self.number)
 
     def _named(self, verb: str, index: int, sub: int, action: Callable[[], T]) -> T:
+        where = f"{self.name}: {verb} 0x{index:04X}:{sub:02X}"
+        self.pace.note_transfer(where)
         try:
             return action()
         except RobotdError as error:
-            error.reason = f"{self.name}: {verb} 0x{index:04X}:{sub:02X}: {error.reason}"
+            error.reason = f"{where}: {error.reason}"
             raise
 
     def _on_emergency(self, data: bytes) -> None:

@@ -86,10 +86,11 @@ def open_bench(tmp_path: Path, drive: NodeProcess) -> OpenBench:
         axis: dict[str, Any] | None = None,
         section: dict[str, Any] | None = None,
         dcf: dict[str, str] | None = None,
+        engine: dict[str, Any] | None = None,
         **knobs: Any,
     ) -> Iterator[Bench]:
         habits = Knobs(**{"power_on_position": round(START_RAD * COUNTS_PER_RAD), **knobs})
-        path = write_robot(tmp_path, habits, axis or {}, section or {}, dcf or {})
+        path = write_robot(tmp_path, habits, axis or {}, section or {}, dcf or {}, engine or {})
         drive.power_on(habits)
         robot = Robot(load_robot_descriptor(str(path)), load_backend("canopen"), MonotonicClock())
         try:
@@ -106,6 +107,7 @@ def write_robot(
     axis: dict[str, Any],
     section: dict[str, Any],
     dcf: dict[str, str],
+    engine: dict[str, Any],
 ) -> Path:
     eds = ServoDrive(NODE, lambda _: None, habits).eds(NODE)
     for name, value in dcf.items():
@@ -122,7 +124,7 @@ def write_robot(
         "summary": "one joint on an independent drive",
         "axes": 1,
         "cycle": {"rate_hz": RATE_HZ},
-        "engine": {"stale_after_s": 5.0, "open_tries": 1},
+        "engine": {"stale_after_s": 5.0, "open_tries": 1, **engine},
         "joints": [joint],
         "trajectory": {"path_tolerance_rad": 3.0},  # what a stall has led off its path goes back
         "backend": "canopen",

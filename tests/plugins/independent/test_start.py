@@ -218,6 +218,22 @@ def test_slow_answers_end_the_start_with_the_step_and_what_to_do(open_bench: Ope
         assert not bench.drive["energised"]
 
 
+@pytest.mark.parametrize("delay_s", [0.25, 1.0])
+def test_slow_answers_only_take_time_where_the_time_outs_allow_them(
+    open_bench: OpenBench, delay_s: float
+) -> None:
+    section, engine = {"sdo_timeout_s": 2 * delay_s}, {"communication_timeout_s": 200 * delay_s}
+    with open_bench(sdo_delay_s=delay_s, section=section, engine=engine) as bench:
+        with capture_logs() as logs:
+            bench.robot.start()
+        assert bench.drive["energised"]
+        bench.move(START_RAD + 0.3)
+        assert bench.drive["position"] == pytest.approx(1.8 * COUNTS_PER_RAD, abs=100)
+    progress = [line for line in logs if line["event"] == "configuring takes long"]
+    assert progress
+    assert all(f"(node {NODE})" in line["step"] for line in progress)
+
+
 def test_answers_that_come_after_the_time_out_are_named(open_bench: OpenBench) -> None:
     text = rf"node {NODE}\): identity: .*no answer within 0.3 s, it came after .* raise sdo_timeout"
     with open_bench(sdo_delay_s=0.5) as bench, pytest.raises(ConnectError, match=text):
