@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from structlog.testing import capture_logs
 from tests.plugins.independent.canopen_objects import Entry
-from tests.plugins.independent.cia402_node import State
+from tests.plugins.independent.cia402_node import ENERGISED, State
 from tests.witness.bench import COUNTS_PER_RAD, Bench
 from tests.witness.canopen_bench import CanopenBench
 from tests.witness.ethercat_bench import EthercatBench
@@ -350,6 +350,73 @@ def test_a_brake_that_needs_longer_than_a_servo_may_is_named(bus: str) -> None:
             start(bench)
         bench.run(0.1)
         assert bench.drives[0].power is not State.ENABLED
+
+
+HANGING = {"brake_close_s": 0.1, "fall": 9.81 * COUNTS_PER_RAD}  # falls by 0.05 rad meanwhile
+
+
+def switch_off(bench: HabitBench) -> None:
+    bench.robot.axes.servo(0, on=False)
+
+
+def stop_and_switch_off(bench: HabitBench) -> None:
+    bench.robot.stop()
+    switch_off(bench)
+
+
+def quick_stop_and_switch_off(bench: HabitBench) -> None:
+    bench.driver.master.quick_stop([0])
+    bench.run(0.5)
+    switch_off(bench)
+
+
+def shut_down(bench: HabitBench) -> None:
+    bench.robot.shutdown()
+
+
+def quick_stop_and_shut_down(bench: HabitBench) -> None:
+    bench.driver.master.quick_stop([0])
+    bench.run(0.5)
+    bench.robot.shutdown()
+
+
+@EACH_BUS
+@pytest.mark.parametrize(
+    "off",
+    [
+        switch_off, stop_and_switch_off, shut_down,
+        quick_stop_and_switch_off, quick_stop_and_shut_down,
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("moves", [False, True])
+def test_an_axis_that_hangs_on_its_drive_is_held_until_the_brake_is_closed(
+    bus: str, off: Callable[[HabitBench], None], moves: bool
+) -> None:
+    with started(bus, drive={"hanging_load": True}, **HANGING) as bench:
+        axis = bench.drives[0].axis
+        require_followed(bench, 0.5)
+        if moves:
+            bench.robot.axes.move([Move(0, 2.0, Profile(1.0, 5.0, 5.0))])
+            bench.run(0.5)
+        lowest = axis.position
+        off(bench)
+        bench.run(0.3)
+        assert bench.drives[0].power not in ENERGISED
+        assert axis.position > lowest - 1e-3 * COUNTS_PER_RAD
+        assert bench.findings == []
+
+
+@EACH_BUS
+def test_a_hanging_axis_whose_switching_on_fails_is_held_until_the_brake_is_closed(
+    bus: str,
+) -> None:
+    with opened(bus, drive={"brake_release_s": 0.8}, **HANGING) as bench:
+        axis = bench.drives[0].axis
+        with pytest.raises(RobotdError, match="brake_release_s"):
+            start(bench)
+        bench.run(0.3)
+        assert bench.drives[0].power not in ENERGISED
+        assert abs(axis.position) < 1e-3 * COUNTS_PER_RAD
 
 
 @EACH_BUS

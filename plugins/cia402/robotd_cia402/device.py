@@ -152,6 +152,8 @@ def switch_off(axes: Collection[Axis[Any]], timeout_s: float, clock: Clock) -> N
     for axis in live:
         axis.brake(axis.options.stop_deceleration_rad_s2)
     wait_until(lambda: all(axis.activity.is_idle for axis in live), timeout_s, clock)
+    for axis in live:
+        Commands(axis, clock).leave_quick_stop()
     for axis in (*online, *lost):
         axis.power.release(axis.report.state)  # of all, before one of them is waited for
     sent = [(axis.drive, axis.drive.frames + _FRAMES_OF_RELEASE) for axis in lost]

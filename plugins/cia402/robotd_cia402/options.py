@@ -140,6 +140,12 @@ class DriveOptions(BackendSection):
         " the drive ignores setpoints meanwhile: switching on ends, and motions begin, after it."
         " Less than `engine.servo_timeout_s`. 0: as long as the drive shows by bit 12.",
     )
+    hanging_load: bool = Field(
+        False,
+        description="The axis falls without torque until its brake holds: after a quick stop the"
+        " servo goes off by way of *operation enabled*, at rest, so that the drive closes the brake"
+        " first.",
+    )
     check_modes: bool = Field(
         True,
         description="Require the modes in object 0x6502; false: for a drive without it, or with 0.",

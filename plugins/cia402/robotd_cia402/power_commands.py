@@ -61,7 +61,7 @@ class PowerCommands(CommandSteps):
                 self.wait_for_brake(left_s())
                 self.wait_until_followed(left_s() / 2)
             except RobotdError:
-                axis.power.control = int(Control.DISABLE_VOLTAGE)
+                axis.power.release(report.state)
                 raise
 
     def wait_for_brake(self, timeout_s: float) -> None:
@@ -98,6 +98,7 @@ class PowerCommands(CommandSteps):
         """
         axis, report, left_s = self._axis, self._report, self._countdown(timeout_s)
         axis.activity.stops += 1
+        self.leave_quick_stop()
         axis.power.release(report.state)
         with axis.lock:
             axis.mode.bits = 0
@@ -106,6 +107,24 @@ class PowerCommands(CommandSteps):
             self._require(lambda: not report.powered, left_s(), late)
             axis.power.may_be_on = False
             axis.hold()
+
+    def leave_quick_stop(self) -> None:
+        """Enable operation at rest, to switch a drive off that holds a hanging load.
+
+        Out of a quick stop it goes off by *disable voltage* only (transition 12), which takes the
+        torque away before the brake holds. One that does not leave it is switched off all the same.
+        """
+        axis = self._axis
+        stopped = self._report.state is DriveState.QUICK_STOP_ACTIVE
+        if not (axis.options.hanging_load and stopped and axis.lock.acquire(blocking=False)):
+            return
+        try:
+            self._recover()
+        except RobotdError as error:
+            text = "the load may fall: the drive is switched off in its quick stop"
+            log.warning(text, axis=axis.number, reason=str(error))
+        finally:
+            axis.lock.release()
 
     def clear_alarm(self, timeout_s: float) -> None:
         """Fault reset: bit 7 must rise, so it is sent as 0 first. Not after ``timeout_s``."""

@@ -94,6 +94,7 @@ class ServoDrive(CanopenDevice):
         self.power = State.NOT_READY
         self.axis = Axis(self)
         self.after_braking = State.NOT_READY
+        self._closing: tuple[float, State] | None = None  # brake: when it holds, and what follows
         self.history: deque[tuple[float, int]] = deque([(0.0, 0)])  # of the statusword
         self.emergencies: list[int] = []
         self._asked_mode = 0, 0.0  # as 0x6060 was set last, and when
@@ -254,6 +255,8 @@ class ServoDrive(CanopenDevice):
             self.axis.braking = None  # "disable voltage" does not wait for standstill
         while not controlword & 0x80 and self.axis.braking is None:
             command = Command.of(controlword)
+            if self._closing and command is not Command.DISABLE_VOLTAGE:
+                return
             target = TRANSITIONS.get((self.power, command))
             stays = self.power is State.QUICK_STOP and self.get(0x605A, 0, 2) < 5
             if target is None or (stays and command is Command.ENABLE):
@@ -263,6 +266,11 @@ class ServoDrive(CanopenDevice):
                 self._brake(1, target)
             elif target is State.QUICK_STOP:
                 self._quick_stop()
+            elif command is Command.DISABLE_VOLTAGE and self.power in ENERGISED:
+                self._go(target)
+                self.axis.drop()
+            elif self.power in ENERGISED and target not in ENERGISED and self.knobs.brake_close_s:
+                self._closing = self.now + self.knobs.brake_close_s, target
             else:
                 self._go(target)
 
@@ -279,7 +287,7 @@ class ServoDrive(CanopenDevice):
         self._brake(1 if option in {1, 5} else 2, after)
 
     def _go(self, state: State) -> None:
-        self.axis.braking, self.power = None, state
+        self.axis.braking, self.power, self._closing = None, state, None
         if state is State.ENABLED:
             self.counts["enabled"] += 1
             self.counts["enabled_blind"] += 0x6064 not in self.reported
@@ -350,10 +358,12 @@ class ServoDrive(CanopenDevice):
         elapsed, self.now = now - self.now, now
         steps = math.ceil(elapsed / self.knobs.step_s)
         for _ in range(steps):
-            halted = self.power is State.QUICK_STOP or self._halted
+            halted = self.power is State.QUICK_STOP or self._halted or self._closing is not None
             self.axis.move(elapsed / steps, self.power in ENERGISED, halted)
             if self.axis.braking and not self.axis.velocity:
                 self._go(self.after_braking)
+        if self._closing and now >= self._closing[0]:
+            self._go(self._closing[1])
         self._obey()
         if self._asked_mode[0] != self[0x6060]:
             self._asked_mode = self[0x6060], now

@@ -24,6 +24,8 @@ class Knobs:
     external_torque_nm: float = 0.0  # on the link, as of a hand
     supported_modes: int = 0x3A5  # 0x6502
     brake_release_s: float = 0.0  # from "operation enabled" on it ignores set-points: bit 12 is 0
+    brake_close_s: float = 0.0  # until it holds; only "disable voltage" takes the torque before
+    fall: float = 0.0  # counts/s² of an axis without torque and brake
     following_bit: bool = True  # bit 12 of the cyclic modes; False: it is always 0
     negative_limit: float = -math.inf  # switch that is closed here and below, counts
     positive_limit: float = math.inf

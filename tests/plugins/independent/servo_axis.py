@@ -43,6 +43,7 @@ class Axis:
         self._on_switch = False  # of a homing: the limit switch was reached
         self._homing_s = 0.0  # since its start
         self._braked_s = 0.0  # time until the brake is released
+        self._unheld_s = 0.0  # time without torque until the brake holds
 
     @property
     def scale(self) -> float:
@@ -72,6 +73,10 @@ class Axis:
     def enable(self) -> None:
         """Begin to release the brake."""
         self._braked_s = self.drive.knobs.brake_release_s
+
+    def drop(self) -> None:
+        """Have no torque from now on, while the brake has yet to close."""
+        self._unheld_s = self.drive.knobs.brake_close_s
 
     def begin_mode(self) -> None:
         """Start the mode of operation, at enable or when it is changed."""
@@ -124,7 +129,13 @@ class Axis:
     def move(self, step_s: float, energised: bool, halted: bool) -> None:
         before = self.velocity
         if not energised:
-            self.velocity *= math.exp(-step_s / COAST_S)
+            if self._unheld_s > 0.0:
+                self._unheld_s -= step_s
+                self.velocity -= self.drive.knobs.fall * step_s
+            elif self.drive.knobs.brake_close_s:
+                self.velocity = 0.0
+            else:
+                self.velocity *= math.exp(-step_s / COAST_S)
             self._demand_velocity(step_s)
         elif self.is_braked:
             self._braked_s -= step_s
