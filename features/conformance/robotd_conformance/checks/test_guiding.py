@@ -161,6 +161,49 @@ def test_guiding_ends_with_the_servo_an_alarm_or_communication(
     assert harness.image.position == pytest.approx(left, abs=0.25 * SIZE_RAD)
 
 
+@pytest.mark.clause(
+    "AxisDriver.begin_guiding/guides", "AxisDriver.begin_guiding/ends", "AxisDriver/others",
+)  # fmt: skip
+@pytest.mark.parametrize("end", ["stop", "quick_stop", "servo", "alarm"])
+def test_what_ends_the_guiding_of_one_axis_leaves_the_others_guided(
+    harness: Harness, injector: FaultInjector, end: str
+) -> None:
+    """A person may have a hand at each of them, and may have let go of one only."""
+    if harness.count < 2 or len(harness.servo_group(0)) > 1:
+        pytest.skip("no axis is guided alone")
+    if end == "alarm" and harness.can(Capability.CONTROLLER_ALARM):
+        pytest.skip("the controller has one alarm for all axes")
+    driver, image = harness.drivers.axes, harness.image
+    for axis in (0, harness.count - 1):
+        harness.robot.axes.begin_guiding(harness.all)
+        require_guided(harness, harness.all)
+        if end == "servo":
+            driver.servo(axis, False, 5.0)
+        elif end == "alarm":
+            injector.trip(axis, ALARM)
+        else:
+            getattr(driver, end)([axis])
+        harness.until(
+            lambda axis=axis: image.operation[axis] == Operation.IDLE,  # type: ignore[misc]
+            f"the guiding of axis {axis} ends by {end}",
+        )
+        harness.periods(5)
+        others = [other for other in harness.all if other != axis]
+        require_guided(harness, others)
+        delta = small_distances(harness, SIZE_RAD)
+        delta[axis] = 0.0
+        start = image.position.copy()
+        lead(harness, injector, delta)
+        require_guided(harness, others)
+        assert image.position - start == pytest.approx(delta, abs=0.25 * SIZE_RAD)
+        driver.stop(harness.all)
+        harness.until(
+            lambda: bool((image.operation == Operation.IDLE).all()), "no axis is guided any more"
+        )
+        harness.enable()
+        harness.return_to_start()
+
+
 def lead(harness: Harness, injector: FaultInjector, delta: FloatArray) -> None:
     """Move axes by ``delta`` (n_axes,) in steps, and let go."""
     for _ in range(STEPS):

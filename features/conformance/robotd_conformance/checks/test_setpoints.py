@@ -23,6 +23,7 @@ AHEAD = 0.25  # periods by which a command may be off its setpoints
 DUE = (1.0, 0.6, 0.8)  # periods ahead
 OFF_RAD = 0.02  # of a setpoint that is too late
 IN_TIME = 0.1  # periods
+SHORT_STREAMS = 15
 
 
 @pytest.fixture
@@ -173,6 +174,37 @@ def test_a_stream_ends_on_its_last_setpoint(stepped: Harness) -> None:
         for axis in stepped.all:
             assert short[axis] < 0.1 * abs(speeds[axis]) * stepped.period_s, (
                 f"axis {axis} holds {1e3 * short[axis]:.3g} mrad away from its last setpoint"
+            )
+
+
+@pytest.mark.clause(
+    "AxisDriver.begin_stream/follows", "AxisDriver.stream/setpoint", "AxisDriver.end_stream/holds"
+)  # fmt: skip
+def test_streams_of_one_setpoint_add_up(stepped: Harness) -> None:
+    """The first setpoint of a stream counts, though the others would make up for it."""
+    driver = stepped.drivers.axes
+    for speeds in both_directions(stepped):
+        start, step = stepped.image.position_command.copy(), 0.5 * speeds * stepped.period_s
+        target = start.copy()
+        for _ in range(SHORT_STREAMS):
+            target += step
+            sent = list[bool]()
+
+            def send(_: ProcessImage, target: FloatArray = target, sent: list[bool] = sent) -> None:
+                if not sent:
+                    sent.append(True)
+                    stepped.stream(target, 0.0 * target)
+
+            driver.begin_stream(stepped.all)
+            with stepped.each_period(send):
+                stepped.until(lambda sent=sent: bool(sent), "a period begins")  # type: ignore[misc]
+            driver.end_stream(stepped.all)
+            stepped.rest()
+        made = (stepped.image.position_command - start) / step
+        for axis in stepped.all:
+            assert abs(made[axis] - SHORT_STREAMS) < 0.5, (
+                f"axis {axis}: {made[axis]:.1f} of {SHORT_STREAMS} steps are made, each a stream of"
+                " one setpoint"
             )
 
 

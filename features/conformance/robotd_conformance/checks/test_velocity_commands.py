@@ -24,6 +24,7 @@ pytestmark = pytest.mark.needs(Capability.VELOCITY_MODE)
 
 SLOW_SHARE = 0.02
 REACTION_S = 0.05
+SLIGHT = (1.0, 1.02, 1.0, 0.98)  # of a speed, one after the other
 LASTS_S = 4.0  # longer than a command that is taken for a heartbeat
 HARD = 1.5  # what a ramp may be above the limit of its axis
 
@@ -46,6 +47,30 @@ def test_a_velocity_command_is_changed_without_a_jump(fresh: Harness) -> None:
         if abs(measured[axis] - share * speeds[axis]) > 0.05 * abs(speeds[axis]) + 0.01
     ]
     judge(fresh, recording, problems + steep_ramps(fresh, recording, SPAN_S, MORE))
+
+
+@pytest.mark.clause("AxisDriver.jog/changes", "AxisDriver.jog/starts")
+def test_a_slight_change_of_a_velocity_command_is_made(fresh: Harness) -> None:
+    """A controller that regulates with velocity commands changes them by little each time."""
+    if not fresh.stepped:
+        pytest.skip("slight changes are judged in simulated time")
+    fresh.set_velocity_mode()
+    for sign in (1.0, -1.0):
+        speeds, seen = sign * fresh.speeds(0.3), list[FloatArray]()
+        for number, share in enumerate(SLIGHT):
+            jog(fresh, share * speeds)
+            fresh.pass_time(0.1 if number else 0.3)
+            seen.append(mean_velocity(fresh) / speeds)
+        jog(fresh, 0.0 * speeds)
+        fresh.rest()
+        changes, asked = np.diff(seen, axis=0), np.diff(SLIGHT)
+        problems = [
+            f"axis {axis}: its speed changes by {changes[step, axis]:+.2%}, asked for {share:+.2%}"
+            for step, share in enumerate(asked)
+            for axis in fresh.all
+            if abs(changes[step, axis] - share) > 0.5 * abs(share)
+        ]
+        assert not problems, "; ".join(problems)
 
 
 @pytest.mark.clause("AxisDriver.read/states")

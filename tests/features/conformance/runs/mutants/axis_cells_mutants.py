@@ -140,6 +140,20 @@ class JogChangesIgnored(Mutant):
                 super().jog(axis, profile)
 
 
+class SlightJogChangesIgnored(Mutant):
+    """A dead band of 5 % keeps the velocity of a running command."""
+
+    breaks = ("AxisDriver.jog/changes", "ignored")
+    found_by = "test_velocity_commands.py::test_a_slight_change_of_a_velocity_command_is_made"
+    says = "its speed changes by"
+
+    class Axes(SimAxes):
+        def jog(self, axis: int, profile: Profile) -> None:
+            speed = float(self._simulation.servo.command_velocity[axis])
+            if not 0.0 < abs(profile.velocity - speed) < 0.05 * abs(speed):
+                super().jog(axis, profile)
+
+
 class JogsSlowerBackwards(Mutant):
     breaks = ("AxisDriver.jog/starts", "one direction")
     found_by = "test_reopening.py::test_everything_works_again"

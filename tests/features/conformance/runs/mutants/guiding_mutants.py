@@ -13,6 +13,7 @@ from robotd_sim import SimAxes
 TOGETHER = "test_guiding.py::test_axes_are_held_where_a_hand_has_left_them"
 ALONE = "test_guiding.py::test_one_guided_axis_leaves_the_others_to_their_commands"
 ALL = "test_guiding.py::test_no_axis_is_guided_where_one_is_off"
+OTHERS = "test_guiding.py::test_what_ends_the_guiding_of_one_axis_leaves_the_others_guided"
 ENDS = "test_guiding.py::test_guiding_ends_with_the_servo_an_alarm_or_communication"
 
 
@@ -131,3 +132,41 @@ class GuidedAxesTakeMoves(Mutant):
             if self._states.operation[axis] == Operation.GUIDING:
                 self.stop([axis])
             super().move(axis, target, profile)  # type: ignore[arg-type]
+
+
+class OneStopEndsAllGuiding(Mutant):
+    breaks = ("AxisDriver/others", "side effect")
+    found_by = OTHERS
+    only = "stop"
+    says = "not guided"
+
+    class Axes(SimAxes):
+        def stop(self, axes: Sequence[int]) -> None:
+            guided = np.flatnonzero(self._states.operation == Operation.GUIDING).tolist()
+            super().stop(sorted({*axes, *guided}) if {*axes} & {*guided} else axes)
+
+
+class OneServoEndsAllGuiding(Mutant):
+    breaks = ("AxisDriver/others", "side effect")
+    found_by = OTHERS
+    only = "servo"
+    says = "not guided"
+
+    class Axes(SimAxes):
+        def servo(self, axis: int, on: bool, timeout_s: float) -> None:
+            super().servo(axis, on, timeout_s)
+            if not on:
+                self.stop(np.flatnonzero(self._states.operation == Operation.GUIDING).tolist())
+
+
+class OneAlarmEndsAllGuiding(Mutant):
+    breaks = ("AxisDriver/others", "side effect")
+    found_by = OTHERS
+    only = "alarm"
+    says = "not guided"
+
+    class Axes(SimAxes):
+        def read(self, image: ProcessImage) -> None:
+            super().read(image)
+            if image.amp_alarm.any():
+                self.stop(np.flatnonzero(self._states.operation == Operation.GUIDING).tolist())

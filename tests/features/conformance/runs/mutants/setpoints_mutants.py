@@ -273,3 +273,23 @@ class HoldsBackwards(Mutant):
                             place = stream.position[axis]
                             servo.follow(axis, self._world.tick, place, 0.0, 0.0)
             super().read(image)
+
+
+class FirstSetpointLost(Mutant):
+    """The first setpoint of a stream only starts it."""
+
+    breaks = ("AxisDriver.stream/setpoint", "ignored")
+    found_by = "test_setpoints.py::test_streams_of_one_setpoint_add_up"
+    says = "0.0 of 15 steps are made"
+
+    class Axes(SimAxes):
+        begun = False
+
+        def begin_stream(self, axes: Sequence[int]) -> None:
+            super().begin_stream(axes)
+            self.begun = True
+
+        def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
+            begun, self.begun = self.begun, False
+            if not begun:
+                super().stream(position, velocity, due_ns)
