@@ -140,9 +140,9 @@ def test_commands_of_an_idle_axis_leave_the_others_alone(fresh: Harness, event: 
             event(fresh, axis)
             fresh.periods(2)
             problems = motion.problems(others, f"axis {axis} got {by_name(event)}")
+            assert not problems, "; ".join(problems)
             motion.finish()
         fresh.rest()
-        assert not problems, "; ".join(problems)
 
 
 @pytest.mark.clause("AxisDriver.servo/enabled", "AxisDriver.clear_alarm/idle")
@@ -161,7 +161,7 @@ def test_enabling_changes_no_kind_of_motion(fresh: Harness) -> None:
                 driver.servo(axis, True, 5.0)
                 driver.clear_alarm(axis, 5.0)
             fresh.periods(2)
-            problems += motion.problems(fresh.all, "it is enabled once more")
+            problems += motion.problems(fresh.all, "it is enabled once more, and no alarm cleared")
             if streamed := motion.axes(*STREAMED):
                 with suppress(RobotdError):  # it may be rejected
                     driver.begin_stream(streamed)
@@ -171,9 +171,9 @@ def test_enabling_changes_no_kind_of_motion(fresh: Harness) -> None:
                 driver.end_stream(others)
             fresh.periods(2)
             problems += motion.problems(fresh.all, "a stream of the others is ended")
+            assert not problems, "; ".join(problems)
             motion.finish()
         fresh.rest()
-        assert not problems, "; ".join(problems)
 
 
 @pytest.mark.clause("AxisDriver.servo/switches", "AxisDriver.servo_groups/groups")

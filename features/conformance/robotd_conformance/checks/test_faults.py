@@ -73,8 +73,8 @@ def test_an_alarm_ends_the_motion_of_its_axis_alone(
     injector.trip(0, ALARM)
     harness.rest()
     assert harness.image.operation[0] == Operation.IDLE
-    assert abs(harness.image.position[0] - targets[0]) > SETTLED_RAD
-    assert not harness.image.motion_complete[0]
+    assert abs(harness.image.position[0] - targets[0]) > SETTLED_RAD, "the move went on to its end"
+    assert not harness.image.motion_complete[0], "the move that the alarm has ended is complete"
     others = [axis for axis in harness.all if axis not in harness.alarm_group(0)]
     assert not harness.off_target(targets, others)
 

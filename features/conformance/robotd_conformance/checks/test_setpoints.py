@@ -235,7 +235,7 @@ def test_a_streamed_velocity_changes_evenly(stepped: Harness) -> None:
             low, high = lags[:, axis].min(), lags[:, axis].max()
             assert -AHEAD < low <= high < granted, (
                 f"axis {axis}: its distance is {low:.2f} to {high:.2f} periods behind that of an"
-                " even change of its velocity"
+                " even change of its velocity, with positions that are NaN"
             )
 
 

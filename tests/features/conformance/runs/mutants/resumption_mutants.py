@@ -210,6 +210,17 @@ class ClearingEndsAStream(Mutant):
             super().clear_alarm(axis, timeout_s)
 
 
+class ClearingStopsEveryMotion(Mutant):
+    breaks = ("AxisDriver.clear_alarm/idle", "side effect")
+    found_by = ENABLED
+    says = "STOPPING shown in a .* no alarm cleared"
+
+    class Axes(SimAxes):
+        def clear_alarm(self, axis: int, timeout_s: float) -> None:
+            self.stop([axis])
+            super().clear_alarm(axis, timeout_s)
+
+
 class TheEndOfNoStreamStopsAMove(Mutant):
     breaks = ("AxisDriver.end_stream/idle", "side effect")
     found_by = ENABLED
