@@ -74,6 +74,7 @@ class ArmLink:
         state: newest state of the arm; None before the first one.
         failure: reason why the connection is lost; "" while it is there.
         ended: reason why the arm has ended the last motion by itself; "" if it has not.
+        starts: how often the impedance controller was started.
 
     Raises ConnectError: the arm does not answer, or does not accept this client.
     """
@@ -81,6 +82,7 @@ class ArmLink:
     def __init__(self, options: FrankaOptions, clock: Clock) -> None:
         self.state: ArmState | None = None
         self.failure = self.ended = ""
+        self.starts = 0
         self._options, self._clock = options, clock
         self._stiffness, self._damping = _gains(options)
         # A simulated controller is as late as this computer.
@@ -132,6 +134,7 @@ class ArmLink:
         if state is None or state.mode != IDLE:
             raise NotReady(_why_not(state))
         self.ended, self._target, self._moves = "", None, False
+        self.starts += 1
         try:
             self._tracker = franky.JointImpedanceTracker(
                 self._robot, stiffness=self._stiffness, damping=self._damping

@@ -47,6 +47,7 @@ class FrankaAxes(ProfiledAxes):
         )
         self._device, self._options = device, context.options
         self._last_target: FloatArray | None = None
+        self._starts = 0  # of the impedance controller, seen by a period
         self._let_go: frozenset[int] = frozenset()  # axes without stiffness
         self._caught: frozenset[int] = frozenset()  # of them, those that are braked
 
@@ -73,14 +74,18 @@ class FrankaAxes(ProfiledAxes):
         image.position[:] = state.position
         image.velocity[:] = state.velocity
         image.torque[:] = state.torque
-        image.servo_on[:] = state.followed
+        # A change of the payload ends and starts the controller, maybe between two periods: one
+        # period shows it off, so that the command begins where the arm is.
+        followed = state.followed and link.starts == self._starts
+        self._starts = link.starts
+        image.servo_on[:] = followed
         image.offline[:] = False
-        image.silent[:] = state.followed and link.silent
+        image.silent[:] = followed and link.silent
         if image.silent.any() and self._last_target is not None:
             image.position_command[:] = self._last_target  # followed with the next state
         image.set_controller_alarm(*alarm_of(state.mode, state.errors))
         image.reason[:] = [link.ended] * JOINTS
-        if not state.followed:
+        if not followed:
             self._last_target, self._let_go = None, frozenset()
 
     def send_targets(self, positions: FloatArray) -> None:
