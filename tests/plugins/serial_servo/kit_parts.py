@@ -34,6 +34,7 @@ PARTS = {
     ),
     "process": (
         "silences", "reopening", "open_again", "cost", "process", "leaks", "locks", "threads",
+        "device_under_load",
     ),
     "again": ("again",),
 }  # fmt: skip

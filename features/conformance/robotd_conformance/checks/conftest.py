@@ -60,7 +60,7 @@ SAFE_ORDER = (
     "whole_streams", "underrun", "dry_buffers", "silences",
     "trajectories", "bus_objects", "lost_nodes", "limits", "torque", "scaling", "scale_and_home",
     "parameters", "reopening", "open_again", "again", "cost", "process", "leaks", "locks",
-    "threads",
+    "threads", "device_under_load",
 )  # fmt: skip
 # Checks that change what a position means, or that use the whole travel of a simulated axis.
 LONGEST_PERIOD_S = 0.025  # of values that show ramps and delays

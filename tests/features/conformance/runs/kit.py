@@ -14,7 +14,7 @@ from robotd_conformance.checks.conftest import MISPLACED, SAFE_ORDER
 from robotd_conformance.checks.inconclusive import is_refused, is_undecided
 
 CHECKS = Path(package.__file__).parent
-_OF_THE_PROCESS = {"cost", "leaks", "locks", "process", "threads"}
+_OF_THE_PROCESS = {"cost", "device_under_load", "leaks", "locks", "process", "threads"}
 OF_THE_DEVICE = [f"test_{theme}.py" for theme in SAFE_ORDER if theme not in _OF_THE_PROCESS]
 """Files of the checks that another kind of robot may fail, and not of those of the process."""
 

@@ -147,3 +147,42 @@ class PositivePositionsKeepTheirSign(Mutant):
             super().read(image)
             turned = self._simulation.parameters["AxisPolarity"][: len(image.position)] < 0.0
             image.position[turned & (image.position < 0.0)] *= -1.0
+
+
+class TurningBackResetsTheGear(Mutant):
+    breaks = ("AxisDriver.set_polarity/ratio", "one direction")
+    found_by = "test_scale_and_home.py::test_polarity_and_gear_ratio_leave_each_other_alone"
+    says = "polarity 1 of axis"
+
+    class Axes(SimAxes):
+        def set_polarity(self, axis: int, polarity: int) -> None:
+            turned = self._simulation.parameters["AxisPolarity"][axis] < 0.0
+            super().set_polarity(axis, polarity)
+            if turned and polarity > 0:
+                self.set_gear_ratio(axis, 2.0**18, 2.0 * np.pi)
+
+
+class LowerRatioTurnsTheAxisBack(Mutant):
+    breaks = ("AxisDriver.set_gear_ratio/polarity", "one direction")
+    found_by = "test_scale_and_home.py::test_polarity_and_gear_ratio_leave_each_other_alone"
+    says = "gear ratio of axis"
+
+    class Axes(SimAxes):
+        def set_gear_ratio(self, axis: int, numerator: float, denominator: float) -> None:
+            before = abs(float(self._simulation.scaling.gain[axis]))
+            super().set_gear_ratio(axis, numerator, denominator)
+            if abs(float(self._simulation.scaling.gain[axis])) < before:
+                self.set_polarity(axis, 1)
+
+
+class RatioOfTurnedAxesIsKept(Mutant):
+    """A gear ratio is in force in the positive direction of the encoder only."""
+
+    breaks = ("AxisDriver.set_gear_ratio/counts", "one direction")
+    found_by = "test_scale_and_home.py::test_polarity_and_gear_ratio_leave_each_other_alone"
+    says = "gear ratio of axis"
+
+    class Axes(SimAxes):
+        def set_gear_ratio(self, axis: int, numerator: float, denominator: float) -> None:
+            if self._simulation.parameters["AxisPolarity"][axis] > 0.0:
+                super().set_gear_ratio(axis, numerator, denominator)
