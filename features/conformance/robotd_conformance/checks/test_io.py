@@ -43,10 +43,12 @@ def io(harness: Harness) -> Iterator[IoDriver]:
 
 
 def outputs(harness: Harness, io: IoDriver, expected: bytes, byte: int) -> None:
-    def right() -> bool:
-        return io.read_outputs(byte, len(expected)) == expected
-
-    harness.until(right, f"outputs from byte {byte} on are {expected.hex()}", 2.0)
+    """Wait for the outputs. Raises AssertionError with what they are instead."""
+    harness.wait_until(lambda: io.read_outputs(byte, len(expected)) == expected, 2.0)
+    seen = io.read_outputs(byte, len(expected))
+    assert seen == expected, (
+        f"outputs from byte {byte} on are {seen.hex()} after 2 s, not {expected.hex()}"
+    )
 
 
 def window(io: IoDriver) -> tuple[int, int]:

@@ -33,7 +33,7 @@ class BitsGetLost(Mutant):
 
     breaks = ("IoDriver.write_output_bit/bit", "side effect")
     found_by = "test_threads.py::test_bits_written_at_once_are_all_there"
-    says = "outputs from byte"
+    says = "outputs from byte .* are .* not "
 
     class Io(SimIo):
         def write_output_bit(self, byte: int, bit: int, value: bool) -> None:

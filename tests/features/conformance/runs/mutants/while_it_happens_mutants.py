@@ -98,7 +98,7 @@ class StreamsInStepsFarFromZero(Mutant):
 
     breaks = ("AxisDriver.stream/position", "wrong value")
     found_by = FAR
-    says = "differ"
+    says = "differ|from its target"
 
     class Axes(SimAxes):
         def stream(self, position: FloatArray, velocity: FloatArray, due_ns: int) -> None:
