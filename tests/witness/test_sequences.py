@@ -160,7 +160,7 @@ FAILED = [
     ("dobot", 41004),
     # The connection was lost and open again between two periods: the path went on, 8 periods on.
     ("dobot", 41041),
-    # The judge did not know that an arm without packets goes on by its last torque.
+    # The judge did not know that an arm bridges a few lost packets by its last torque.
     ("franka-tool", 41006),
     # The controller was started again for a payload between two periods: the arm was pulled back.
     ("franka-tool", 51020),

@@ -240,13 +240,18 @@ class FrankaHand(IoDriver, DrivenFingers):
         goal = self._goal = Goal(math.inf, homes=True)
         self._asked.set()
 
+        over_ns = 0  # when the command was seen to be over; a state from before is an old one
+
         def is_over() -> bool:
+            nonlocal over_ns
             found, command = self._known, self._command
             if found is None or self._goal is not goal:
                 return True
             if self._begun is not goal or command is None or not command.is_over():
                 return False
-            return bool(command.failure) or found.max_width >= LEAST_STROKE_M
+            over_ns = over_ns or self._clock.now_ns()
+            shows_it = found.time_ns > over_ns and found.max_width >= LEAST_STROKE_M
+            return bool(command.failure) or shows_it
 
         ended = wait_until(is_over, timeout_s, self._clock)
         if self._goal is not goal:
